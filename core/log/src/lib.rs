@@ -1,0 +1,1 @@
+//! The MCAP log: the messages' bytes as they are on the bus.

@@ -1,0 +1,56 @@
+//! What the stages say to each other: payload types, topic names with versions, layout hash.
+//!
+//! Responsible for the one definition of every message, on the bus and in the log.
+//! Not responsible for carrying them: this crate knows no shared memory, no file, no clock.
+//!
+//! Every payload is `repr(C)` plain old data without padding (the compiler refuses anything else).
+//! Stamps are nanoseconds of one clock. Frames follow REP-103 and REP-105: x forward, y left,
+//! counter-clockwise; a clockwise sensor is turned at the reader's or driver's door.
+//!
+//! ```
+//! use randt_messages::{Message, RadarScan, Return, Topic};
+//!
+//! let mut scan = Message::<RadarScan>::default();
+//! scan.head.header.stamp_ns = 1_700_000_000_200_000_000;
+//! scan.items.push(Return { range_m: 4.2, intensity: 11.0, beam: 0, bin: 260 });
+//!
+//! let mut bytes = Vec::new();
+//! scan.as_ref().write_bytes(&mut bytes);
+//! assert_eq!(Message::<RadarScan>::from_bytes(&bytes), Some(scan));
+//! assert!(RadarScan::TYPE_NAME.starts_with("RadarScan-"));
+//! ```
+
+mod imu;
+mod keyframe;
+pub mod layout;
+mod odometry;
+mod radar;
+mod topic;
+mod truth;
+
+pub use imu::{ImuSample, ImuSampleTopic};
+pub use keyframe::{Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint};
+pub use layout::Layout;
+pub use odometry::{ImuUse, OdometryState, OdometryStateTopic, Trust};
+pub use radar::{
+    Beam, MAX_BEAMS, MAX_RETURNS, PointsHead, RadarPoints, RadarScan, Return, ScanHead, SensorKind,
+    SweepHead,
+};
+pub use topic::{Message, MessageRef, Topic};
+pub use truth::{TruthPose, TruthPoseTopic};
+
+use layout::plain;
+
+plain! {
+    /// The beginning of every message.
+    pub struct Header {
+        /// Number of this message in its topic and epoch, from 0, without gaps.
+        pub sequence: u64,
+        /// The instant that the message speaks of; for a radar sweep its end.
+        pub stamp_ns: i64,
+        /// New at each start of the publisher; 0 in files.
+        pub epoch: u64,
+        /// When it was published, for diagnosis only; outside every comparison; 0 in files.
+        pub published_ns: i64,
+    }
+}

@@ -1,0 +1,74 @@
+//! `odometry/state`: where the robot is, how fast, how sure, after each sweep.
+
+use crate::{Header, layout::plain, topic::topic};
+
+/// How far the pose can be believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u32)]
+pub enum Trust {
+    /// The estimate has no support in the data; the next scan opens a new odom frame.
+    Lost = 0,
+    /// Some direction is held by the motion model or IMU alone.
+    Degraded = 1,
+    /// The scan fixes the pose in every direction.
+    Good = 2,
+}
+
+/// How the IMU was used for a scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ImuUse {
+    /// Samples cover the sweep to its end.
+    Covered = 0,
+    /// Samples end before the sweep does: the bounded wait ran out.
+    Late = 1,
+    /// No IMU for this scan.
+    None = 2,
+}
+
+plain! {
+    /// The live estimate at the end of one sweep. Frame `odom` to `base_link`.
+    pub struct OdometryState {
+        /// Stamp: the sweep's end.
+        pub header: Header,
+        /// Sequence of the scan.
+        pub scan_sequence: u64,
+        /// New whenever odometry starts without its past or declares itself lost.
+        pub odom_frame_id: u64,
+        /// x m, y m, yaw rad in `odom`.
+        pub pose: [f64; 3],
+        /// Forward m/s, left m/s, yaw rate rad/s in `base_link`.
+        pub velocity: [f64; 3],
+        /// Gyro bias about the IMU's x, y, z, rad/s.
+        pub gyro_bias_rad_s: [f64; 3],
+        /// `base_link` in a level frame of the same yaw-free heading: quaternion w, x, y, z.
+        pub attitude: [f64; 4],
+        /// Covariance of x, y, yaw in the frame of `base_link` (perturbation on the right), row by row; m^2, m rad, rad^2.
+        pub covariance: [f64; 9],
+        /// Eigenvalues of the scans' own position information, 1/m^2, smaller first.
+        pub information_eigenvalues: [f64; 2],
+        /// Robust cost of the solution.
+        pub cost: f64,
+        /// Sequence of the last IMU sample that was used; `u64::MAX` where none was.
+        pub imu_sequence: u64,
+        /// An [`ImuUse`] as its code.
+        pub imu_use: u32,
+        /// A [`Trust`] as its code.
+        pub trust: u32,
+        /// Points of the scan.
+        pub points: u32,
+        /// NDT cells of the scan.
+        pub cells: u32,
+        /// Cells of the scan with a close counterpart in the submap.
+        pub inliers: u32,
+        /// Gauss-Newton iterations.
+        pub iterations: u32,
+        /// Submap that the scan was registered to.
+        pub submap_id: u64,
+    }
+}
+
+topic! {
+    /// Topic of [`OdometryState`], once per scan.
+    OdometryStateTopic = "odometry/state/v1": OdometryState, [(); 0];
+}

@@ -1,0 +1,1 @@
+//! Normal distributions transform with intensity as third dimension.

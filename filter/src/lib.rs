@@ -1,0 +1,1 @@
+//! radar/scan to radar/points, and the attitude filter.

@@ -1,0 +1,1 @@
+//! radar/points and imu/sample to odometry/state and odometry/keyframe.

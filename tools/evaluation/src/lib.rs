@@ -1,0 +1,1 @@
+//! Trajectory errors (ATE, RPE, KITTI drift) and plots.

@@ -1,0 +1,12 @@
+//! `randt config`.
+
+use crate::exit::Outcome;
+
+/// Arguments of `randt config`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {}
+
+/// Not written yet.
+pub fn run(_arguments: Arguments) -> anyhow::Result<Outcome> {
+    anyhow::bail!("not written yet")
+}

@@ -1,0 +1,12 @@
+//! `randt eval`.
+
+use crate::exit::Outcome;
+
+/// Arguments of `randt eval`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {}
+
+/// Not written yet.
+pub fn run(_arguments: Arguments) -> anyhow::Result<Outcome> {
+    anyhow::bail!("not written yet")
+}

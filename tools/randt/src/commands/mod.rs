@@ -1,0 +1,50 @@
+//! One file per command: its arguments, what it does, what it prints.
+
+mod config;
+mod demo;
+mod eval;
+mod import;
+mod imu;
+mod register;
+mod run;
+mod simulate;
+
+use crate::exit::Outcome;
+use clap::Subcommand;
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Simulate a drive through a building, run the pipeline on it and show how exact it is
+    Demo(demo::Arguments),
+    /// Compute the trajectory of a recorded radar log
+    Run(run::Arguments),
+    /// Compare a trajectory with the truth
+    Eval(eval::Arguments),
+    /// Simulate a drive and write it as a log
+    Simulate(simulate::Arguments),
+    /// Turn a recording of another format into our log
+    Import(import::Arguments),
+    /// Examine an IMU recording: biases, standstills, mounting, attitude
+    Imu(imu::Arguments),
+    /// Register two radar scans to each other
+    Register(register::Arguments),
+    /// Show or check a configuration
+    Config(config::Arguments),
+}
+
+impl Command {
+    /// Runs the command.
+    pub fn run(self) -> anyhow::Result<Outcome> {
+        match self {
+            Self::Demo(arguments) => demo::run(arguments),
+            Self::Run(arguments) => run::run(arguments),
+            Self::Eval(arguments) => eval::run(arguments),
+            Self::Simulate(arguments) => simulate::run(arguments),
+            Self::Import(arguments) => import::run(arguments),
+            Self::Imu(arguments) => imu::run(arguments),
+            Self::Register(arguments) => register::run(arguments),
+            Self::Config(arguments) => config::run(arguments),
+        }
+    }
+}

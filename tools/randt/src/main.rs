@@ -1,0 +1,19 @@
+//! `randt`: radar SLAM where cameras and LiDAR are blind.
+
+mod commands;
+mod exit;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Radar SLAM for robots that work where cameras and LiDAR are blind: smoke, dust, fog.
+#[derive(Debug, Parser)]
+#[command(name = "randt", version, about, max_term_width = 100)]
+struct Arguments {
+    #[command(subcommand)]
+    command: commands::Command,
+}
+
+fn main() -> ExitCode {
+    exit::report(Arguments::parse().command.run())
+}

@@ -1,0 +1,57 @@
+//! What every kind of input gives.
+
+use crate::Event;
+use randt_geometry::{Pose2, Quaternion};
+use randt_messages::SensorKind;
+
+/// Where the sensors sit on the robot, as far as the input says.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extrinsics {
+    /// Radar in `base_link`.
+    pub radar: Option<Pose2>,
+    /// IMU in `base_link` (orientation only).
+    pub imu: Option<Quaternion>,
+}
+
+/// Something that was dropped, repaired or assumed, with how often.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Counter {
+    /// Short name, `snake_case`.
+    pub name: &'static str,
+    /// How often.
+    pub count: u64,
+    /// The first case: file, offset, value, what would be right.
+    pub first: String,
+    /// Whether data were lost by it (exit code 3), or only repaired or assumed.
+    pub loss: bool,
+}
+
+/// What an input says of itself.
+#[derive(Clone, Debug)]
+pub struct InputInfo {
+    /// Kind, such as `oxford`, `ros1-bag`, `ros2-mcap`, `ros2-db3`, `randt-log`.
+    pub format: &'static str,
+    /// The radar.
+    pub sensor: SensorKind,
+    /// Number of sweeps where it is known beforehand (for the progress bar).
+    pub scans: Option<u64>,
+    /// Mounting.
+    pub extrinsics: Extrinsics,
+}
+
+/// A log that is read from its beginning to its end.
+///
+/// Events come in order of their stamps as far as the log has them so; a step back is the log's own
+/// and left to odometry to judge.
+pub trait Source {
+    /// What the input says of itself.
+    fn info(&self) -> &InputInfo;
+
+    /// The next event, `None` at the end.
+    ///
+    /// Damage inside the input is counted and stepped over; an error ends the reading.
+    fn next_event(&mut self) -> Result<Option<Event>, crate::Error>;
+
+    /// What was dropped, repaired or assumed so far.
+    fn counters(&self) -> Vec<Counter>;
+}

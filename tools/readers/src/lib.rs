@@ -1,0 +1,12 @@
+//! Recorded radar logs as our messages: Oxford folders, ROS bags, our own MCAP.
+//!
+//! Responsible for recognising an input by its content and for turning it into sweeps and IMU samples
+//! in our frames and clock. Not responsible for what is made of them.
+
+mod error;
+mod event;
+mod input;
+
+pub use error::Error;
+pub use event::Event;
+pub use input::{Counter, Extrinsics, InputInfo, Source};

@@ -1,0 +1,1 @@
+//! Worlds and sensors: a simulated drive as a log.
