@@ -1,0 +1,64 @@
+//! Steady state allocates nothing (DESIGN, invariant 12). Alone in its file: the allocator is the process's.
+#![allow(unsafe_code, reason = "a counting allocator cannot be written without")]
+
+use randt_filter::ClusterFilter;
+use randt_messages::{Message, RadarPoints, RadarScan, Return};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: hands every call to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise, passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise, passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise, passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// A sweep with `per_beam` returns in each of 220 beams.
+fn sweep(per_beam: u16) -> Message<RadarScan> {
+    let mut scan = Message::<RadarScan>::default();
+    scan.head.sweep.beam_count = 220;
+    for beam in 0..220 {
+        scan.head.sweep.beams[usize::from(beam)].first_return = scan.items.len() as u32;
+        scan.items.extend((0..per_beam).map(|bin| Return {
+            range_m: 1.0 + 0.0161 * f32::from(bin),
+            intensity: 10.0 + f32::from((bin * 7 + beam) % 13),
+            beam,
+            bin,
+        }));
+    }
+    scan
+}
+
+#[test]
+fn nothing_is_allocated_after_the_first_sweep() {
+    let sweeps: Vec<_> = (1..200).map(sweep).collect();
+    let mut filter = ClusterFilter::new(&Default::default(), &Default::default());
+    let mut points = Message::<RadarPoints>::default();
+    filter.process(sweeps[0].as_ref(), &mut points);
+
+    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    for scan in &sweeps {
+        filter.process(scan.as_ref(), &mut points);
+    }
+    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    assert_eq!(after - before, 0, "allocations in {} sweeps", sweeps.len());
+    assert!(!points.items.is_empty());
+}
