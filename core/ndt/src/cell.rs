@@ -1,0 +1,143 @@
+//! A cell: the normal distribution that stands for the points in one square of the grid.
+
+use crate::Distribution;
+
+/// Smaller eigenvalue of the position covariance, at least this share of the larger (paper, III-B):
+/// a wall in a cell must not become infinitely thin.
+const EIGENVALUE_RATIO_MIN: f64 = 0.001;
+/// Smallest variance of a position, m^2 (5 mm): below a third of the finest range bin nothing is known.
+const POSITION_VARIANCE_MIN: f64 = 2.5e-5;
+/// Added to the variance of the intensity (paper, III-B), so that equal intensities stay invertible.
+const INTENSITY_VARIANCE_MIN: f64 = 1e-6;
+/// Variance that makes the intensity dimension silent: the distance in it then vanishes.
+const INTENSITY_VARIANCE_SILENT: f64 = 1e12;
+
+/// When a cell counts and what it holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellRule {
+    /// Points from which a cell is used.
+    pub points_min: u32,
+    /// Whether intensity is compared.
+    pub use_intensity: bool,
+}
+
+/// A normal distribution over x (m), y (m) and intensity.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// Mean.
+    pub mean: [f64; 3],
+    /// Covariance: xx, xy, yy, xi, yi, ii.
+    pub covariance: [f64; 6],
+    /// Points behind it.
+    pub count: u32,
+}
+
+impl Cell {
+    /// The cell of sample statistics; `None` where there are too few points.
+    pub fn new(sum: &Distribution, rule: CellRule) -> Option<Self> {
+        if sum.count < rule.points_min.max(2) {
+            return None;
+        }
+        let scale = 1.0 / (f64::from(sum.count) - 1.0);
+        let mut covariance = sum.scatter.map(|s| s * scale);
+        let [xx, xy, yy] = floor_eigenvalues([covariance[0], covariance[1], covariance[2]]);
+        [covariance[0], covariance[1], covariance[2]] = [xx, xy, yy];
+        if rule.use_intensity {
+            covariance[5] += INTENSITY_VARIANCE_MIN;
+        } else {
+            covariance[3] = 0.0;
+            covariance[4] = 0.0;
+            covariance[5] = INTENSITY_VARIANCE_SILENT;
+        }
+        Some(Self {
+            mean: sum.mean,
+            covariance,
+            count: sum.count,
+        })
+    }
+}
+
+/// Raises the smaller eigenvalues of a symmetric 2 x 2 matrix (xx, xy, yy), keeping its axes.
+fn floor_eigenvalues([xx, xy, yy]: [f64; 3]) -> [f64; 3] {
+    let half_trace = 0.5 * (xx + yy);
+    let half_difference = 0.5 * (xx - yy);
+    let radius = (half_difference * half_difference + xy * xy).sqrt();
+    let (large, small) = (half_trace + radius, half_trace - radius);
+    let new_large = large.max(POSITION_VARIANCE_MIN);
+    let new_small = small
+        .max(EIGENVALUE_RATIO_MIN * new_large)
+        .max(POSITION_VARIANCE_MIN);
+    if radius <= 0.0 {
+        return [new_large, 0.0, new_large];
+    }
+    // M = half_trace I + radius N with N of eigenvalues +1 and -1; only the two scalars change.
+    let (trace, scale) = (
+        0.5 * (new_large + new_small),
+        0.5 * (new_large - new_small) / radius,
+    );
+    [
+        trace + half_difference * scale,
+        xy * scale,
+        trace - half_difference * scale,
+    ]
+}
+
+/// A cell of a scan that is being registered.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ScanCell {
+    /// In the frame of the scan.
+    pub cell: Cell,
+    /// How far its mean moves with the velocity that the scan was de-skewed by: d mean / d velocity, s.
+    /// 0 for a scan taken at one instant, about minus the mean age of its points otherwise.
+    pub lever_s: f64,
+}
+
+impl ScanCell {
+    /// A cell with its lever.
+    pub fn new(cell: &Cell, lever_s: f64) -> Self {
+        Self {
+            cell: *cell,
+            lever_s,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn floored_covariances_are_positive_definite_and_keep_good_ones(a in 0.0..4.0f64, b in 0.0..4.0f64, c in -1.0..1.0f64) {
+            let xy = c * (a * b).sqrt();
+            let [xx, xy2, yy] = floor_eigenvalues([a, xy, b]);
+            prop_assert!(xx > 0.0 && yy > 0.0 && xx * yy - xy2 * xy2 > 0.0);
+            if c.abs() < 0.9 && a.min(b) > 0.1 {
+                prop_assert!((xx - a).abs() < 1e-9 && (xy2 - xy).abs() < 1e-9 && (yy - b).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn points_on_a_line_give_a_thin_but_invertible_cell() {
+        let mut sum = Distribution::default();
+        (0..10).for_each(|i| sum.add([f64::from(i) * 0.05, f64::from(i) * 0.05, 9.0]));
+        let rule = CellRule {
+            points_min: 4,
+            use_intensity: true,
+        };
+        let [xx, xy, yy, _, _, ii] = Cell::new(&sum, rule).unwrap().covariance;
+        assert!(xx * yy - xy * xy > 1e-7 && ii > 0.0);
+        assert_eq!(
+            Cell::new(
+                &sum,
+                CellRule {
+                    points_min: 11,
+                    ..rule
+                }
+            ),
+            None
+        );
+    }
+}

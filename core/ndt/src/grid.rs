@@ -1,0 +1,259 @@
+//! A regular grid of cells over a square, with a dense index: no tree, no hash.
+
+use crate::{Cell, CellRule, Distribution};
+
+const NONE: u32 = u32::MAX;
+
+/// Cells over the square from -half to +half in x and y.
+///
+/// `add` points, then `refresh`, then ask for cells. Nothing is allocated after `new`.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    inverse_size: f64,
+    cell_size_m: f64,
+    half_cells: i64,
+    width: usize,
+    rule: CellRule,
+    /// Slot of each square, row by row in y; `NONE` where no point fell.
+    index: Vec<u32>,
+    /// Square of each slot.
+    squares: Vec<u32>,
+    sums: Vec<Distribution>,
+    /// As of the last refresh; `count` 0 where there are too few points.
+    cells: Vec<Cell>,
+    dirty: Vec<u32>,
+    is_dirty: Vec<bool>,
+}
+
+impl Grid {
+    /// An empty grid with squares of `cell_size_m` that covers at least `half_width_m` to each side of the origin.
+    pub fn new(cell_size_m: f64, half_width_m: f64, rule: CellRule) -> Self {
+        let half_cells = (half_width_m / cell_size_m).ceil().max(1.0) as i64;
+        let width = 2 * half_cells as usize;
+        let squares = width * width;
+        Self {
+            inverse_size: 1.0 / cell_size_m,
+            cell_size_m,
+            half_cells,
+            width,
+            rule,
+            index: vec![NONE; squares],
+            squares: Vec::with_capacity(squares),
+            sums: Vec::with_capacity(squares),
+            cells: Vec::with_capacity(squares),
+            dirty: Vec::with_capacity(squares),
+            is_dirty: Vec::with_capacity(squares),
+        }
+    }
+
+    /// Edge of a square, m.
+    pub fn cell_size_m(&self) -> f64 {
+        self.cell_size_m
+    }
+
+    /// Takes every point out.
+    pub fn clear(&mut self) {
+        for square in self.squares.drain(..) {
+            if let Some(slot) = self.index.get_mut(square as usize) {
+                *slot = NONE;
+            }
+        }
+        self.sums.clear();
+        self.cells.clear();
+        self.dirty.clear();
+        self.is_dirty.clear();
+    }
+
+    /// Column and row of a position, which may lie outside. Floors: squares at the axes are as large as others.
+    #[inline]
+    fn square_of(&self, x_m: f64, y_m: f64) -> (i64, i64) {
+        // `as` saturates: NaN goes to 0 and infinities to the far outside.
+        (
+            (x_m * self.inverse_size).floor() as i64,
+            (y_m * self.inverse_size).floor() as i64,
+        )
+    }
+
+    #[inline]
+    fn square_index(&self, column: i64, row: i64) -> Option<usize> {
+        let inside = |v: i64| (-self.half_cells..self.half_cells).contains(&v);
+        (inside(column) && inside(row)).then(|| {
+            (row + self.half_cells) as usize * self.width + (column + self.half_cells) as usize
+        })
+    }
+
+    /// Adds a point (x m, y m, intensity); gives its slot, `None` outside of the grid or where it is not finite.
+    #[inline]
+    pub fn add(&mut self, point: [f64; 3]) -> Option<usize> {
+        if !(point[0].is_finite() && point[1].is_finite() && point[2].is_finite()) {
+            return None;
+        }
+        let (column, row) = self.square_of(point[0], point[1]);
+        let square = self.square_index(column, row)?;
+        let entry = self.index.get_mut(square)?;
+        if *entry == NONE {
+            *entry = self.sums.len() as u32;
+            self.squares.push(square as u32);
+            self.sums.push(Distribution::default());
+            self.cells.push(Cell::default());
+            self.is_dirty.push(false);
+        }
+        let slot = *entry as usize;
+        self.sums.get_mut(slot)?.add(point);
+        let dirty = self.is_dirty.get_mut(slot)?;
+        if !*dirty {
+            *dirty = true;
+            self.dirty.push(slot as u32);
+        }
+        Some(slot)
+    }
+
+    /// Brings the cells up to the points.
+    pub fn refresh(&mut self) {
+        for slot in self.dirty.drain(..) {
+            let slot = slot as usize;
+            if let (Some(sum), Some(cell), Some(dirty)) = (
+                self.sums.get(slot),
+                self.cells.get_mut(slot),
+                self.is_dirty.get_mut(slot),
+            ) {
+                *cell = Cell::new(sum, self.rule).unwrap_or_default();
+                *dirty = false;
+            }
+        }
+    }
+
+    /// Number of squares that hold points.
+    pub fn slots(&self) -> usize {
+        self.sums.len()
+    }
+
+    /// The cell of a slot, as of the last refresh; `None` where it has too few points.
+    #[inline]
+    pub fn cell(&self, slot: usize) -> Option<&Cell> {
+        self.cells.get(slot).filter(|cell| cell.count > 0)
+    }
+
+    /// Sample statistics of a slot.
+    pub fn distribution(&self, slot: usize) -> Option<&Distribution> {
+        self.sums.get(slot)
+    }
+
+    /// All cells with enough points, in the order in which their squares were first hit.
+    pub fn cells(&self) -> impl Iterator<Item = &Cell> {
+        self.cells.iter().filter(|cell| cell.count > 0)
+    }
+
+    /// Calls `visit(slot, cell)` for the cells in the squares around a position, `radius` squares to each side,
+    /// row by row.
+    #[inline]
+    pub fn for_each_near(
+        &self,
+        x_m: f64,
+        y_m: f64,
+        radius: i64,
+        mut visit: impl FnMut(u32, &Cell),
+    ) {
+        let (column, row) = self.square_of(x_m, y_m);
+        let low = -self.half_cells;
+        let high = self.half_cells - 1;
+        let columns = (
+            column.saturating_sub(radius).max(low),
+            column.saturating_add(radius).min(high),
+        );
+        let rows = (
+            row.saturating_sub(radius).max(low),
+            row.saturating_add(radius).min(high),
+        );
+        for r in rows.0..=rows.1 {
+            let start = (r + self.half_cells) as usize * self.width;
+            for c in columns.0..=columns.1 {
+                let slot = self
+                    .index
+                    .get(start + (c + self.half_cells) as usize)
+                    .copied()
+                    .unwrap_or(NONE);
+                if let Some(cell) = self.cells.get(slot as usize)
+                    && cell.count > 0
+                {
+                    visit(slot, cell);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grid() -> Grid {
+        Grid::new(
+            0.5,
+            4.0,
+            CellRule {
+                points_min: 2,
+                use_intensity: true,
+            },
+        )
+    }
+
+    #[test]
+    fn squares_at_the_axes_are_not_larger_than_others() {
+        let mut grid = grid();
+        for x in [-0.6, -0.4, -0.1, 0.1, 0.4, 0.6] {
+            grid.add([x, 0.1, 1.0]);
+        }
+        assert_eq!(grid.slots(), 4);
+    }
+
+    #[test]
+    fn points_outside_or_not_finite_are_refused() {
+        let mut grid = grid();
+        for p in [
+            [4.01, 0.0, 1.0],
+            [0.0, -4.01, 1.0],
+            [f64::NAN, 0.0, 1.0],
+            [f64::INFINITY, 0.0, 1.0],
+            [0.0, 0.0, f64::NAN],
+        ] {
+            assert_eq!(grid.add(p), None, "{p:?}");
+        }
+        assert_eq!(grid.add([3.99, -3.99, 1.0]), Some(0));
+    }
+
+    #[test]
+    fn clearing_takes_every_point_out() {
+        let mut grid = grid();
+        for i in 0..9 {
+            grid.add([0.1, 0.05 * f64::from(i), 1.0]);
+        }
+        grid.refresh();
+        assert_eq!(grid.cells().count(), 1);
+        grid.clear();
+        grid.refresh();
+        assert_eq!((grid.cells().count(), grid.slots()), (0, 0));
+        let mut near = 0;
+        grid.for_each_near(0.1, 0.1, 3, |_, _| near += 1);
+        assert_eq!(near, 0);
+    }
+
+    #[test]
+    fn the_neighbourhood_ends_at_the_border() {
+        let mut grid = grid();
+        for p in [
+            [3.9, 3.9, 1.0],
+            [3.9, 3.8, 2.0],
+            [-3.9, -3.9, 1.0],
+            [-3.9, -3.8, 1.0],
+        ] {
+            grid.add(p);
+        }
+        grid.refresh();
+        let mut near = Vec::new();
+        grid.for_each_near(4.2, 4.2, 1, |slot, _| near.push(slot));
+        assert_eq!(near, [0]);
+        grid.for_each_near(1e300, f64::NAN, 1, |slot, _| near.push(slot));
+        assert_eq!(near, [0]);
+    }
+}

@@ -1,0 +1,249 @@
+//! What a scan says about its pose and velocity: the robust distance to the map with its derivatives.
+//!
+//! r^2 = d^T (R S_scan R^T + S_map)^-1 d, d = R mu_scan + t - mu_map over (x, y, intensity) (paper, eq. for
+//! the NDT term; the moving covariance rotates and the sum is inverted). Four neighbours of one scan cell
+//! are four SIMD lanes; [`crate::scalar::evaluate`] is the twin it is tested against.
+
+use crate::{AdaptiveLoss, Association, ScanCell, scalar};
+use nalgebra::{Matrix3, Vector3};
+use randt_geometry::Pose2;
+use wide::f64x4;
+
+/// Gauss-Newton normal equations of one scan, not yet weighted.
+///
+/// A cell that was seen `lever` seconds away from the scan's instant moves with `lever` times the velocity,
+/// so the Jacobian of the velocity is the lever times the pose's, and three 3 x 3 blocks say all.
+/// Perturbations are (x, y, yaw) on the right of the pose, in its own frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NormalEquations {
+    /// Sum of w J^T A J.
+    pub pose: Matrix3<f64>,
+    /// Sum of lever w J^T A J.
+    pub cross: Matrix3<f64>,
+    /// Sum of lever^2 w J^T A J.
+    pub velocity: Matrix3<f64>,
+    /// Gradient by the pose.
+    pub pose_gradient: Vector3<f64>,
+    /// Gradient by the velocity.
+    pub velocity_gradient: Vector3<f64>,
+    /// Half the sum of the losses.
+    pub cost: f64,
+    /// Sum of the robust weights.
+    pub weight: f64,
+}
+
+/// Sums over cells in the world's axes; turned into the pose's frame once at the end.
+#[derive(Default)]
+struct Sums {
+    hessian: [[f64; 6]; 3],
+    gradient: [[f64; 3]; 2],
+    cost: f64,
+    weight: f64,
+}
+
+/// The normal equations at a pose, and at a velocity that differs by `velocity_change` (m/s, m/s, rad/s in the
+/// scan's frame) from the one that the scan was de-skewed by.
+pub fn evaluate(
+    cells: &[ScanCell],
+    associations: &[Association],
+    pose: &Pose2,
+    velocity_change: [f64; 3],
+    loss: &AdaptiveLoss,
+) -> NormalEquations {
+    let mut sums = Sums::default();
+    for (scan, association) in cells.iter().zip(associations) {
+        if association.count > 0 {
+            sums.add(scan, association, pose, velocity_change, loss);
+        }
+    }
+    sums.into_frame_of(pose)
+}
+
+impl Sums {
+    #[inline]
+    fn add(
+        &mut self,
+        scan: &ScanCell,
+        association: &Association,
+        pose: &Pose2,
+        velocity_change: [f64; 3],
+        loss: &AdaptiveLoss,
+    ) {
+        let lever = scan.lever_s;
+        let mut cell = scan.cell;
+        let [x, y, _] = cell.mean;
+        cell.mean[0] = x + lever * (velocity_change[0] - velocity_change[2] * y);
+        cell.mean[1] = y + lever * (velocity_change[1] + velocity_change[2] * x);
+        let moved = scalar::moved(&cell, pose);
+        let [mxx, mxy, myy, mxi, myi, mii] = moved.covariance;
+
+        let mean = association.mean.map(f64x4::from);
+        let map = association.covariance.map(f64x4::from);
+        let splat = f64x4::splat;
+        let (dx, dy, di) = (
+            splat(moved.mean[0]) - mean[0],
+            splat(moved.mean[1]) - mean[1],
+            splat(moved.mean[2]) - mean[2],
+        );
+        let (xx, xy, yy) = (
+            splat(mxx) + map[0],
+            splat(mxy) + map[1],
+            splat(myy) + map[2],
+        );
+        let (xi, yi, ii) = (
+            splat(mxi) + map[3],
+            splat(myi) + map[4],
+            splat(mii) + map[5],
+        );
+
+        // Inverse of the symmetric S by cofactors.
+        let (a11, a12, a13) = (yy * ii - yi * yi, xi * yi - xy * ii, xy * yi - yy * xi);
+        let (a22, a23, a33) = (xx * ii - xi * xi, xy * xi - xx * yi, xx * yy - xy * xy);
+        let inverse = f64x4::ONE / (xx * a11 + xy * a12 + xi * a13);
+        let (a11, a12, a13) = (a11 * inverse, a12 * inverse, a13 * inverse);
+        let (a22, a23, a33) = (a22 * inverse, a23 * inverse, a33 * inverse);
+
+        let qx = a11 * dx + a12 * dy + a13 * di;
+        let qy = a12 * dx + a22 * dy + a23 * di;
+        let qi = a13 * dx + a23 * dy + a33 * di;
+        let s = dx * qx + dy * qy + di * qi;
+        let weight = loss.weight4(s) * f64x4::from(association.in_use);
+
+        // Half of q^T (dS/dyaw) q: the covariance turns with the scan.
+        let turn = splat(mxy) * (qy * qy - qx * qx)
+            + splat(mxx - myy) * qx * qy
+            + (splat(mxi) * qy - splat(myi) * qx) * qi;
+
+        // All neighbours share the scan cell's Jacobian: sum the lanes first.
+        let (h11, h12, h22) = (sum(weight * a11), sum(weight * a12), sum(weight * a22));
+        let (g1, g2, turn) = (sum(weight * qx), sum(weight * qy), sum(weight * turn));
+        // d mean / d yaw.
+        let (px, py) = (pose.y_m - moved.mean[1], moved.mean[0] - pose.x_m);
+        let (h13, h23) = (h11 * px + h12 * py, h12 * px + h22 * py);
+        let h33 = px * h13 + py * h23;
+        let g3 = g1 * px + g2 * py;
+        let hessian = [h11, h12, h22, h13, h23, h33];
+        for (power, sums) in [1.0, lever, lever * lever]
+            .into_iter()
+            .zip(&mut self.hessian)
+        {
+            for (sum, h) in sums.iter_mut().zip(hessian) {
+                *sum += power * h;
+            }
+        }
+        for (sum, g) in self.gradient[0].iter_mut().zip([g1, g2, g3 - turn]) {
+            *sum += g;
+        }
+        for (sum, g) in self.gradient[1].iter_mut().zip([g1, g2, g3]) {
+            *sum += lever * g;
+        }
+        let (s, weight) = (s.to_array(), weight.to_array());
+        for lane in 0..association.count.min(4) {
+            self.cost += 0.5 * loss.cost(s[lane], weight[lane]);
+            self.weight += weight[lane];
+        }
+    }
+
+    fn into_frame_of(self, pose: &Pose2) -> NormalEquations {
+        let (c, s) = pose.cos_sin();
+        let rotation = Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0);
+        let [pose, cross, velocity] = self.hessian.map(|h| {
+            rotation.transpose()
+                * Matrix3::new(h[0], h[1], h[3], h[1], h[2], h[4], h[3], h[4], h[5])
+                * rotation
+        });
+        let [pose_gradient, velocity_gradient] = self
+            .gradient
+            .map(|g| rotation.transpose() * Vector3::from(g));
+        NormalEquations {
+            pose,
+            cross,
+            velocity,
+            pose_gradient,
+            velocity_gradient,
+            cost: self.cost,
+            weight: self.weight,
+        }
+    }
+}
+
+/// Sum of the lanes in a fixed order.
+#[inline]
+fn sum(lanes: f64x4) -> f64 {
+    let [a, b, c, d] = lanes.to_array();
+    (a + b) + (c + d)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CellRule, Grid};
+    use proptest::prelude::*;
+
+    /// A corner of two rough walls with different intensities, as map and as scan cells with levers.
+    fn scene() -> (Grid, Vec<ScanCell>) {
+        let rule = CellRule {
+            points_min: 4,
+            use_intensity: true,
+        };
+        let mut map = Grid::new(0.5, 8.0, rule);
+        let mut scan = Grid::new(0.5, 8.0, rule);
+        for i in 0..400 {
+            let s = f64::from(i) * 0.011 - 1.0;
+            let rough = f64::from((i * 37) % 11) * 0.012;
+            for p in [
+                [s, 2.0 + rough + 0.1 * s, 9.0 + 30.0 * rough],
+                [3.0 + rough, s, 20.0 - 20.0 * rough],
+            ] {
+                map.add(p);
+                scan.add([p[0] - 0.04, p[1] + 0.03, p[2] + 0.2]);
+            }
+        }
+        map.refresh();
+        scan.refresh();
+        let cells = scan
+            .cells()
+            .enumerate()
+            .map(|(i, c)| ScanCell::new(c, -0.01 * i as f64))
+            .collect();
+        (map, cells)
+    }
+
+    proptest! {
+        #[test]
+        fn lanes_equal_the_scalar_twin(x in -0.2..0.2, y in -0.2..0.2, yaw in -0.1..0.1, v in -1.0..1.0, neighbours in 1..=4usize) {
+            let (map, cells) = scene();
+            let pose = Pose2::new(x, y, yaw);
+            let mut associations = Vec::new();
+            Association::find(&map, &cells, &pose, neighbours, &mut associations);
+            let loss = AdaptiveLoss::new(-1.5, 2.0, 1.2);
+            let lanes = evaluate(&cells, &associations, &pose, [v, -v, 0.3 * v], &loss);
+            let twin = scalar::evaluate(&cells, &associations, &pose, [v, -v, 0.3 * v], &loss);
+            let close = |a: &Matrix3<f64>, b: &Matrix3<f64>| (a - b).norm() <= 1e-8 * (1.0 + b.norm());
+            prop_assert!(close(&lanes.pose, &twin.pose) && close(&lanes.cross, &twin.cross) && close(&lanes.velocity, &twin.velocity));
+            prop_assert!((lanes.pose_gradient - twin.pose_gradient).norm() <= 1e-8 * (1.0 + twin.pose_gradient.norm()));
+            prop_assert!((lanes.velocity_gradient - twin.velocity_gradient).norm() <= 1e-8 * (1.0 + twin.velocity_gradient.norm()));
+            prop_assert!((lanes.cost - twin.cost).abs() <= 1e-8 * (1.0 + twin.cost));
+        }
+
+        #[test]
+        fn the_gradient_is_the_derivative_of_the_cost(x in -0.2..0.2, y in -0.2..0.2, yaw in -3.0..3.0) {
+            let (map, cells) = scene();
+            let pose = Pose2::new(x, y, yaw);
+            let mut associations = Vec::new();
+            Association::find(&map, &cells, &pose, 4, &mut associations);
+            let loss = AdaptiveLoss::new(-2.0, 1.5, 1.0);
+            let cost = |pose: &Pose2, v: f64| evaluate(&cells, &associations, pose, [v, 0.0, 0.0], &loss).cost;
+            let at = evaluate(&cells, &associations, &pose, [0.0; 3], &loss);
+            let h = 1e-6;
+            for axis in 0..3 {
+                let mut d = Vector3::zeros();
+                d[axis] = h;
+                let slope = (cost(&pose.compose(&Pose2::exp(d)), 0.0) - cost(&pose.compose(&Pose2::exp(-d)), 0.0)) / (2.0 * h);
+                prop_assert!((slope - at.pose_gradient[axis]).abs() < 1e-4 * (1.0 + slope.abs()), "axis {axis}: {slope} {}", at.pose_gradient[axis]);
+            }
+            let slope = (cost(&pose, h) - cost(&pose, -h)) / (2.0 * h);
+            prop_assert!((slope - at.velocity_gradient[0]).abs() < 1e-4 * (1.0 + slope.abs()));
+        }
+    }
+}
