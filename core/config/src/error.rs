@@ -1,5 +1,7 @@
 //! Why a configuration is refused.
 
+use crate::Place;
+
 /// Why a configuration is refused (exit code 78).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -11,5 +13,104 @@ pub enum Error {
         path: String,
         /// Its word.
         source: std::io::Error,
+    },
+    /// Not TOML.
+    #[error("{place}: {problem}")]
+    Syntax {
+        /// Where.
+        place: Place,
+        /// What the TOML reader says.
+        problem: String,
+    },
+    /// Neither a built-in name nor a file.
+    #[error(
+        "there is neither a {kind} nor a file named {name:?}; did you mean {nearest:?}? ({known}, or a file's path)"
+    )]
+    UnknownName {
+        /// `profile` or `sensor`.
+        kind: &'static str,
+        /// What was asked for.
+        name: String,
+        /// The nearest built-in.
+        nearest: &'static str,
+        /// All built-ins.
+        known: String,
+    },
+    /// No such section.
+    #[error("{place}: unknown section [{name}]; did you mean [{nearest}]?")]
+    UnknownSection {
+        /// Where.
+        place: Place,
+        /// What stands there.
+        name: String,
+        /// The nearest known section.
+        nearest: &'static str,
+    },
+    /// No such key.
+    #[error("{place}: unknown key {name:?}; did you mean {nearest:?}?")]
+    UnknownKey {
+        /// Where.
+        place: Place,
+        /// What stands there, as `section.key`.
+        name: String,
+        /// The nearest known key, as `section.key`.
+        nearest: String,
+    },
+    /// A sensor file says how to drive, or the like.
+    #[error(
+        "{place}: section [{name}] does not belong into a {kind} file, which holds [{kind}] only; put it into a profile"
+    )]
+    Misplaced {
+        /// Where.
+        place: Place,
+        /// The section.
+        name: String,
+        /// What the file is for: `sensor` or `robot`.
+        kind: &'static str,
+    },
+    /// The value has the wrong type or is outside its range.
+    #[error("{place}: {name} is {found}, it must be {expected}")]
+    Value {
+        /// Where.
+        place: Place,
+        /// The key, as `section.key`.
+        name: String,
+        /// The value as it was written.
+        found: String,
+        /// What it must be.
+        expected: String,
+    },
+    /// An override that is not `section.key=value`.
+    #[error("--set {text:?} is not of the form section.key=value, such as ndt.cell_size_m=0.5")]
+    MalformedOverride {
+        /// What was given.
+        text: String,
+    },
+    /// Two keys that are good each but not together.
+    #[error("{less} is {less_value}, it must be below {more}, which is {more_value}")]
+    Contradiction {
+        /// The key that should be less.
+        less: &'static str,
+        /// Its value.
+        less_value: f64,
+        /// The key that should be more.
+        more: &'static str,
+        /// Its value.
+        more_value: f64,
+    },
+    /// The sensor's description is of another sensor than the input's.
+    #[error(
+        "sensor {sensor:?} does not fit the input: sensor.{key} is {configured}, the input has {found}; \
+         choose another --sensor or set sensor.{key}"
+    )]
+    SensorMismatch {
+        /// Name of the sensor.
+        sensor: String,
+        /// The key that does not fit.
+        key: &'static str,
+        /// Its value.
+        configured: f64,
+        /// What the input says.
+        found: f64,
     },
 }

@@ -1,33 +1,38 @@
 //! Typed configuration: an environment profile, a sensor, a robot; overrides on top.
 //!
 //! Responsible for reading, checking and showing. Not responsible for where a value is used.
+//!
+//! ```
+//! use randt_config::{Config, Selection};
+//!
+//! let loaded = Config::load(&Selection {
+//!     profile: Some("indoor".to_owned()),
+//!     set: vec!["ndt.cell_size_m=0.4".to_owned()],
+//!     ..Selection::default()
+//! })?;
+//! assert_eq!(loaded.config.ndt.cell_size_m, 0.4);
+//! # Ok::<(), randt_config::Error>(())
+//! ```
 
+mod builtin;
+mod config;
 mod error;
+mod input;
+mod layer;
+mod load;
+mod place;
+mod rule;
 mod section;
 mod sections;
+mod show;
+mod value;
 
+pub use config::{Config, Section};
 pub use error::Error;
+pub use input::{InputGeometry, check_input};
+pub use layer::Origins;
+pub use load::{Loaded, Selection, check_file};
+pub use place::Place;
+pub use rule::Rule;
 pub use section::Key;
 pub use sections::{Attitude, Filter, Keyframe, Ndt, Odometry, Robot, Sensor, Submap};
-
-/// All that is in force.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Config {
-    /// Beam-wise filter.
-    pub filter: Filter,
-    /// Attitude filter.
-    pub attitude: Attitude,
-    /// Cells.
-    pub ndt: Ndt,
-    /// Motion estimation.
-    pub odometry: Odometry,
-    /// Keyframes.
-    pub keyframe: Keyframe,
-    /// Submaps.
-    pub submap: Submap,
-    /// The radar.
-    pub sensor: Sensor,
-    /// Mounting.
-    pub robot: Robot,
-}

@@ -1,12 +1,14 @@
-//! The sections of an environment profile.
+//! The sections: every key with its type, default, range, unit and reason.
 
+use crate::Rule::{AtLeast, Graduation, LossShape, NotNegative, Positive, Within};
 use crate::section::section;
 
 section! {
     /// Beam-wise cluster filter (paper, III-A).
     pub struct Filter {
-        /// Returns farther than this are left out, m. Indoors walls end the useful range before the sensor does.
-        pub range_max_m: f64 = 16.0,
+        /// Returns farther than this are left out, m; the sensor's own reach ends them too.
+        /// No environment but an indoor one ends the useful range before the sensor does.
+        pub range_max_m: f64 = 100.0 => Positive,
     }
 }
 
@@ -14,15 +16,15 @@ section! {
     /// Attitude filter (Valenti et al. 2015) and standstill detection.
     pub struct Attitude {
         /// Gain of the accelerometer's correction per sample at 250 Hz, 0..1. Small: gyro noise is far below vibration.
-        pub accelerometer_gain: f64 = 0.01,
+        pub accelerometer_gain: f64 = 0.01 => Within(0.0, 1.0),
         /// Relative deviation of |a| from gravity up to which the gain is whole; it falls to 0 at twice this.
-        pub gravity_tolerance: f64 = 0.1,
+        pub gravity_tolerance: f64 = 0.1 => Positive,
         /// Length of the window that is tested for standstill, s.
-        pub standstill_window_s: f64 = 1.0,
+        pub standstill_window_s: f64 = 1.0 => Within(0.1, 60.0),
         /// Standard deviation of the rate below which a window is still, rad/s. Above any MEMS noise, below any motion.
-        pub standstill_rate_rad_s: f64 = 0.015,
+        pub standstill_rate_rad_s: f64 = 0.015 => Positive,
         /// Standard deviation of the specific force below which a window is still, m/s^2.
-        pub standstill_acceleration_m_s2: f64 = 0.12,
+        pub standstill_acceleration_m_s2: f64 = 0.12 => Positive,
     }
 }
 
@@ -30,9 +32,9 @@ section! {
     /// Normal distributions transform (paper, III-B).
     pub struct Ndt {
         /// Edge of a cell, m (paper: 0.5 indoor, 1.2 outdoor, 1.0 mixed, 3.5 Oxford).
-        pub cell_size_m: f64 = 1.0,
+        pub cell_size_m: f64 = 1.0 => Within(0.05, 100.0),
         /// Points from which a cell is used (paper: more than 5 indoor, 3 elsewhere, 10 Oxford).
-        pub points_min: u32 = 4,
+        pub points_min: u32 = 4 => AtLeast(2.0),
         /// Use intensity as the third dimension.
         pub intensity: bool = true,
     }
@@ -42,37 +44,37 @@ section! {
     /// Sliding-window motion estimation (paper, III-C).
     pub struct Odometry {
         /// Scans in the window, l of the paper.
-        pub window: u32 = 3,
+        pub window: u32 = 3 => Within(1.0, 20.0),
         /// Remove the motion inside a sweep, beam by beam.
         pub deskew: bool = true,
         /// Submap cells that each scan cell is compared with (paper: 4, Oxford 2).
-        pub neighbours: u32 = 4,
+        pub neighbours: u32 = 4 => Within(1.0, 16.0),
         /// Shape of the adaptive loss, a multiple of 0.5 below 2 (paper: -2 indoor, -1 outdoor, -1.5 mixed, -2 Oxford).
-        pub loss_alpha: f64 = -1.5,
+        pub loss_alpha: f64 = -1.5 => LossShape,
         /// Scale c of the adaptive loss (the code's c; the paper prints it divided by sqrt 2).
-        pub loss_scale: f64 = 2.0,
+        pub loss_scale: f64 = 2.0 => Positive,
         /// Graduation: factors on c^2, one solve each, down to 1; associations are made again at each.
-        pub graduation: Vec<f64> = vec![1.21, 1.1, 1.0],
+        pub graduation: Vec<f64> = vec![1.21, 1.1, 1.0] => Graduation,
         /// Weight of the NDT term per scan, shared among its cells and neighbours (paper: 50000 over the window of 3; Oxford 5000).
-        pub ndt_weight: f64 = 16_000.0,
+        pub ndt_weight: f64 = 16_000.0 => Positive,
         /// Standard deviation of the acceleration that the motion model allows, m/s^2.
-        pub acceleration_sigma_m_s2: f64 = 1.0,
+        pub acceleration_sigma_m_s2: f64 = 1.0 => Positive,
         /// Standard deviation of the sideways slip of the motion model, m/s.
-        pub slip_sigma_m_s: f64 = 0.05,
+        pub slip_sigma_m_s: f64 = 0.05 => Positive,
         /// Standard deviation of the angular acceleration that the motion model allows without an IMU, rad/s^2.
-        pub angular_acceleration_sigma_rad_s2: f64 = 2.0,
+        pub angular_acceleration_sigma_rad_s2: f64 = 2.0 => Positive,
         /// White noise of the gyro's yaw rate, rad/s per square root of Hz, with vibration.
-        pub gyro_noise_rad_s_sqrt_hz: f64 = 0.0005,
+        pub gyro_noise_rad_s_sqrt_hz: f64 = 0.0005 => Positive,
         /// Random walk of the gyro's bias, rad/s per square root of s.
-        pub gyro_bias_walk: f64 = 0.0001,
+        pub gyro_bias_walk: f64 = 0.0001 => Positive,
         /// Standard deviation of the gyro's bias at the start, rad/s (before a standstill was seen).
-        pub gyro_bias_sigma_rad_s: f64 = 0.01,
+        pub gyro_bias_sigma_rad_s: f64 = 0.01 => Positive,
         /// Longest wait for an IMU sample at or after a sweep's end, s of data time.
-        pub imu_wait_max_s: f64 = 0.1,
+        pub imu_wait_max_s: f64 = 0.1 => NotNegative,
         /// A gap between sweeps above this opens a new odometry frame, s.
-        pub gap_max_s: f64 = 1.0,
+        pub gap_max_s: f64 = 1.0 => Positive,
         /// Fastest speed that the platform can have, m/s; an estimate above it is lost.
-        pub speed_max_m_s: f64 = 20.0,
+        pub speed_max_m_s: f64 = 20.0 => Positive,
     }
 }
 
@@ -80,9 +82,9 @@ section! {
     /// Keyframes (paper, III-D; by distance and angle, none at standstill).
     pub struct Keyframe {
         /// A keyframe at least every so many metres.
-        pub distance_m: f64 = 0.5,
+        pub distance_m: f64 = 0.5 => Positive,
         /// A keyframe at least every so many radians.
-        pub angle_rad: f64 = 0.35,
+        pub angle_rad: f64 = 0.35 => Positive,
     }
 }
 
@@ -90,9 +92,9 @@ section! {
     /// Submaps that scans are registered to.
     pub struct Submap {
         /// A submap is closed when the robot is this far from its root, m.
-        pub radius_m: f64 = 10.0,
+        pub radius_m: f64 = 10.0 => Within(0.5, 1000.0),
         /// The next submap is begun this far before the end, m, so that both hold the overlap's scans.
-        pub overlap_m: f64 = 4.0,
+        pub overlap_m: f64 = 4.0 => NotNegative,
     }
 }
 
@@ -102,21 +104,21 @@ section! {
         /// Name of the sensor.
         pub name: String = "isdr-c".to_owned(),
         /// Returns nearer than this are left out, m (radome echo).
-        pub range_min_m: f64 = 0.6,
+        pub range_min_m: f64 = 0.6 => NotNegative,
         /// Reach of the sensor, m.
-        pub range_max_m: f64 = 16.0,
+        pub range_max_m: f64 = 16.0 => Positive,
         /// Returns need an intensity above this, in the sensor's unit.
-        pub intensity_min: f64 = 6.0,
+        pub intensity_min: f64 = 6.0 => NotNegative,
         /// Largest step in range between neighbouring returns of one cluster, m.
-        pub connectivity_m: f64 = 0.04,
+        pub connectivity_m: f64 = 0.04 => Positive,
         /// Width of a range bin, m.
-        pub range_resolution_m: f64 = 0.0161,
+        pub range_resolution_m: f64 = 0.0161 => Positive,
         /// Angle between beams, rad.
-        pub azimuth_step_rad: f64 = 0.028_56,
+        pub azimuth_step_rad: f64 = 0.028_56 => Within(0.001, 1.0),
         /// Time of one turn, s.
-        pub period_s: f64 = 0.2,
+        pub period_s: f64 = 0.2 => Positive,
         /// Divisor that brings intensities to the scale of metres in the third dimension.
-        pub intensity_scale: f64 = 1.0,
+        pub intensity_scale: f64 = 1.0 => Positive,
     }
 }
 

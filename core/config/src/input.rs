@@ -1,0 +1,87 @@
+//! Whether a sensor's description fits what an input holds.
+
+use crate::{Error, Sensor};
+
+/// Models of one family differ by less than this factor, families by more.
+const FACTOR_MAX: f64 = 1.5;
+
+/// What an input says of the radar that made it, as far as it does.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct InputGeometry {
+    /// Width of a range bin, m.
+    pub range_resolution_m: Option<f64>,
+    /// Angle between beams, rad.
+    pub azimuth_step_rad: Option<f64>,
+    /// Farthest bin or return, m.
+    pub range_max_m: Option<f64>,
+}
+
+/// Refuses a sensor that is not the input's.
+///
+/// A farthest return well inside the sensor's reach is no misfit: the room may be small.
+pub fn check_input(sensor: &Sensor, input: &InputGeometry) -> Result<(), Error> {
+    let misfit = |key, configured, found: f64| Error::SensorMismatch {
+        sensor: sensor.name.clone(),
+        key,
+        configured,
+        found,
+    };
+    // Zero stands for "not said" in a sweep's head.
+    let said = |value: Option<f64>| value.filter(|v| v.is_finite() && *v > 0.0);
+    for (key, configured, found) in [
+        (
+            "range_resolution_m",
+            sensor.range_resolution_m,
+            said(input.range_resolution_m),
+        ),
+        (
+            "azimuth_step_rad",
+            sensor.azimuth_step_rad,
+            said(input.azimuth_step_rad),
+        ),
+    ] {
+        if let Some(found) = found
+            && !(configured / FACTOR_MAX..=configured * FACTOR_MAX).contains(&found)
+        {
+            return Err(misfit(key, configured, found));
+        }
+    }
+    match said(input.range_max_m) {
+        Some(found) if found > sensor.range_max_m * FACTOR_MAX => {
+            Err(misfit("range_max_m", sensor.range_max_m, found))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_radars_input_is_refused_and_ones_own_is_not() {
+        let isdr_c = Sensor::default();
+        let room = InputGeometry {
+            range_resolution_m: Some(0.0161),
+            azimuth_step_rad: Some(0.0287),
+            range_max_m: Some(9.0),
+        };
+        let oxford = InputGeometry {
+            range_resolution_m: Some(0.0432),
+            azimuth_step_rad: Some(0.0157),
+            range_max_m: Some(162.8),
+        };
+        assert!(check_input(&isdr_c, &room).is_ok());
+        assert!(check_input(&isdr_c, &InputGeometry::default()).is_ok());
+        let text = check_input(&isdr_c, &oxford).unwrap_err().to_string();
+        assert!(
+            text.contains("sensor.range_resolution_m is 0.0161, the input has 0.0432"),
+            "{text}"
+        );
+        let far = InputGeometry {
+            range_max_m: oxford.range_max_m,
+            ..InputGeometry::default()
+        };
+        assert!(check_input(&isdr_c, &far).is_err());
+    }
+}

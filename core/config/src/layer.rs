@@ -1,0 +1,242 @@
+//! One file or override, laid over what is in force.
+
+use crate::section::Refusal;
+use crate::{Config, Error, Place};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use toml::de::{DeTable, DeValue};
+
+/// No configuration is longer; a device or a log given by mistake is.
+const BYTES_MAX: u64 = 1 << 20;
+
+/// Where each key that somebody has set was set, by section and key. Keys that are not here have their default.
+pub type Origins = BTreeMap<(&'static str, &'static str), Place>;
+
+/// A TOML text and where it comes from.
+pub(crate) struct Layer<'a> {
+    /// Path, or the name of a built-in file.
+    pub source: &'a str,
+    /// Its text.
+    pub text: &'a str,
+    /// The one section it may hold, where it may not hold all.
+    pub only: Option<&'static str>,
+}
+
+/// Reads a file's text.
+pub(crate) fn read_text(path: &str) -> Result<String, Error> {
+    let io = |source| Error::Io {
+        path: path.to_owned(),
+        source,
+    };
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(io)?;
+    let count = file
+        .take(BYTES_MAX + 1)
+        .read_to_end(&mut bytes)
+        .map_err(io)?;
+    let refuse = |place, problem: &str| Error::Syntax {
+        place,
+        problem: problem.to_owned(),
+    };
+    if count as u64 > BYTES_MAX {
+        return Err(refuse(
+            Place::whole(path),
+            "longer than 1 MiB, so not a configuration",
+        ));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let (valid, bytes) = (error.utf8_error().valid_up_to(), error.as_bytes());
+        let line = 1 + bytes.iter().take(valid).filter(|&&b| b == b'\n').count();
+        let place = Place {
+            source: path.to_owned(),
+            line: Some(line),
+        };
+        refuse(place, "not UTF-8, so not a configuration")
+    })
+}
+
+impl Layer<'_> {
+    /// Lays the text over `config`. Everything that is wrong is told; what is right is set all the same.
+    pub fn apply(&self, config: &mut Config, origins: &mut Origins) -> Vec<Error> {
+        let (table, syntax) = DeTable::parse_recoverable(self.text);
+        if !syntax.is_empty() {
+            return syntax.iter().map(|error| self.syntax(error)).collect();
+        }
+        let mut problems = Vec::new();
+        let mut sections: Vec<_> = table.get_ref().iter().collect();
+        sections.sort_by_key(|(name, _)| name.span().start);
+        for (name, keys) in sections {
+            let place = self.place(name.span());
+            let name = name.get_ref().as_ref();
+            if let Some(problem) = self.misplaced(name, &place) {
+                problems.push(problem);
+                continue;
+            }
+            match keys.get_ref() {
+                DeValue::Table(_) if !is_section(name) => {
+                    problems.push(unknown_section(place, name));
+                }
+                DeValue::Table(keys) => {
+                    let mut keys: Vec<_> = keys.iter().collect();
+                    keys.sort_by_key(|(key, _)| key.span().start);
+                    for (key, value) in keys {
+                        let found = self.text.get(value.span()).unwrap_or_default();
+                        let setting = Setting {
+                            section: name,
+                            key: key.get_ref(),
+                            value: value.get_ref(),
+                            found,
+                            place: self.place(key.span()),
+                        };
+                        problems.extend(setting.apply(config, origins).err());
+                    }
+                }
+                DeValue::Array(_) if is_section(name) => problems.push(Error::Syntax {
+                    place,
+                    problem: format!("[[{name}]] is a list; write [{name}]"),
+                }),
+                _ if is_section(name) => problems.push(Error::Syntax {
+                    place,
+                    problem: format!("{name} is a section; write [{name}] and its keys below"),
+                }),
+                // A key above the first section.
+                _ => problems.push(unknown_key(place, "", name)),
+            }
+        }
+        problems
+    }
+
+    fn place(&self, span: Range<usize>) -> Place {
+        Place::at(self.source, self.text, span.start)
+    }
+
+    fn syntax(&self, error: &toml::de::Error) -> Error {
+        Error::Syntax {
+            place: error
+                .span()
+                .map_or_else(|| Place::whole(self.source), |span| self.place(span)),
+            problem: error.message().to_owned(),
+        }
+    }
+
+    fn misplaced(&self, name: &str, place: &Place) -> Option<Error> {
+        let only = self.only?;
+        (name != only && is_section(name)).then(|| Error::Misplaced {
+            place: place.clone(),
+            name: name.to_owned(),
+            kind: only,
+        })
+    }
+}
+
+/// Lays one `section.key=value` over `config`.
+pub(crate) fn apply_override(
+    text: &str,
+    config: &mut Config,
+    origins: &mut Origins,
+) -> Result<(), Error> {
+    let malformed = || Error::MalformedOverride {
+        text: text.to_owned(),
+    };
+    let (name, found) = text.split_once('=').ok_or_else(malformed)?;
+    let (section, key) = name.trim().split_once('.').ok_or_else(malformed)?;
+    let found = found.trim();
+    // A shell eats the quotes of a text: what is not TOML is a text.
+    let parsed = DeValue::parse(found);
+    let bare = DeValue::String(found.into());
+    Setting {
+        section,
+        key,
+        value: parsed.as_ref().map_or(&bare, |value| value.get_ref()),
+        found,
+        place: Place::whole("--set"),
+    }
+    .apply(config, origins)
+}
+
+/// One key with its value, as somebody wrote it.
+struct Setting<'a> {
+    section: &'a str,
+    key: &'a str,
+    value: &'a DeValue<'a>,
+    found: &'a str,
+    place: Place,
+}
+
+impl Setting<'_> {
+    fn apply(self, config: &mut Config, origins: &mut Origins) -> Result<(), Error> {
+        let Self {
+            section,
+            key,
+            value,
+            found,
+            place,
+        } = self;
+        let name = format!("{section}.{key}");
+        let found = found.to_owned();
+        match config.set(section, key, value) {
+            Ok(()) => {
+                // The names as they stand in the code live as long as the program.
+                let known = Config::SECTIONS.iter().find(|s| s.name == section);
+                let known =
+                    known.and_then(|s| Some((s.name, s.keys.iter().find(|k| k.name == key)?)));
+                origins.extend(known.map(|(section, key)| ((section, key.name), place)));
+                Ok(())
+            }
+            Err(Refusal::NoSuchKey) if !is_section(section) => Err(unknown_section(place, section)),
+            Err(Refusal::NoSuchKey) => Err(unknown_key(place, section, key)),
+            Err(Refusal::Value(expected)) => Err(Error::Value {
+                place,
+                name,
+                found,
+                expected,
+            }),
+        }
+    }
+}
+
+fn is_section(name: &str) -> bool {
+    Config::SECTIONS.iter().any(|section| section.name == name)
+}
+
+/// The known name that is nearest to what was written.
+pub(crate) fn nearest(written: &str, known: impl Iterator<Item = &'static str>) -> &'static str {
+    // People shorten names more often than they mistype them: a common beginning counts.
+    let likeness = |name: &str| strsim::jaro_winkler(written, name);
+    known
+        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)))
+        .unwrap_or_default()
+}
+
+fn unknown_section(place: Place, name: &str) -> Error {
+    Error::UnknownSection {
+        place,
+        name: name.to_owned(),
+        nearest: nearest(name, Config::SECTIONS.iter().map(|s| s.name)),
+    }
+}
+
+/// An unknown key with the nearest known one: of its own section, unless another's is nearer by more than a slip.
+fn unknown_key(place: Place, section: &str, key: &str) -> Error {
+    const OTHER_SECTION: usize = 2;
+    let distance = |(of, name): &(&'static str, &'static str)| {
+        strsim::osa_distance(key, name) + if *of == section { 0 } else { OTHER_SECTION }
+    };
+    let nearest = Config::SECTIONS
+        .iter()
+        .flat_map(|of| of.keys.iter().map(|key| (of.name, key.name)))
+        .min_by_key(distance)
+        .map(|(of, name)| format!("{of}.{name}"))
+        .unwrap_or_default();
+    let name = match section {
+        "" => key.to_owned(),
+        _ => format!("{section}.{key}"),
+    };
+    Error::UnknownKey {
+        place,
+        name,
+        nearest,
+    }
+}

@@ -1,0 +1,102 @@
+//! The types that a key can have: how each is read from TOML and written to it.
+
+use toml::de::DeValue;
+
+/// A type that a key can have.
+pub(crate) trait Value: Sized {
+    /// What it is called in messages.
+    const KIND: &'static str;
+
+    /// Reads it; `None` for any other type.
+    fn read(value: &DeValue<'_>) -> Option<Self>;
+
+    /// Its TOML.
+    fn write(&self) -> String;
+
+    /// The numbers in it, for a [`crate::Rule`].
+    fn numbers(&self) -> Vec<f64> {
+        Vec::new()
+    }
+}
+
+impl Value for f64 {
+    const KIND: &'static str = "a number";
+
+    fn read(value: &DeValue<'_>) -> Option<Self> {
+        match value {
+            DeValue::Float(float) => float.as_str().parse().ok(),
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
+            _ => None,
+        }
+    }
+
+    fn write(&self) -> String {
+        format!("{self:?}")
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        vec![*self]
+    }
+}
+
+impl Value for u32 {
+    const KIND: &'static str = "a whole number";
+
+    fn read(value: &DeValue<'_>) -> Option<Self> {
+        let integer = value.as_integer()?;
+        Self::from_str_radix(integer.as_str(), integer.radix()).ok()
+    }
+
+    fn write(&self) -> String {
+        self.to_string()
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        vec![f64::from(*self)]
+    }
+}
+
+impl Value for bool {
+    const KIND: &'static str = "true or false";
+
+    fn read(value: &DeValue<'_>) -> Option<Self> {
+        value.as_bool()
+    }
+
+    fn write(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl Value for String {
+    const KIND: &'static str = "a text in quotes";
+
+    fn read(value: &DeValue<'_>) -> Option<Self> {
+        value.as_str().map(str::to_owned)
+    }
+
+    fn write(&self) -> String {
+        toml::Value::String(self.clone()).to_string()
+    }
+}
+
+impl Value for Vec<f64> {
+    const KIND: &'static str = "a list of numbers";
+
+    fn read(value: &DeValue<'_>) -> Option<Self> {
+        value
+            .as_array()?
+            .iter()
+            .map(|element| f64::read(element.as_ref()))
+            .collect()
+    }
+
+    fn write(&self) -> String {
+        let numbers: Vec<String> = self.iter().map(Value::write).collect();
+        format!("[{}]", numbers.join(", "))
+    }
+
+    fn numbers(&self) -> Vec<f64> {
+        self.clone()
+    }
+}
