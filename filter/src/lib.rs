@@ -5,6 +5,17 @@
 //! bias that it shows. Not responsible for the pose, nor for owning the bias: odometry does (DESIGN).
 //! No I/O, no clock, no thread, no randomness.
 
+mod attitude;
+mod bias;
+mod clock;
 mod cluster;
+mod mounting;
+mod standstill;
+mod statistics;
 
+pub use attitude::AttitudeFilter;
+pub use bias::GyroBias;
+pub use clock::{Pace, SampleClock};
 pub use cluster::ClusterFilter;
+pub use mounting::{Mounting, MountingCheck, Verdict};
+pub use standstill::{Standstill, StandstillBias};

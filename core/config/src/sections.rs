@@ -15,16 +15,24 @@ section! {
 section! {
     /// Attitude filter (Valenti et al. 2015) and standstill detection.
     pub struct Attitude {
-        /// Gain of the accelerometer's correction per sample at 250 Hz, 0..1. Small: gyro noise is far below vibration.
-        pub accelerometer_gain: f64 = 0.01 => Within(0.0, 1.0),
+        /// Time over which the accelerometer corrects the tilt, s. Long against a robot's pushes and brakes, which
+        /// look like tilt; short against the drift of a gyro whose bias is known to 0.05 deg/s.
+        pub correction_time_s: f64 = 3.0 => Positive,
         /// Relative deviation of |a| from gravity up to which the gain is whole; it falls to 0 at twice this.
         pub gravity_tolerance: f64 = 0.1 => Positive,
-        /// Length of the window that is tested for standstill, s.
+        /// Length of the window that is tested for standstill, s. Long enough to average noise, shorter than most stops.
         pub standstill_window_s: f64 = 1.0 => Within(0.1, 60.0),
-        /// Standard deviation of the rate below which a window is still, rad/s. Above any MEMS noise, below any motion.
-        pub standstill_rate_rad_s: f64 = 0.015 => Positive,
-        /// Standard deviation of the specific force below which a window is still, m/s^2.
-        pub standstill_acceleration_m_s2: f64 = 0.12 => Positive,
+        /// Standard deviation of the rate (root of the axes' sum) below which a window is still, rad/s.
+        /// Between a real gyro's noise at rest (0.0033..0.0041) and a wheeled robot's slowest drive (0.0094).
+        pub standstill_rate_rad_s: f64 = 0.006 => Positive,
+        /// The same of the specific force, m/s^2. Cheap accelerometers have 0.1 at rest; the rate does the finer part.
+        pub standstill_acceleration_m_s2: f64 = 0.2 => Positive,
+        /// Largest bias that a gyro can have, rad/s: 1.5 deg/s, about what data sheets of MEMS gyros allow.
+        /// A steady turn below it, before any bias is known, passes for one.
+        pub standstill_bias_max_rad_s: f64 = 0.026 => Positive,
+        /// Largest change of the mean rate inside a window and from the bias that is known, rad/s (0.2 deg/s).
+        /// Three times what idling real gyros show from one half second to the next.
+        pub standstill_bias_change_rad_s: f64 = 0.0035 => Positive,
     }
 }
 
@@ -59,8 +67,8 @@ section! {
         pub ndt_weight: f64 = 16_000.0 => Positive,
         /// Standard deviation of the acceleration that the motion model allows, m/s^2.
         pub acceleration_sigma_m_s2: f64 = 1.0 => Positive,
-        /// Standard deviation of the sideways slip of the motion model, m/s.
-        pub slip_sigma_m_s: f64 = 0.05 => Positive,
+        /// The same sideways, m/s^2: wheels slip little (the paper's model has a third of the forward one).
+        pub lateral_acceleration_sigma_m_s2: f64 = 0.33 => Positive,
         /// Standard deviation of the angular acceleration that the motion model allows without an IMU, rad/s^2.
         pub angular_acceleration_sigma_rad_s2: f64 = 2.0 => Positive,
         /// White noise of the gyro's yaw rate, rad/s per square root of Hz, with vibration.
@@ -75,6 +83,9 @@ section! {
         pub gap_max_s: f64 = 1.0 => Positive,
         /// Fastest speed that the platform can have, m/s; an estimate above it is lost.
         pub speed_max_m_s: f64 = 20.0 => Positive,
+        /// A scan whose position information is weaker in one direction than in the other by more than this share
+        /// leaves that direction to gyro and motion model: a bare corridor. Trust is then degraded.
+        pub degenerate_ratio: f64 = 0.01 => Within(0.0, 1.0),
     }
 }
 
@@ -95,6 +106,11 @@ section! {
         pub radius_m: f64 = 10.0 => Within(0.5, 1000.0),
         /// The next submap is begun this far before the end, m, so that both hold the overlap's scans.
         pub overlap_m: f64 = 4.0 => NotNegative,
+        /// A scan enters when the robot has moved this far since the last one that did, m: standing still must not
+        /// outweigh driving.
+        pub insert_distance_m: f64 = 0.05 => NotNegative,
+        /// ... or has turned this far, rad.
+        pub insert_angle_rad: f64 = 0.05 => NotNegative,
     }
 }
 
@@ -117,8 +133,6 @@ section! {
         pub azimuth_step_rad: f64 = 0.028_56 => Within(0.001, 1.0),
         /// Time of one turn, s.
         pub period_s: f64 = 0.2 => Positive,
-        /// Divisor that brings intensities to the scale of metres in the third dimension.
-        pub intensity_scale: f64 = 1.0 => Positive,
     }
 }
 

@@ -1,0 +1,146 @@
+//! How an IMU is mounted: where gravity says up is, and whether that is upside down.
+//!
+//! Responsible for a verdict early in a recording or after power-up. Not responsible for the attitude of a moving
+//! robot: the attitude filter is.
+
+use crate::clock::{Pace, SampleClock};
+use nalgebra::Vector3;
+
+/// Gravity is averaged over this time before the verdict: several periods of a body's swing on its wheels.
+const AVERAGED_S: f64 = 0.5;
+
+/// Below this share of the vertical on the z axis neither up nor down is said (a tilt of 60 degrees).
+const UPRIGHT_MIN: f64 = 0.5;
+
+/// Which way the IMU's z axis points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mounting {
+    /// z up, as REP-103 has it.
+    Upright,
+    /// z down: hung upside down, or its axes have other signs.
+    UpsideDown,
+    /// z nearer to level than to the vertical.
+    OnItsSide,
+}
+
+/// Watches the specific force until the mounting is known.
+#[derive(Clone, Debug, Default)]
+pub struct MountingCheck {
+    clock: SampleClock,
+    begin_ns: i64,
+    first_ns: Option<i64>,
+    count: f64,
+    sum: Vector3<f64>,
+    verdict: Option<Verdict>,
+}
+
+/// What gravity said.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Verdict {
+    /// Which way z points.
+    pub mounting: Mounting,
+    /// The vertical, upwards, in the body; of length one.
+    pub up: Vector3<f64>,
+    /// Seconds after the first sample at which it was known.
+    pub known_after_s: f64,
+}
+
+impl Verdict {
+    /// The body's axis nearest to the vertical, such as `-z`.
+    pub fn up_axis(&self) -> &'static str {
+        let (axis, value) = self
+            .up
+            .iter()
+            .enumerate()
+            .fold((2, 0.0_f64), |best, (i, &v)| {
+                if v.abs() > best.1.abs() { (i, v) } else { best }
+            });
+        match (axis, value < 0.0) {
+            (0, false) => "+x",
+            (0, true) => "-x",
+            (1, false) => "+y",
+            (1, true) => "-y",
+            (_, false) => "+z",
+            (_, true) => "-z",
+        }
+    }
+}
+
+impl MountingCheck {
+    /// Takes one sample: specific force, m/s^2, in the body. Gives the verdict as soon as it is there.
+    pub fn push(&mut self, stamp_ns: i64, acceleration_m_s2: Vector3<f64>) -> Option<Verdict> {
+        if self.verdict.is_some() {
+            return self.verdict;
+        }
+        match self
+            .clock
+            .step(stamp_ns, &Vector3::zeros(), &acceleration_m_s2)
+        {
+            Pace::Ignored => return None,
+            Pace::Start => self.begin(stamp_ns),
+            Pace::Step(_) => {}
+        }
+        let first_ns = *self.first_ns.get_or_insert(stamp_ns);
+        self.count += 1.0;
+        self.sum += acceleration_m_s2;
+        if stamp_ns.saturating_sub(self.begin_ns) as f64 * 1e-9 < AVERAGED_S {
+            return None;
+        }
+        let mean = self.sum / self.count;
+        let strength = mean.norm();
+        self.begin(stamp_ns);
+        // Half to one and a half times gravity: the robot may be accelerating, but does not fall.
+        if !(5.0..15.0).contains(&strength) {
+            return None;
+        }
+        let up = mean / strength;
+        let mounting = if up.z > UPRIGHT_MIN {
+            Mounting::Upright
+        } else if up.z < -UPRIGHT_MIN {
+            Mounting::UpsideDown
+        } else {
+            Mounting::OnItsSide
+        };
+        self.verdict = Some(Verdict {
+            mounting,
+            up,
+            known_after_s: stamp_ns.saturating_sub(first_ns) as f64 * 1e-9,
+        });
+        self.verdict
+    }
+
+    fn begin(&mut self, stamp_ns: i64) {
+        self.begin_ns = stamp_ns;
+        self.count = 0.0;
+        self.sum = Vector3::zeros();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn verdict(force: Vector3<f64>) -> Option<Verdict> {
+        let mut check = MountingCheck::default();
+        (0..500).find_map(|i| check.push(i * 4_000_000, force))
+    }
+
+    #[test]
+    fn gravity_tells_up_from_down() {
+        for (force, mounting, axis) in [
+            (Vector3::new(0.3, 0.0, 9.8), Mounting::Upright, "+z"),
+            (Vector3::new(-0.2, -0.1, -9.87), Mounting::UpsideDown, "-z"),
+            (Vector3::new(0.2, -9.7, 1.0), Mounting::OnItsSide, "-y"),
+        ] {
+            let verdict = verdict(force).unwrap();
+            assert_eq!((verdict.mounting, verdict.up_axis()), (mounting, axis));
+            assert!((verdict.known_after_s - 0.5).abs() < 0.01);
+        }
+    }
+
+    #[test]
+    fn a_sensor_without_gravity_gives_no_verdict() {
+        assert_eq!(verdict(Vector3::zeros()), None);
+        assert_eq!(verdict(Vector3::repeat(f64::NAN)), None);
+    }
+}
