@@ -1,1 +1,44 @@
 //! The MCAP log: the messages' bytes as they are on the bus.
+//!
+//! Responsible for one container format, written and read: a channel per topic, the layout's table as its
+//! schema, metadata at the start, damage counted and stepped over. Not responsible for what the messages
+//! mean, nor for when they are written.
+//!
+//! ```
+//! use randt_log::{LogReader, LogWriter, Options};
+//! use randt_messages::{ImuSample, ImuSampleTopic, Message};
+//! use std::io::Cursor;
+//!
+//! let mut sample = Message::<ImuSampleTopic>::default();
+//! sample.head.header.stamp_ns = 4_000_000;
+//! let mut writer = LogWriter::new(Cursor::new(Vec::new()), "example.mcap", Options::default())?;
+//! writer.write(sample.as_ref())?;
+//! let bytes = writer.finish()?.into_inner();
+//!
+//! let mut reader = LogReader::new(Cursor::new(bytes), "example.mcap")?;
+//! while let Some(entry) = reader.next_entry()? {
+//!     if let Some(read) = entry.decode::<ImuSampleTopic>()? {
+//!         assert_eq!(read, sample);
+//!     }
+//! }
+//! # Ok::<(), randt_log::Error>(())
+//! ```
+
+mod chunk;
+mod damage;
+mod description;
+mod entry;
+mod error;
+mod file;
+mod reader;
+mod robot;
+mod writer;
+
+pub use damage::{Damage, DamageKind};
+pub use description::describe;
+pub use entry::{Channel, Entry};
+pub use error::Error;
+pub use file::LogFile;
+pub use reader::LogReader;
+pub use robot::{ROBOT_METADATA, Robot};
+pub use writer::{Compression, LogWriter, Options};

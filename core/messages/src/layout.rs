@@ -11,7 +11,13 @@ pub trait Layout {
     const HASH: u64;
     /// Field name, type and byte offset; empty for primitives.
     const FIELDS: &'static [(&'static str, &'static str, usize)];
+
+    /// Calls `visit` with name, size and fields of every struct inside this type, then of itself.
+    fn visit(_visit: &mut dyn FnMut(&'static str, usize, Fields)) {}
 }
+
+/// Name, type and byte offset of a struct's fields.
+pub type Fields = &'static [(&'static str, &'static str, usize)];
 
 /// Start value of FNV-1a, 64 bit.
 pub const FNV_SEED: u64 = 0xcbf2_9ce4_8422_2325;
@@ -65,6 +71,10 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
     const NAME: &'static str = T::NAME;
     const HASH: u64 = hash_u64(hash_bytes(T::HASH, b"array"), N as u64);
     const FIELDS: &'static [(&'static str, &'static str, usize)] = &[];
+
+    fn visit(visit: &mut dyn FnMut(&'static str, usize, Fields)) {
+        T::visit(visit);
+    }
 }
 
 /// Declares plain old data: `repr(C)`, no padding (refused by the compiler), with its layout hash.
@@ -92,6 +102,11 @@ macro_rules! plain {
             const FIELDS: &'static [(&'static str, &'static str, usize)] = &[
                 $( (stringify!($field), stringify!($ty), core::mem::offset_of!($name, $field)) ),+
             ];
+
+            fn visit(visit: &mut dyn FnMut(&'static str, usize, $crate::layout::Fields)) {
+                $( <$ty as $crate::layout::Layout>::visit(visit); )+
+                visit(stringify!($name), size_of::<$name>(), Self::FIELDS);
+            }
         }
 
         impl Default for $name {

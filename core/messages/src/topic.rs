@@ -83,7 +83,7 @@ impl<T: Topic> Message<T> {
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (head, tail) = bytes.split_at_checked(size_of::<T::Head>())?;
         let item = size_of::<T::Item>();
-        let count = if item == 0 { 0 } else { tail.len() / item };
+        let count = tail.len().checked_div(item).unwrap_or(0);
         if count * item != tail.len() || count > T::MAX_ITEMS {
             return None;
         }

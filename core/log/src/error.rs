@@ -1,0 +1,85 @@
+//! Why a log cannot be written or read.
+
+/// Why a log cannot be written or read; every text names the file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The operating system's word on a file.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file.
+        path: String,
+        /// Its word.
+        source: std::io::Error,
+    },
+    /// The container could not be written.
+    #[error("{path}: cannot write the log: {source}")]
+    Write {
+        /// The file.
+        path: String,
+        /// What went wrong.
+        source: Box<mcap::McapError>,
+    },
+    /// The first bytes are not MCAP's.
+    #[error(
+        "{path}: offset 0: not an MCAP file: it begins with {found:02x?}, MCAP with [89, 4d, 43, 41, 50, 30, 0d, 0a]"
+    )]
+    NotMcap {
+        /// The file.
+        path: String,
+        /// Its first bytes.
+        found: Vec<u8>,
+    },
+    /// A topic's messages have another layout than in this program.
+    #[error(
+        "{path}: topic {topic} holds {found}, this program reads {expected}: the log was written by another build ({written_by}); read it with that one"
+    )]
+    Layout {
+        /// The file.
+        path: String,
+        /// The topic.
+        topic: String,
+        /// Type name in the log.
+        found: String,
+        /// Type name here.
+        expected: &'static str,
+        /// What the log says of the program that wrote it.
+        written_by: String,
+    },
+    /// A message's size does not fit its type.
+    #[error(
+        "{path}: offset {offset}: message {sequence} of topic {topic} has {found} bytes, a {expected} has {head} and a multiple of {item}"
+    )]
+    MessageSize {
+        /// The file.
+        path: String,
+        /// Where the record or chunk that holds the message begins.
+        offset: u64,
+        /// Its sequence number.
+        sequence: u32,
+        /// Its topic.
+        topic: String,
+        /// Its bytes.
+        found: usize,
+        /// Its type.
+        expected: &'static str,
+        /// Bytes of the fixed part.
+        head: usize,
+        /// Bytes of one item.
+        item: usize,
+    },
+    /// A metadata record that this program wants does not say what it should.
+    #[error("{path}: metadata {record}: {key} = {value:?}: expected {expected}")]
+    Metadata {
+        /// The file.
+        path: String,
+        /// Name of the record.
+        record: &'static str,
+        /// Key in it.
+        key: &'static str,
+        /// Its value.
+        value: String,
+        /// What would be right.
+        expected: &'static str,
+    },
+}

@@ -1,0 +1,73 @@
+//! A log as a file: written under another name until it is whole.
+
+use crate::{Error, LogWriter, Options};
+use randt_messages::{MessageRef, Topic};
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+/// A log file in the making: `NAME.active` until [`LogFile::finish`] gives it its name.
+///
+/// A process that is killed leaves the `.active` file, which [`crate::LogReader`] reads up to the cut.
+#[derive(Debug)]
+pub struct LogFile {
+    writer: LogWriter<BufWriter<File>>,
+    active: PathBuf,
+    path: PathBuf,
+}
+
+impl LogFile {
+    /// Begins the file; an older `.active` one of the same name is overwritten.
+    pub fn create(path: &Path, options: Options) -> Result<Self, Error> {
+        let mut name = OsString::from(path);
+        name.push(".active");
+        let active = PathBuf::from(name);
+        let shown = active.display().to_string();
+        let file = File::create(&active).map_err(|source| Error::Io {
+            path: shown.clone(),
+            source,
+        })?;
+        Ok(Self {
+            writer: LogWriter::new(BufWriter::with_capacity(1 << 18, file), shown, options)?,
+            active,
+            path: path.to_owned(),
+        })
+    }
+
+    /// See [`LogWriter::write_metadata`].
+    pub fn write_metadata(
+        &mut self,
+        name: &str,
+        metadata: BTreeMap<String, String>,
+    ) -> Result<(), Error> {
+        self.writer.write_metadata(name, metadata)
+    }
+
+    /// See [`LogWriter::write`].
+    pub fn write<T: Topic>(&mut self, message: MessageRef<'_, T>) -> Result<(), Error> {
+        self.writer.write(message)
+    }
+
+    /// Ends the log, brings it to the disk and gives it its name. Returns its size in bytes.
+    pub fn finish(self) -> Result<u64, Error> {
+        let Self {
+            writer,
+            active,
+            path,
+        } = self;
+        let shown = |source| Error::Io {
+            path: path.display().to_string(),
+            source,
+        };
+        let file = writer
+            .finish()?
+            .into_inner()
+            .map_err(|error| shown(error.into_error()))?;
+        file.sync_data().map_err(shown)?;
+        let size = file.metadata().map_err(shown)?.len();
+        std::fs::rename(&active, &path).map_err(shown)?;
+        Ok(size)
+    }
+}
