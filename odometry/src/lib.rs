@@ -1,1 +1,20 @@
 //! radar/points and imu/sample to odometry/state and odometry/keyframe.
+//!
+//! Responsible for the live pose: de-skew, sliding-window motion estimation against submaps, trust, keyframes.
+//! Not responsible for loops (mapper) nor for carrying messages (core/stage, tools). A struct with `push`
+//! methods: no I/O, no clock, no thread, no randomness; same inputs in the same order give the same bits.
+
+mod chain;
+mod deskew;
+mod factors;
+mod heading;
+mod keyframe;
+mod odometry;
+mod slot;
+mod state;
+mod submap;
+mod tilt;
+mod trust;
+mod window;
+
+pub use odometry::{Counters, Odometry, Sink};

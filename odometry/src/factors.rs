@@ -1,0 +1,184 @@
+//! The terms that tie neighbouring states together: motion model, gyro, bias (paper, III-C).
+
+use crate::{
+    chain::Chain,
+    heading::Turn,
+    state::{State, StateVector},
+};
+use nalgebra::{Matrix3, RowVector3, Vector3};
+use randt_config::Odometry;
+use randt_geometry::{Pose2, elementary::wrap};
+
+/// Scale error of a MEMS gyro, as a share of the angle turned (data sheets: 0.1-0.5 %).
+const GYRO_SCALE_SIGMA: f64 = 0.003;
+/// Standard deviation of the heading rate over time without gyro samples, rad/s.
+const UNCOVERED_RATE_SIGMA_RAD_S: f64 = 1.0;
+/// Noise of a single reading of the yaw rate against the velocity state, rad/s: vibration, quantisation.
+const RATE_SIGMA_RAD_S: f64 = 0.02;
+/// The heading rate jerks within an interval: floor of the motion model's heading without a gyro, rad.
+const HEADING_SIGMA_FLOOR_RAD: f64 = 1e-3;
+
+/// What the gyro says between two scans.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GyroTerm {
+    /// Turn of the heading, bias and all.
+    pub turn: Turn,
+    /// Yaw rate at the newer scan, bias and all, rad/s.
+    pub rate_rad_s: f64,
+    /// Bias that a standstill showed since the scan before, and its standard deviation, rad/s.
+    pub standstill: Option<(f64, f64)>,
+}
+
+/// Adds the motion model, the gyro and the bias between state i - 1 and state i; gives their cost.
+pub fn add(
+    chain: &mut Chain,
+    i: usize,
+    previous: &State,
+    current: &State,
+    dt_s: f64,
+    gyro: Option<&GyroTerm>,
+    config: &Odometry,
+) -> f64 {
+    let motion = motion_model(chain, i, previous, current, dt_s, gyro.is_some(), config);
+    let gyro = gyro.map_or(0.0, |gyro| {
+        gyro_term(chain, i, previous, current, dt_s, gyro, config)
+    });
+    let bias_sigma2 = config.gyro_bias_walk * config.gyro_bias_walk * dt_s;
+    let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
+    (a[6], b[6]) = (-1.0, 1.0);
+    motion
+        + gyro
+        + add_row(
+            chain,
+            i,
+            &a,
+            &b,
+            current.bias_rad_s - previous.bias_rad_s,
+            bias_sigma2,
+        )
+}
+
+/// Constant velocity under white acceleration: [Log(That^-1 T), v_t - v_(t-1)], That = T_(t-1) Exp(v dt) with the
+/// mean of both velocities, so that a braking vehicle is not dragged.
+fn motion_model(
+    chain: &mut Chain,
+    i: usize,
+    previous: &State,
+    current: &State,
+    dt_s: f64,
+    has_gyro: bool,
+    config: &Odometry,
+) -> f64 {
+    let twist = (previous.velocity + current.velocity) * (0.5 * dt_s);
+    let relative = previous.pose.between(&current.pose);
+    let error = Pose2::exp(twist).between(&relative);
+    let residual = error.log();
+    let inverse = Pose2::right_jacobian_inverse(residual);
+    let by_previous = -inverse * relative.inverse().adjoint();
+    let by_velocity: Matrix3<f64> =
+        -inverse * error.inverse().adjoint() * Pose2::right_jacobian(twist) * (0.5 * dt_s);
+
+    let acceleration = Vector3::new(
+        config.acceleration_sigma_m_s2,
+        config.lateral_acceleration_sigma_m_s2,
+        config.angular_acceleration_sigma_rad_s2,
+    );
+    let mut cost = 0.0;
+    for axis in 0..3 {
+        // White acceleration of density a^2 dt over dt: velocity varies by a dt, position around the mean of the
+        // velocities by a dt^2 / sqrt 12.
+        let velocity_sigma = acceleration[axis] * dt_s;
+        let mut position_sigma2 = velocity_sigma * velocity_sigma * dt_s * dt_s / 12.0;
+        if axis == 2 && !has_gyro {
+            position_sigma2 += HEADING_SIGMA_FLOOR_RAD * HEADING_SIGMA_FLOOR_RAD;
+        }
+        let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
+        let set = |row: &mut StateVector, at: usize, values: RowVector3<f64>| {
+            (0..3).for_each(|k| row[at + k] = values[k])
+        };
+        set(&mut a, 0, by_previous.row(axis).into_owned());
+        set(&mut a, 3, by_velocity.row(axis).into_owned());
+        set(&mut b, 0, inverse.row(axis).into_owned());
+        set(&mut b, 3, by_velocity.row(axis).into_owned());
+        cost += add_row(chain, i, &a, &b, residual[axis], position_sigma2);
+
+        let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
+        (a[3 + axis], b[3 + axis]) = (-1.0, 1.0);
+        cost += add_row(
+            chain,
+            i,
+            &a,
+            &b,
+            current.velocity[axis] - previous.velocity[axis],
+            velocity_sigma * velocity_sigma,
+        );
+    }
+    cost
+}
+
+/// Log((R_(t-1) dR Exp(-b dt))^-1 R_t), and the rate at the scan itself.
+fn gyro_term(
+    chain: &mut Chain,
+    i: usize,
+    previous: &State,
+    current: &State,
+    dt_s: f64,
+    gyro: &GyroTerm,
+    config: &Odometry,
+) -> f64 {
+    let turned = wrap(current.pose.yaw_rad - previous.pose.yaw_rad);
+    let bias = 0.5 * (previous.bias_rad_s + current.bias_rad_s);
+    let residual = wrap(turned - gyro.turn.angle_rad + bias * dt_s);
+    let scale = GYRO_SCALE_SIGMA * gyro.turn.angle_rad;
+    let uncovered = UNCOVERED_RATE_SIGMA_RAD_S * gyro.turn.uncovered_s;
+    let noise2 = config.gyro_noise_rad_s_sqrt_hz * config.gyro_noise_rad_s_sqrt_hz * dt_s;
+    let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
+    (a[2], b[2]) = (-1.0, 1.0);
+    (a[6], b[6]) = (0.5 * dt_s, 0.5 * dt_s);
+    let cost = add_row(
+        chain,
+        i,
+        &a,
+        &b,
+        residual,
+        noise2 + scale * scale + uncovered * uncovered,
+    );
+
+    let (a, mut b) = (StateVector::zeros(), StateVector::zeros());
+    (b[5], b[6]) = (1.0, 1.0);
+    let residual = current.velocity.z - gyro.rate_rad_s + current.bias_rad_s;
+    let cost = cost
+        + add_row(
+            chain,
+            i,
+            &a,
+            &b,
+            residual,
+            RATE_SIGMA_RAD_S * RATE_SIGMA_RAD_S + uncovered * uncovered,
+        );
+
+    gyro.standstill.map_or(cost, |(bias_rad_s, sigma_rad_s)| {
+        b[5] = 0.0;
+        cost + add_row(
+            chain,
+            i,
+            &a,
+            &b,
+            current.bias_rad_s - bias_rad_s,
+            sigma_rad_s * sigma_rad_s,
+        )
+    })
+}
+
+fn add_row(
+    chain: &mut Chain,
+    i: usize,
+    a: &StateVector,
+    b: &StateVector,
+    residual: f64,
+    sigma2: f64,
+) -> f64 {
+    let information = 1.0 / sigma2;
+    chain.add_row(i, a, b, residual, information);
+    0.5 * residual * residual * information
+}

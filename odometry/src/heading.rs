@@ -1,0 +1,212 @@
+//! The gyro's heading as a function of time, from IMU samples as they come.
+
+use crate::tilt::Tilt;
+use nalgebra::Vector3;
+use randt_config::{Attitude, Odometry, Robot};
+use randt_filter::{AttitudeFilter, GyroBias, Standstill};
+use randt_geometry::Quaternion;
+use randt_messages::ImuSample;
+use std::collections::VecDeque;
+
+/// Samples kept: two seconds at 1 kHz, more than the longest sweep and its wait.
+const CAPACITY: usize = 2048;
+/// A step back of the stamps above this is the clock's, below it a sample out of order, ns (1 s).
+const CLOCK_SET_BACK_NS: i64 = 1_000_000_000;
+/// A hole in the samples above this is not bridged by a straight line, ns (0.1 s).
+const HOLE_NS: i64 = 100_000_000;
+
+/// One moment of the gyro.
+#[derive(Clone, Copy, Debug)]
+struct Moment {
+    stamp_ns: i64,
+    /// Integrated rate of the heading, bias and all, rad.
+    heading_rad: f64,
+    rate_rad_s: f64,
+    tilt: Tilt,
+}
+
+/// How the heading turned over a span of time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Turn {
+    /// Bias and all, rad.
+    pub angle_rad: f64,
+    /// Time within the span that no sample covers, s.
+    pub uncovered_s: f64,
+}
+
+/// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter (DESIGN: odometry owns the bias).
+#[derive(Debug)]
+pub struct Heading {
+    mounting: Quaternion,
+    attitude: AttitudeFilter,
+    standstill: Standstill,
+    moments: VecDeque<Moment>,
+    last_sequence: Option<u64>,
+    /// Of all three axes, from standstills; the window knows the yaw's better.
+    bias: GyroBias,
+    yaw_bias_rad_s: f64,
+    /// Samples that went back in time, repeated a stamp or held no numbers.
+    pub rejected: u64,
+    /// Holes in the samples above 0.1 s.
+    pub holes: u64,
+}
+
+impl Heading {
+    /// Nothing known yet.
+    pub fn new(attitude: &Attitude, robot: &Robot, odometry: &Odometry) -> Self {
+        Self {
+            mounting: Quaternion::from_roll_pitch_yaw(
+                robot.imu_roll_rad,
+                robot.imu_pitch_rad,
+                robot.imu_yaw_rad,
+            ),
+            attitude: AttitudeFilter::new(attitude),
+            standstill: Standstill::new(attitude),
+            moments: VecDeque::with_capacity(CAPACITY),
+            last_sequence: None,
+            bias: GyroBias::new(odometry.gyro_bias_sigma_rad_s, odometry.gyro_bias_walk),
+            yaw_bias_rad_s: 0.0,
+            rejected: 0,
+            holes: 0,
+        }
+    }
+
+    /// Takes a sample; gives the yaw bias and its standard deviation where the robot stands still.
+    pub fn push(&mut self, sample: &ImuSample) -> Option<(f64, f64)> {
+        let stamp_ns = sample.header.stamp_ns;
+        let rate = self.mounting.rotate(Vector3::from(sample.rate_rad_s));
+        let acceleration = self
+            .mounting
+            .rotate(Vector3::from(sample.acceleration_m_s2));
+        let finite = rate.iter().chain(&acceleration).all(|v| v.is_finite());
+        let last = self.moments.back().copied();
+        let last = match last {
+            // The clock was set back: what was integrated belongs to another time.
+            Some(last) if stamp_ns < last.stamp_ns - CLOCK_SET_BACK_NS => {
+                self.moments.clear();
+                None
+            }
+            last => last,
+        };
+        if !finite || last.is_some_and(|last| stamp_ns <= last.stamp_ns) {
+            self.rejected += 1;
+            return None;
+        }
+        self.last_sequence = Some(sample.header.sequence);
+        if let Some(last) = last {
+            self.bias.advance((stamp_ns - last.stamp_ns) as f64 * 1e-9);
+        }
+        let still = self.standstill.push(stamp_ns, rate, acceleration);
+        if let Some(still) = &still {
+            self.bias.observe(still);
+        }
+        let bias = self.bias_rad_s();
+        self.standstill.expect_bias(bias, self.bias.sigma_rad_s());
+        self.attitude.push(stamp_ns, rate - bias, acceleration);
+        let tilt = Tilt::from_up(self.attitude.up_in_body());
+        // The heading's own bias stays in: it is estimated with the window.
+        let rate_rad_s = tilt.yaw_rate_rad_s(rate - Vector3::new(bias.x, bias.y, 0.0));
+        let heading_rad = last.map_or(0.0, |last| {
+            let dt_ns = stamp_ns - last.stamp_ns;
+            if dt_ns > HOLE_NS {
+                self.holes += 1;
+            }
+            last.heading_rad + 0.5 * (last.rate_rad_s + rate_rad_s) * dt_ns as f64 * 1e-9
+        });
+        if self.moments.len() == CAPACITY {
+            self.moments.pop_front();
+        }
+        self.moments.push_back(Moment {
+            stamp_ns,
+            heading_rad,
+            rate_rad_s,
+            tilt,
+        });
+        still.map(|still| (still.bias_rad_s.z, still.sigma_rad_s.z))
+    }
+
+    /// Stamp of the newest sample.
+    pub fn newest_ns(&self) -> Option<i64> {
+        self.moments.back().map(|m| m.stamp_ns)
+    }
+
+    /// Sequence of the newest sample.
+    pub fn newest_sequence(&self) -> Option<u64> {
+        self.last_sequence
+    }
+
+    /// Integrated heading at an instant, straight between samples, at the last rate beyond them.
+    pub fn at(&self, stamp_ns: i64) -> Option<f64> {
+        let after = self.moments.partition_point(|m| m.stamp_ns < stamp_ns);
+        let seconds = |from: i64| (stamp_ns - from) as f64 * 1e-9;
+        match (
+            after.checked_sub(1).and_then(|i| self.moments.get(i)),
+            self.moments.get(after),
+        ) {
+            (Some(a), Some(b)) => {
+                let fraction = (stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns) as f64;
+                Some(a.heading_rad + (b.heading_rad - a.heading_rad) * fraction)
+            }
+            (Some(edge), None) | (None, Some(edge)) => {
+                Some(edge.heading_rad + edge.rate_rad_s * seconds(edge.stamp_ns))
+            }
+            (None, None) => None,
+        }
+    }
+
+    /// How the heading turned between two instants.
+    pub fn turn(&self, from_ns: i64, to_ns: i64) -> Option<Turn> {
+        let angle_rad = self.at(to_ns)? - self.at(from_ns)?;
+        let (first, last) = (
+            self.moments.front()?.stamp_ns,
+            self.moments.back()?.stamp_ns,
+        );
+        let beyond = (to_ns - last.max(from_ns)).max(0) + (first.min(to_ns) - from_ns).max(0);
+        let mut holes = 0;
+        let begin = self
+            .moments
+            .partition_point(|m| m.stamp_ns < from_ns)
+            .max(1);
+        for (a, b) in self
+            .moments
+            .iter()
+            .skip(begin - 1)
+            .zip(self.moments.iter().skip(begin))
+        {
+            if a.stamp_ns >= to_ns {
+                break;
+            }
+            if b.stamp_ns - a.stamp_ns > HOLE_NS {
+                holes += b.stamp_ns.min(to_ns) - a.stamp_ns.max(from_ns);
+            }
+        }
+        Some(Turn {
+            angle_rad,
+            uncovered_s: (beyond + holes) as f64 * 1e-9,
+        })
+    }
+
+    /// Yaw rate with its bias and tilt at the newest sample at or before an instant.
+    pub fn moment(&self, stamp_ns: i64) -> Option<(f64, Tilt)> {
+        let after = self.moments.partition_point(|m| m.stamp_ns <= stamp_ns);
+        self.moments
+            .get(after.saturating_sub(1))
+            .map(|m| (m.rate_rad_s, m.tilt))
+    }
+
+    /// Attitude of `base_link`.
+    pub fn attitude(&self) -> Quaternion {
+        self.attitude.attitude()
+    }
+
+    /// Gyro bias in `base_link`, rad/s: standstills give x and y, the window z.
+    pub fn bias_rad_s(&self) -> Vector3<f64> {
+        let bias = self.bias.mean_rad_s();
+        Vector3::new(bias.x, bias.y, self.yaw_bias_rad_s)
+    }
+
+    /// The window's word on the yaw bias.
+    pub fn set_yaw_bias(&mut self, bias_rad_s: f64) {
+        self.yaw_bias_rad_s = bias_rad_s;
+    }
+}

@@ -1,0 +1,126 @@
+//! One scan of the window: what was measured and what is estimated of it.
+
+use crate::{
+    deskew::{BeamPose, Motion, Point, beam_poses, deskew},
+    factors::GyroTerm,
+    heading::Heading,
+    state::State,
+    tilt::Tilt,
+};
+use nalgebra::Vector3;
+use randt_config::{Config, Robot};
+use randt_messages::{Message, RadarPoints};
+use randt_ndt::{Association, Cell, CellRule, Grid, ScanCell};
+
+/// A scan with its state. Reused, so that a step allocates nothing.
+#[derive(Clone, Debug, Default)]
+pub struct Slot {
+    /// The filtered returns as they came.
+    pub scan: Message<RadarPoints>,
+    /// The estimate.
+    pub state: State,
+    /// Time since the scan before, s; 0 for the first of a frame.
+    pub dt_s: f64,
+    /// What the gyro says since the scan before.
+    pub gyro: Option<GyroTerm>,
+    /// Whether the gyro covers the sweep.
+    pub gyro_covers_sweep: bool,
+    /// Roll and pitch.
+    pub tilt: Tilt,
+    /// Poses of the beams.
+    pub beams: Vec<BeamPose>,
+    /// De-skewed returns.
+    pub points: Vec<Point>,
+    /// Velocity that they were de-skewed by.
+    pub deskew_velocity: Vector3<f64>,
+    /// NDT cells of the points.
+    pub cells: Vec<ScanCell>,
+    /// Their counterparts in the submap.
+    pub associations: Vec<Association>,
+}
+
+impl Slot {
+    /// De-skews by the present state and the one before.
+    pub fn deskew(
+        &mut self,
+        robot: &Robot,
+        previous: Option<&State>,
+        heading: Option<&Heading>,
+        remove_motion: bool,
+    ) {
+        let motion = Motion {
+            velocity: self.state.velocity,
+            previous: previous.map(|state| (state.velocity, self.dt_s)),
+            gyro: heading
+                .filter(|_| self.gyro_covers_sweep)
+                .map(|heading| (heading, self.state.bias_rad_s)),
+            tilt: self.tilt,
+        };
+        beam_poses(
+            &self.scan,
+            robot,
+            remove_motion.then_some(&motion),
+            &mut self.beams,
+        );
+        deskew(&self.scan, &self.beams, &mut self.points);
+        self.deskew_velocity = self.state.velocity;
+    }
+
+    /// How far the velocity has moved from the one that the points were de-skewed by.
+    pub fn velocity_change(&self) -> [f64; 3] {
+        let mut change = self.state.velocity - self.deskew_velocity;
+        if self.gyro_covers_sweep {
+            // The gyro removed the rotation, whatever the velocity says of it.
+            change.z = 0.0;
+        }
+        change.into()
+    }
+}
+
+/// Makes cells of a scan's points, with their levers.
+#[derive(Clone, Debug)]
+pub struct CellMaker {
+    grid: Grid,
+    levers: Vec<f64>,
+}
+
+impl CellMaker {
+    /// A grid around the robot.
+    pub fn new(config: &Config) -> Self {
+        let rule = CellRule {
+            points_min: config.ndt.points_min,
+            use_intensity: config.ndt.intensity,
+        };
+        let reach = config.filter.range_max_m.min(config.sensor.range_max_m);
+        // Points move by the distance driven in a sweep when they are de-skewed.
+        let margin = config.odometry.speed_max_m_s * config.sensor.period_s;
+        let grid = Grid::new(config.ndt.cell_size_m, reach + margin, rule);
+        Self {
+            grid,
+            levers: Vec::new(),
+        }
+    }
+
+    /// The cells of `points`, in order of their first point.
+    pub fn make(&mut self, points: &[Point], cells: &mut Vec<ScanCell>) {
+        self.grid.clear();
+        self.levers.clear();
+        for point in points {
+            let Some(slot) = self.grid.add([point.x_m, point.y_m, point.intensity]) else {
+                continue;
+            };
+            if slot == self.levers.len() {
+                self.levers.push(0.0);
+            }
+            if let Some(lever) = self.levers.get_mut(slot) {
+                *lever += point.lever_s;
+            }
+        }
+        self.grid.refresh();
+        cells.clear();
+        cells.extend(self.levers.iter().enumerate().filter_map(|(slot, lever)| {
+            let cell: &Cell = self.grid.cell(slot)?;
+            Some(ScanCell::new(cell, lever / f64::from(cell.count)))
+        }));
+    }
+}

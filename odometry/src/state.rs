@@ -1,0 +1,46 @@
+//! What is estimated at each scan: pose, velocity, gyro bias.
+
+use nalgebra::{SMatrix, SVector, Vector3};
+use randt_geometry::Pose2;
+
+/// Numbers in a state: x, y, yaw; forward, left, yaw rate; bias.
+pub const STATE: usize = 7;
+/// A perturbation of a state; the pose's part stands on the right, in the robot's frame.
+pub type StateVector = SVector<f64, STATE>;
+/// Information or covariance of a perturbation.
+pub type StateMatrix = SMatrix<f64, STATE, STATE>;
+
+/// The estimate at the end of one sweep (paper, III-C).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct State {
+    /// `base_link` in `odom`.
+    pub pose: Pose2,
+    /// Forward m/s, left m/s, yaw rate rad/s.
+    pub velocity: Vector3<f64>,
+    /// Bias of the gyro's yaw rate, rad/s.
+    pub bias_rad_s: f64,
+}
+
+impl State {
+    /// This state, moved by a perturbation.
+    pub fn plus(&self, step: &StateVector) -> Self {
+        Self {
+            pose: self
+                .pose
+                .compose(&Pose2::exp(step.fixed_rows::<3>(0).into_owned())),
+            velocity: self.velocity + step.fixed_rows::<3>(3),
+            bias_rad_s: self.bias_rad_s + step[6],
+        }
+    }
+
+    /// The perturbation that leads from `origin` to this state.
+    pub fn minus(&self, origin: &Self) -> StateVector {
+        let mut d = StateVector::zeros();
+        d.fixed_rows_mut::<3>(0)
+            .copy_from(&origin.pose.between(&self.pose).log());
+        d.fixed_rows_mut::<3>(3)
+            .copy_from(&(self.velocity - origin.velocity));
+        d[6] = self.bias_rad_s - origin.bias_rad_s;
+        d
+    }
+}

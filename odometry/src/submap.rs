@@ -1,0 +1,119 @@
+//! Submaps: the grids that scans are registered to, opened and closed by distance, overlapping.
+
+use crate::deskew::Point;
+use nalgebra::Vector2;
+use randt_config::{Config, Submap as SubmapConfig};
+use randt_geometry::Pose2;
+use randt_ndt::{CellRule, Grid};
+
+/// One submap; its grid stands in the frame of its root keyframe.
+#[derive(Clone, Debug)]
+pub struct Submap {
+    /// Number of the submap, from 0.
+    pub id: u64,
+    /// Keyframe at its origin.
+    pub root_keyframe: u64,
+    /// That keyframe's pose in `odom`.
+    pub root: Pose2,
+    /// Its cells.
+    pub grid: Grid,
+}
+
+impl Submap {
+    fn open(&mut self, id: u64, root_keyframe: u64, root: Pose2) {
+        (self.id, self.root_keyframe, self.root) = (id, root_keyframe, root);
+        self.grid.clear();
+    }
+
+    /// Adds a scan; gives the number of points that lie outside.
+    fn insert(&mut self, pose: &Pose2, points: &[Point]) -> u64 {
+        let relative = self.root.between(pose);
+        let mut outside = 0;
+        for point in points {
+            let p = relative.transform(Vector2::new(point.x_m, point.y_m));
+            outside += u64::from(self.grid.add([p.x, p.y, point.intensity]).is_none());
+        }
+        self.grid.refresh();
+        outside
+    }
+}
+
+/// The submap in force and, near its end, the one that follows; both hold the scans of the overlap.
+#[derive(Clone, Debug)]
+pub struct Submaps {
+    config: SubmapConfig,
+    active: Submap,
+    next: Submap,
+    next_is_open: bool,
+    ids: u64,
+    /// Points that fell outside of a grid.
+    pub outside: u64,
+}
+
+impl Submaps {
+    /// Both grids, empty; nothing is allocated later.
+    pub fn new(config: &Config) -> Self {
+        let reach = config.filter.range_max_m.min(config.sensor.range_max_m);
+        let rule = CellRule {
+            points_min: config.ndt.points_min,
+            use_intensity: config.ndt.intensity,
+        };
+        // A scan at the very edge still fits; the speed may carry one interval beyond it.
+        let half_width = reach + config.submap.radius_m + 2.0 * config.ndt.cell_size_m;
+        let grid = Grid::new(config.ndt.cell_size_m, half_width, rule);
+        let submap = Submap {
+            id: 0,
+            root_keyframe: 0,
+            root: Pose2::IDENTITY,
+            grid,
+        };
+        Self {
+            config: config.submap.clone(),
+            active: submap.clone(),
+            next: submap,
+            next_is_open: false,
+            ids: 0,
+            outside: 0,
+        }
+    }
+
+    /// Begins anew with a root; numbers of submaps go on.
+    pub fn restart(&mut self, root_keyframe: u64, root: Pose2) {
+        self.active.open(self.ids, root_keyframe, root);
+        self.ids += 1;
+        self.next_is_open = false;
+    }
+
+    /// The submap that scans are registered to.
+    pub fn active(&self) -> &Submap {
+        &self.active
+    }
+
+    /// Empties the submap in force and fills it with one scan: the map before any scan is final.
+    pub fn seed(&mut self, pose: &Pose2, points: &[Point]) {
+        self.active.grid.clear();
+        self.active.insert(pose, points);
+    }
+
+    /// Opens the next submap at a keyframe where the overlap begins.
+    pub fn open_next(&mut self, keyframe: u64, pose: &Pose2) {
+        let travelled = self.active.root.between(pose).translation().norm();
+        if !self.next_is_open && travelled >= self.config.radius_m - self.config.overlap_m {
+            self.next.open(self.ids, keyframe, *pose);
+            self.ids += 1;
+            self.next_is_open = true;
+        }
+    }
+
+    /// Adds a scan with its final pose to every open submap; hands over where the active one ends.
+    pub fn insert(&mut self, pose: &Pose2, points: &[Point]) {
+        self.outside += self.active.insert(pose, points);
+        if self.next_is_open {
+            self.outside += self.next.insert(pose, points);
+            if self.active.root.between(pose).translation().norm() >= self.config.radius_m {
+                core::mem::swap(&mut self.active, &mut self.next);
+                self.next_is_open = false;
+            }
+        }
+    }
+}
