@@ -113,4 +113,24 @@ pub enum Error {
         /// What the input says.
         found: f64,
     },
+    /// More than one mistake, in the order of their places.
+    #[error("{} mistakes:{}", .0.len(), .0.iter().map(|e| format!("\n  {e}")).collect::<String>())]
+    Several(
+        /// Each of them.
+        Vec<Error>,
+    ),
+}
+
+impl Error {
+    /// Several mistakes as one error; none as none.
+    pub fn all(mut mistakes: Vec<Self>) -> Result<(), Self> {
+        match mistakes.pop() {
+            None => Ok(()),
+            Some(only) if mistakes.is_empty() => Err(only),
+            Some(last) => {
+                mistakes.push(last);
+                Err(Self::Several(mistakes))
+            }
+        }
+    }
 }

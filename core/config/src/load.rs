@@ -34,7 +34,7 @@ pub struct Loaded {
 }
 
 impl Config {
-    /// Reads what is asked for. The first thing that is wrong is the error.
+    /// Reads what is asked for. Everything that is wrong in a file is told at once.
     pub fn load(selection: &Selection) -> Result<Loaded, Error> {
         let mut loaded = Loaded::default();
         let profile = selection.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
@@ -99,28 +99,15 @@ impl Loaded {
         only: Option<&'static str>,
     ) -> Result<(), Error> {
         let layer = Layer { source, text, only };
-        let problems = layer.apply(&mut self.config, &mut self.origins);
-        problems.into_iter().next().map_or(Ok(()), Err)
+        Error::all(layer.apply(&mut self.config, &mut self.origins))
     }
 }
 
-/// Everything that is wrong with a file, for itself and together with the defaults.
-pub fn check_file(path: &str) -> Vec<Error> {
-    let text = match read_text(path) {
-        Ok(text) => text,
-        Err(error) => return vec![error],
-    };
+/// Checks a file of any kind for itself and together with the defaults.
+pub fn check_file(path: &str) -> Result<(), Error> {
     let mut loaded = Loaded::default();
-    let layer = Layer {
-        source: path,
-        text: &text,
-        only: None,
-    };
-    let mut problems = layer.apply(&mut loaded.config, &mut loaded.origins);
-    if problems.is_empty() {
-        problems.extend(loaded.config.check().err());
-    }
-    problems
+    loaded.add_text(path, &read_text(path)?, None)?;
+    loaded.config.check()
 }
 
 #[cfg(test)]

@@ -1,1 +1,36 @@
 //! Trajectory errors (ATE, RPE, KITTI drift) and plots.
+//!
+//! Responsible for trajectory files, for what belongs together in two of them, for the figures as
+//! they are published elsewhere, and for the picture. Not responsible for what is done with them.
+//!
+//! ```
+//! use randt_evaluation::{Trajectory, evaluate};
+//!
+//! let truth = "0.0 0 0 0 0 0 0 1\n1.0 1 0 0 0 0 0 1\n2.0 2 0 0 0 0 0 1\n";
+//! let estimate = "0.0 5 5 0 0 0 0 1\n1.0 5 6 0 0 0 0 1\n2.0 5 7 0 0 0 0 1\n";
+//! let truth = Trajectory::read_from(truth.as_bytes(), "truth.tum")?;
+//! let estimate = Trajectory::read_from(estimate.as_bytes(), "estimate.tum")?;
+//! let evaluation = evaluate(&estimate, &truth)?;
+//! assert!(evaluation.ate_rmse_m.is_some_and(|error_m| error_m < 1e-12));
+//! assert_eq!(evaluation.kitti_translation_percent, None);
+//! # Ok::<(), randt_evaluation::Error>(())
+//! ```
+
+mod absolute;
+mod axis;
+mod error;
+mod evaluation;
+mod pairs;
+mod plot;
+mod read;
+mod relative;
+mod trajectory;
+mod transform;
+mod view;
+mod write;
+
+pub use error::Error;
+pub use evaluation::{Evaluation, evaluate};
+pub use plot::{Plot, plot_trajectories};
+pub use trajectory::{Trajectory, TrajectoryPose};
+pub use transform::Transform;
