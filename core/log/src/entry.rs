@@ -10,6 +10,8 @@ pub struct Channel {
     pub topic: String,
     /// Type name with layout hash; empty where the log has none.
     pub type_name: String,
+    /// How its messages are serialised: `randt` in our logs, `cdr` or `ros1` in ROS bags.
+    pub message_encoding: String,
     /// Messages read so far.
     pub messages: u64,
 }

@@ -306,6 +306,7 @@ impl<R: Read + Seek> LogReader<R> {
                 let channel = Channel {
                     topic: record.topic,
                     type_name,
+                    message_encoding: record.message_encoding,
                     messages: 0,
                 };
                 self.channels.entry(record.id).or_insert(channel);

@@ -6,7 +6,21 @@
 mod error;
 mod event;
 mod input;
+mod limit;
+mod log;
+mod merge;
+mod open;
+mod options;
+mod oxford;
+mod ros;
+mod ros1;
+mod ros2;
+mod summary;
+mod sweep;
+mod tally;
 
 pub use error::Error;
 pub use event::Event;
 pub use input::{Counter, Extrinsics, InputInfo, Source};
+pub use open::open;
+pub use options::{Options, Rotation, StampMeaning};

@@ -1,0 +1,119 @@
+//! Our own MCAP log as a source.
+
+use crate::ros2::count_damage;
+use crate::summary::Summary;
+use crate::sweep::mend;
+use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, tally::Tally};
+use randt_geometry::{Pose2, Quaternion};
+use randt_log::{Damage, LogReader};
+use randt_messages::{ImuSampleTopic, RadarScan, Topic, TruthPoseTopic};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// A log that is being read.
+pub(crate) struct LogSource {
+    reader: LogReader<BufReader<File>>,
+    info: InputInfo,
+    tally: Tally,
+    counted: Vec<Damage>,
+}
+
+impl LogSource {
+    pub fn open(path: &Path, radar_required: bool) -> Result<Self, Error> {
+        let reader = LogReader::open(path)?;
+        let robot = reader.robot()?;
+        let channels = Summary::read(path).map(|summary| summary.channels());
+        let scans = channels.map(|channels| {
+            let radar = channels.iter().filter(|(topic, ..)| topic == RadarScan::NAME);
+            radar.map(|(.., messages)| messages).sum()
+        });
+        if scans == Some(0) && radar_required {
+            return Err(Error::NoRadar {
+                path: path.display().to_string(),
+                topics: format!("no message of {}", RadarScan::NAME),
+            });
+        }
+        Ok(Self {
+            info: InputInfo {
+                format: "randt-log",
+                sensor: robot.sensor,
+                scans,
+                extrinsics: Extrinsics {
+                    radar: robot.radar.map(Pose2::from_array),
+                    imu: robot.imu.map(|[w, x, y, z]| Quaternion::new(w, x, y, z)),
+                },
+            },
+            reader,
+            tally: Tally::default(),
+            counted: Vec::new(),
+        })
+    }
+
+    /// The next message of a topic that matters; `Err` inside where it is not what its topic should hold.
+    fn step(&mut self) -> Result<Step, Error> {
+        let Some(entry) = self.reader.next_entry()? else {
+            return Ok(Step::End);
+        };
+        let topic = entry.channel.topic.as_str();
+        let event = if topic == RadarScan::NAME {
+            entry.decode::<RadarScan>().map(|scan| scan.map(Event::Scan))
+        } else if topic == ImuSampleTopic::NAME {
+            entry.decode::<ImuSampleTopic>().map(|sample| sample.map(|s| Event::Imu(*s.head)))
+        } else if topic == TruthPoseTopic::NAME {
+            entry.decode::<TruthPoseTopic>().map(|pose| pose.map(|p| Event::Truth(*p.head)))
+        } else {
+            return Ok(Step::Other);
+        };
+        match event {
+            Ok(Some(event)) => Ok(Step::Event(event)),
+            Ok(None) => Ok(Step::Other),
+            Err(error @ randt_log::Error::MessageSize { .. }) => Ok(Step::Malformed(error.to_string())),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+enum Step {
+    Event(Event),
+    Malformed(String),
+    Other,
+    End,
+}
+
+impl Source for LogSource {
+    fn info(&self) -> &InputInfo {
+        &self.info
+    }
+
+    fn next_event(&mut self) -> Result<Option<Event>, Error> {
+        loop {
+            let step = self.step()?;
+            count_damage(self.reader.damage(), &mut self.counted, &mut self.tally);
+            match step {
+                Step::End => return Ok(None),
+                Step::Other => {}
+                Step::Malformed(why) => self.tally.lost("messages_malformed", 1, || why),
+                Step::Event(Event::Scan(mut scan)) => {
+                    if mend(&mut scan, &mut self.tally) {
+                        return Ok(Some(Event::Scan(scan)));
+                    }
+                }
+                Step::Event(Event::Imu(sample)) => {
+                    let mut values = sample.rate_rad_s.iter().chain(&sample.acceleration_m_s2);
+                    if values.all(|value| value.is_finite()) {
+                        return Ok(Some(Event::Imu(sample)));
+                    }
+                    self.tally.lost("imu_samples_not_finite", 1, || {
+                        format!("a NaN or infinite value in the sample stamped {}", sample.header.stamp_ns)
+                    });
+                }
+                Step::Event(event) => return Ok(Some(event)),
+            }
+        }
+    }
+
+    fn counters(&self) -> Vec<Counter> {
+        self.tally.counters()
+    }
+}

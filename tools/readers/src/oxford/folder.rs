@@ -1,0 +1,146 @@
+//! A folder of polar images as a log.
+
+use super::image::PolarImage;
+use super::sweep::build;
+use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, tally::Tally};
+use randt_messages::SensorKind;
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+/// The images that are left to read, oldest first.
+pub(crate) struct OxfordFolder {
+    info: InputInfo,
+    images: std::vec::IntoIter<PathBuf>,
+    power_min: f32,
+    sweeps: u64,
+    tally: Tally,
+}
+
+impl OxfordFolder {
+    /// Opens the data set's folder (with `radar/` in it) or the folder of the images; `None` for a folder without images.
+    pub fn open(path: &Path, options: &Options) -> Result<Option<Self>, Error> {
+        let inner = path.join("radar");
+        let (folder, base) = if inner.is_dir() {
+            (inner.as_path(), Some(path))
+        } else {
+            (path, path.parent())
+        };
+        let mut images = images(folder)?;
+        if images.is_empty() {
+            return Ok(None);
+        }
+        let mut tally = Tally::default();
+        let lists = [Some(path), base].into_iter().flatten().map(|p| p.join("radar.timestamps"));
+        if let Some(list) = lists.into_iter().find(|list| list.is_file())
+            && !options.unlisted_scans
+        {
+            let text = std::fs::read_to_string(&list).map_err(Error::io(&list))?;
+            images = listed(images, folder, &text, &list, &mut tally);
+        }
+        Ok(Some(Self::new(images, options, tally)))
+    }
+
+    /// Opens one image as a log of one sweep.
+    pub fn open_image(path: &Path, options: &Options) -> Result<Self, Error> {
+        PolarImage::read(path).map_err(|found| Error::NotRecognised {
+            path: path.display().to_string(),
+            found,
+        })?;
+        Ok(Self::new(vec![path.to_owned()], options, Tally::default()))
+    }
+
+    fn new(images: Vec<PathBuf>, options: &Options, tally: Tally) -> Self {
+        Self {
+            info: InputInfo {
+                format: "oxford",
+                sensor: SensorKind::NavtechCts,
+                scans: Some(images.len() as u64),
+                extrinsics: Extrinsics::default(),
+            },
+            images: images.into_iter(),
+            power_min: options.power_min,
+            sweeps: 0,
+            tally,
+        }
+    }
+}
+
+/// The images of a folder by their names, which are stamps.
+fn images(folder: &Path) -> Result<Vec<PathBuf>, Error> {
+    let mut images = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
+        let path = entry.map_err(Error::io(folder))?.path();
+        let is_png = path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("png"));
+        if is_png && path.is_file() {
+            images.push(path);
+        }
+    }
+    images.sort_by_key(|path| (stamp(path), path.clone()));
+    Ok(images)
+}
+
+/// The stamp that an image is named after, us.
+fn stamp(path: &Path) -> Option<u64> {
+    path.file_stem().and_then(OsStr::to_str)?.parse().ok()
+}
+
+/// The images that the list of stamps names, in its order.
+fn listed(
+    images: Vec<PathBuf>,
+    folder: &Path,
+    text: &str,
+    list: &Path,
+    tally: &mut Tally,
+) -> Vec<PathBuf> {
+    let present: BTreeSet<&PathBuf> = images.iter().collect();
+    let mut found = Vec::new();
+    for (number, line) in text.lines().enumerate() {
+        let Some(word) = line.split_whitespace().next() else { continue };
+        let path = folder.join(format!("{word}.png"));
+        if present.contains(&path) {
+            found.push(path);
+        } else {
+            tally.lost("scans_missing", 1, || {
+                format!("{}: line {}: no image {}", list.display(), number + 1, path.display())
+            });
+        }
+    }
+    let unlisted = images.len().saturating_sub(found.len()) as u64;
+    tally.noted("scans_unlisted", unlisted, || {
+        format!("{} lists {} of {} images", list.display(), found.len(), images.len())
+    });
+    found
+}
+
+impl Source for OxfordFolder {
+    fn info(&self) -> &InputInfo {
+        &self.info
+    }
+
+    fn next_event(&mut self) -> Result<Option<Event>, Error> {
+        for path in self.images.by_ref() {
+            let image = match PolarImage::read(&path) {
+                Ok(image) => image,
+                Err(why) => {
+                    self.tally.lost("images_unreadable", 1, || format!("{}: {why}", path.display()));
+                    continue;
+                }
+            };
+            let (scan, over) = build(&image, self.power_min, self.sweeps);
+            self.sweeps += 1;
+            self.tally.lost("beams_lost", u64::from(scan.head.sweep.beams_lost), || {
+                format!("{}: rows missing or not marked as measured", path.display())
+            });
+            self.tally.lost("returns_over_limit", over as u64, || {
+                format!("{}: the strongest are kept (a higher --power-min leaves fewer)", path.display())
+            });
+            return Ok(Some(Event::Scan(scan)));
+        }
+        Ok(None)
+    }
+
+    fn counters(&self) -> Vec<Counter> {
+        self.tally.counters()
+    }
+}

@@ -1,0 +1,137 @@
+//! A sweep's message from a polar image, with the time of each beam.
+
+use super::image::{ENCODER_TURN, PolarImage, Row};
+use crate::limit::strongest;
+use crate::sweep::wrap_f32;
+use randt_geometry::elementary::PI;
+use randt_messages::{Beam, MAX_RETURNS, Message, RadarScan, Return, SensorKind};
+
+/// Width of a range bin of the data set's CTS350-X, m.
+const RESOLUTION_M: f64 = 0.0432;
+
+/// Time against angle: what a turntable of constant speed would have, by least squares.
+///
+/// The rows' own stamps come in bursts of up to 8 ms; the turntable's speed is steadier than that by far.
+struct Rotation {
+    first_us: i64,
+    offset_us: f64,
+    us_per_count: f64,
+}
+
+impl Rotation {
+    /// Fits rows of (encoder counts since the first row, stamp us). At least one row.
+    fn fit(rows: &[(i64, i64)], first_us: i64) -> Self {
+        let count = rows.len() as f64;
+        let relative = || rows.iter().map(|(u, t)| (*u as f64, t.wrapping_sub(first_us) as f64));
+        let mean_u = relative().map(|(u, _)| u).sum::<f64>() / count;
+        let mean_t = relative().map(|(_, t)| t).sum::<f64>() / count;
+        let (mut product, mut square) = (0.0, 0.0);
+        for (u, t) in relative() {
+            product += (u - mean_u) * (t - mean_t);
+            square += (u - mean_u) * (u - mean_u);
+        }
+        let us_per_count = if square > 0.0 { product / square } else { 0.0 };
+        Self {
+            first_us,
+            offset_us: mean_t - us_per_count * mean_u,
+            us_per_count,
+        }
+    }
+
+    fn ns(&self, counts: f64) -> i64 {
+        let relative_ns = (1000.0 * (self.offset_us + self.us_per_count * counts)).round() as i64;
+        self.first_us.saturating_mul(1000).saturating_add(relative_ns)
+    }
+}
+
+/// Makes the message. Also gives the number of returns over the limit.
+pub(super) fn build(image: &PolarImage, power_min: f32, sequence: u64) -> (Message<RadarScan>, usize) {
+    let mut message = Message::<RadarScan>::default();
+    let rows: Vec<Row> = image.rows().filter(|row| row.valid).collect();
+    let unwrapped = unwrap(rows.iter().map(|row| row.encoder));
+    let stamps: Vec<(i64, i64)> =
+        unwrapped.iter().copied().zip(rows.iter().map(|row| row.time_us)).collect();
+    let (Some(first), Some(last)) = (rows.first(), unwrapped.last()) else {
+        return (message, 0);
+    };
+    let rotation = Rotation::fit(&stamps, first.time_us);
+    let step = step(&unwrapped);
+
+    let head = &mut *message.head;
+    let sweep = &mut head.sweep;
+    // A beam's time is the middle of its share of the turn.
+    sweep.begin_ns = rotation.ns(-0.5 * step);
+    sweep.end_ns = rotation.ns(*last as f64 + 0.5 * step);
+    head.header.sequence = sequence;
+    head.header.stamp_ns = sweep.end_ns;
+    sweep.sensor = SensorKind::NavtechCts as u32;
+    sweep.range_resolution_m = RESOLUTION_M as f32;
+    let rad_per_count = 2.0 * PI / f64::from(ENCODER_TURN);
+    sweep.azimuth_step_rad = (step * rad_per_count) as f32;
+    sweep.beam_count = rows.len() as u32;
+    let expected = (f64::from(ENCODER_TURN) / step).round() as usize;
+    sweep.beams_lost = expected.saturating_sub(rows.len()) as u32;
+
+    for (index, (row, counts)) in rows.iter().zip(&unwrapped).enumerate() {
+        if let Some(beam) = sweep.beams.get_mut(index) {
+            *beam = Beam {
+                stamp_ns: rotation.ns(*counts as f64),
+                // The encoder counts clockwise; ours is counter-clockwise (DESIGN, invariant 7).
+                azimuth_rad: wrap_f32(-f64::from(row.encoder) * rad_per_count),
+                first_return: message.items.len() as u32,
+            };
+        }
+        let kept = row.powers.iter().enumerate().filter(|(_, p)| f32::from(**p) > power_min);
+        message.items.extend(kept.map(|(bin, power)| Return {
+            // The middle of the bin, as in the data set's own conversion to Cartesian images.
+            range_m: ((bin as f64 + 0.5) * RESOLUTION_M) as f32,
+            intensity: f32::from(*power),
+            beam: index as u16,
+            bin: bin as u16,
+        }));
+    }
+    let over = message.items.len().saturating_sub(MAX_RETURNS);
+    if over > 0 {
+        limit(&mut message);
+        message.head.sweep.returns_dropped = over as u32;
+    }
+    (message, over)
+}
+
+/// Keeps the strongest returns and sets the beams' first ones anew.
+fn limit(message: &mut Message<RadarScan>) {
+    message.items = strongest(&message.items, |item| item.intensity);
+    let count = message.head.sweep.beam_count as usize;
+    for (index, beam) in message.head.sweep.beams.iter_mut().enumerate().take(count) {
+        let first = message.items.partition_point(|item| usize::from(item.beam) < index);
+        beam.first_return = first as u32;
+    }
+}
+
+/// Counts since the first row, over the encoder's zero.
+fn unwrap(encoders: impl Iterator<Item = u16>) -> Vec<i64> {
+    let turn = i64::from(ENCODER_TURN);
+    let mut previous = None;
+    let mut sum = 0;
+    encoders
+        .map(|encoder| {
+            let encoder = i64::from(encoder);
+            sum += (encoder - previous.unwrap_or(encoder)).rem_euclid(turn);
+            previous = Some(encoder);
+            sum
+        })
+        .collect()
+}
+
+/// Median step between rows, counts; the radar's 400 azimuths where there is one row only.
+fn step(unwrapped: &[i64]) -> f64 {
+    let mut steps: Vec<i64> = unwrapped
+        .windows(2)
+        .filter_map(|pair| match pair {
+            [a, b] => Some(b - a).filter(|step| *step > 0),
+            _ => None,
+        })
+        .collect();
+    steps.sort_unstable();
+    steps.get(steps.len() / 2).map_or(f64::from(ENCODER_TURN) / 400.0, |step| *step as f64)
+}

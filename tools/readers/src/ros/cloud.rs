@@ -1,0 +1,158 @@
+//! `sensor_msgs/PointCloud2`, as found: fields by name, offset and datatype, any step, either byte order.
+
+use super::wire::{Encoding, Malformed, RosHeader, Wire};
+
+/// One finite point in the plane of the radar, with its intensity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Point {
+    pub x_m: f64,
+    pub y_m: f64,
+    pub intensity: f32,
+}
+
+/// The points of one message in its order.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Cloud {
+    pub header: RosHeader,
+    pub points: Vec<Point>,
+    /// Points left out because a value was NaN or infinite.
+    pub not_finite: u32,
+}
+
+/// Names under which drivers publish the strength of an echo, best first.
+const INTENSITY_NAMES: [&str; 6] = ["intensity", "intensities", "power", "amplitude", "snr", "rcs"];
+
+/// Most points in a message: ten times a sweep's most returns and then some. A larger count is damage.
+const MAX_POINTS: usize = 1 << 22;
+
+/// `sensor_msgs/PointField` datatypes 1 to 8.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Datatype {
+    I8 = 1,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+impl Datatype {
+    fn from_code(code: u8) -> Option<Self> {
+        use Datatype::*;
+        [I8, U8, I16, U16, I32, U32, F32, F64]
+            .into_iter()
+            .find(|datatype| *datatype as u8 == code)
+    }
+
+    /// The value at the beginning of `bytes`.
+    fn read(self, bytes: &[u8], big_endian: bool) -> Option<f64> {
+        fn array<const N: usize>(bytes: &[u8], big_endian: bool) -> Option<[u8; N]> {
+            let mut array = *bytes.first_chunk::<N>()?;
+            if big_endian {
+                array.reverse();
+            }
+            Some(array)
+        }
+        Some(match self {
+            Self::I8 => f64::from(i8::from_le_bytes(array(bytes, big_endian)?)),
+            Self::U8 => f64::from(u8::from_le_bytes(array(bytes, big_endian)?)),
+            Self::I16 => f64::from(i16::from_le_bytes(array(bytes, big_endian)?)),
+            Self::U16 => f64::from(u16::from_le_bytes(array(bytes, big_endian)?)),
+            Self::I32 => f64::from(i32::from_le_bytes(array(bytes, big_endian)?)),
+            Self::U32 => f64::from(u32::from_le_bytes(array(bytes, big_endian)?)),
+            Self::F32 => f64::from(f32::from_le_bytes(array(bytes, big_endian)?)),
+            Self::F64 => f64::from_le_bytes(array(bytes, big_endian)?),
+        })
+    }
+}
+
+/// Where a value stands within a point.
+#[derive(Clone, Copy, Debug)]
+struct Field {
+    offset: usize,
+    datatype: Datatype,
+}
+
+impl Field {
+    fn read(self, point: &[u8], big_endian: bool) -> Option<f64> {
+        self.datatype.read(point.get(self.offset..)?, big_endian)
+    }
+}
+
+impl Cloud {
+    pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Self, Malformed> {
+        let mut wire = Wire::new(bytes, encoding)?;
+        let header = wire.header()?;
+        let height = wire.u32()? as usize;
+        let width = wire.u32()? as usize;
+
+        let (mut x, mut y, mut intensity) = (None, None, None);
+        let mut rank = INTENSITY_NAMES.len();
+        for _ in 0..wire.u32()? {
+            let name = wire.string()?;
+            let offset = wire.u32()? as usize;
+            let datatype = Datatype::from_code(wire.u8()?);
+            wire.u32()?; // count: only arrays have more than one, and none of ours is one
+            let field = datatype.map(|datatype| Field { offset, datatype });
+            match name.as_str() {
+                "x" => x = field,
+                "y" => y = field,
+                other => {
+                    let found = INTENSITY_NAMES.iter().position(|name| *name == other);
+                    if let Some(found) = found.filter(|found| *found < rank) {
+                        (rank, intensity) = (found, field);
+                    }
+                }
+            }
+        }
+        let big_endian = wire.u8()? != 0;
+        let point_step = wire.u32()? as usize;
+        let row_step = wire.u32()? as usize;
+        let data = wire.bytes()?;
+
+        let x = x.ok_or_else(|| wire.malformed("no field x of a known datatype"))?;
+        let y = y.ok_or_else(|| wire.malformed("no field y of a known datatype"))?;
+        let intensity = intensity
+            .ok_or_else(|| wire.malformed("no field intensity of a known datatype"))?;
+        let count = height
+            .checked_mul(width)
+            .filter(|count| *count <= MAX_POINTS)
+            .ok_or_else(|| wire.malformed("width x height above 4 million"))?;
+        // A row step of 0 is a common omission in clouds of one row.
+        let row_step = if height <= 1 { data.len() } else { row_step };
+        if count > 0 && (point_step == 0 || row_step < width.saturating_mul(point_step)) {
+            return Err(wire.malformed("row_step shorter than width x point_step"));
+        }
+
+        let mut cloud = Self {
+            header,
+            points: Vec::with_capacity(count.min(data.len())),
+            not_finite: 0,
+        };
+        for index in 0..count {
+            let start = (index / width) * row_step + (index % width) * point_step;
+            let values = data.get(start..).and_then(|rest| {
+                let point = rest.get(..point_step.min(rest.len()))?;
+                Some((
+                    x.read(point, big_endian)?,
+                    y.read(point, big_endian)?,
+                    intensity.read(point, big_endian)?,
+                ))
+            });
+            let (x_m, y_m, intensity) =
+                values.ok_or_else(|| wire.malformed("fewer points than width x height"))?;
+            if x_m.is_finite() && y_m.is_finite() && (intensity as f32).is_finite() {
+                cloud.points.push(Point {
+                    x_m,
+                    y_m,
+                    intensity: intensity as f32,
+                });
+            } else {
+                cloud.not_finite += 1;
+            }
+        }
+        Ok(cloud)
+    }
+}

@@ -1,0 +1,13 @@
+//! ROS messages and recordings, common to ROS 1 and ROS 2.
+
+mod cloud;
+mod imu;
+mod recording;
+mod source;
+mod transform;
+mod wire;
+
+pub(crate) use cloud::Cloud;
+pub(crate) use recording::{Channel, Kind, Raw, Recording};
+pub(crate) use source::RosSource;
+pub(crate) use wire::Encoding;

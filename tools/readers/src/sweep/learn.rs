@@ -1,0 +1,297 @@
+//! What is the same in every turn of a radar, found from its first sweeps.
+
+use super::polar::{Cluster, Polar, clusters};
+use crate::{Options, Rotation, StampMeaning, tally::Tally};
+use randt_geometry::elementary::{PI, atan2, sin_cos, wrap};
+use randt_messages::{MAX_BEAMS, SensorKind};
+
+/// Turn of a radar that says nothing of itself, s: the iSDR-C's.
+const PERIOD_FALLBACK_S: f64 = 0.2;
+/// Shortest and longest turn that can be meant, s.
+const PERIOD_LIMITS_S: (f64, f64) = (0.005, 60.0);
+/// Mean resultant length from which azimuths (or ranges) lie on a grid: 1 exactly on it, about 0 at random.
+/// 0.8 allows a jitter of a tenth of a step.
+const ON_GRID: f64 = 0.8;
+/// Share of steps in one direction from which beams count as ordered.
+const ORDERED: f64 = 0.9;
+/// A difference in range below this is rounding, not a step between bins, m.
+const RANGE_STEP_MIN_M: f64 = 1e-3;
+
+/// Beams at equal angles.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Grid {
+    /// Beams of a full turn.
+    pub count: u32,
+}
+
+impl Grid {
+    pub fn step_rad(self) -> f64 {
+        2.0 * PI / f64::from(self.count)
+    }
+}
+
+/// Ranges at equal distances: range = offset + bin x resolution.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Bins {
+    /// 0 where ranges lie on no grid.
+    pub resolution_m: f64,
+    pub offset_m: f64,
+}
+
+/// Constants of a radar's turn.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Turn {
+    pub period_ns: i64,
+    pub stamp: StampMeaning,
+    /// Whether azimuth falls with time.
+    pub clockwise: bool,
+    /// Azimuth of the first beam; `None` where sweeps begin anywhere.
+    pub start_azimuth_rad: Option<f64>,
+    pub grid: Option<Grid>,
+    /// Typical angle between beams where there is no grid; 0 where unknown.
+    pub step_rad: f64,
+    pub bins: Bins,
+}
+
+impl Turn {
+    /// Learns from the first sweeps; what had to be assumed is counted.
+    pub fn learn(sweeps: &[Polar], options: &Options, tally: &mut Tally) -> Self {
+        let mut found: Vec<Vec<Cluster>> = sweeps.iter().map(|s| clusters(&s.points)).collect();
+        let ordered = direction(&found);
+        let sorted: Vec<Polar>;
+        let mut sweeps = sweeps;
+        if ordered.is_none() {
+            sorted = sweeps.iter().map(sorted_copy).collect();
+            sweeps = &sorted;
+            found = sweeps.iter().map(|s| clusters(&s.points)).collect();
+        }
+        let clusters = found;
+        let step_rad = typical_step(&clusters);
+        let grid = grid(&clusters, step_rad);
+        let clockwise = match (options.rotation, ordered) {
+            (Rotation::Clockwise, _) => true,
+            (Rotation::CounterClockwise, _) => false,
+            (Rotation::Auto, Some(clockwise)) => clockwise,
+            (Rotation::Auto, None) => {
+                tally.noted("rotation_assumed", 1, || {
+                    "the points are in no order of azimuth: counter-clockwise from -pi assumed (--rotation)".to_owned()
+                });
+                false
+            }
+        };
+        let start_azimuth_rad = match ordered {
+            Some(ordered) if ordered == clockwise => start(&clusters, clockwise, grid),
+            _ => Some(-PI),
+        };
+        Self {
+            period_ns: period_ns(sweeps, options, tally),
+            stamp: options.stamp,
+            clockwise,
+            start_azimuth_rad,
+            grid,
+            step_rad: grid.map_or(step_rad, Grid::step_rad),
+            bins: bins(sweeps, &clusters),
+        }
+    }
+
+    /// The sensor that turns like this.
+    pub fn sensor(&self) -> SensorKind {
+        // indurad iSDR-C: steps of 1.64 degrees, bins of 16.1 mm; nobody else has both.
+        let near = |value: f64, wanted: f64| (value / wanted - 1.0).abs() < 0.05;
+        if near(self.step_rad, 1.64 * PI / 180.0) && near(self.bins.resolution_m, 0.0161) {
+            SensorKind::IsdrC
+        } else {
+            SensorKind::Unknown
+        }
+    }
+}
+
+/// The same points by azimuth, then by range.
+fn sorted_copy(sweep: &Polar) -> Polar {
+    let mut sweep = sweep.clone();
+    sweep.points.sort_by(|a, b| a.azimuth_rad.total_cmp(&b.azimuth_rad));
+    for cluster in clusters(&sweep.points) {
+        if let Some(beam) = sweep.points.get_mut(cluster.points) {
+            beam.sort_by(|a, b| a.range_m.total_cmp(&b.range_m));
+        }
+    }
+    sweep
+}
+
+/// The value at `fraction` of a sorted list.
+fn quantile(sorted: &[f64], fraction: f64) -> Option<f64> {
+    sorted.get((sorted.len() as f64 * fraction) as usize).copied()
+}
+
+/// Signed angles between one cluster and the next, of all sweeps.
+fn steps(clusters: &[Vec<Cluster>]) -> impl Iterator<Item = f64> + '_ {
+    let pairs = clusters.iter().flat_map(|sweep| sweep.windows(2));
+    pairs.filter_map(|pair| match pair {
+        [a, b] => Some(wrap(b.azimuth_rad - a.azimuth_rad)),
+        _ => None,
+    })
+}
+
+/// A low quantile of the angles between clusters: beams without a return make some of them larger.
+fn typical_step(clusters: &[Vec<Cluster>]) -> f64 {
+    let mut angles: Vec<f64> = steps(clusters).map(f64::abs).collect();
+    angles.sort_by(f64::total_cmp);
+    quantile(&angles, 0.1).unwrap_or(0.0)
+}
+
+/// The number of beams a turn on whose grid the clusters lie best, if they lie on one.
+fn grid(clusters: &[Vec<Cluster>], step_rad: f64) -> Option<Grid> {
+    if step_rad <= 0.0 {
+        return None;
+    }
+    let guess = 2.0 * PI / step_rad;
+    let candidates = (0.9 * guess) as u32..=((1.1 * guess) as u32).min(MAX_BEAMS as u32);
+    let mut best: Option<(f64, u32)> = None;
+    for count in candidates.filter(|count| *count >= 2) {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for sweep in clusters {
+            let angles = sweep.iter().map(|c| f64::from(count) * c.azimuth_rad);
+            sum += resultant(angles).0 * sweep.len() as f64;
+            weight += sweep.len() as f64;
+        }
+        let score = sum / weight;
+        if best.is_none_or(|(known, _)| score > known) {
+            best = Some((score, count));
+        }
+    }
+    best.filter(|(score, _)| *score > ON_GRID)
+        .map(|(_, count)| Grid { count })
+}
+
+/// Length (0..1) and direction of the mean of unit vectors.
+pub(super) fn resultant(angles: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (mut x, mut y, mut count) = (0.0, 0.0, 0.0);
+    for angle in angles {
+        let (sin, cos) = sin_cos(angle);
+        (x, y, count) = (x + cos, y + sin, count + 1.0);
+    }
+    if count > 0.0 {
+        ((x * x + y * y).sqrt() / count, atan2(y, x))
+    } else {
+        (0.0, 0.0)
+    }
+}
+
+/// Whether azimuth falls along the points; `None` where they are in no order.
+fn direction(clusters: &[Vec<Cluster>]) -> Option<bool> {
+    let (mut rising, mut all) = (0.0, 0.0);
+    for step in steps(clusters) {
+        rising += f64::from(u8::from(step > 0.0));
+        all += 1.0;
+    }
+    if all == 0.0 {
+        None
+    } else if rising >= ORDERED * all {
+        Some(false)
+    } else if rising <= (1.0 - ORDERED) * all {
+        Some(true)
+    } else {
+        None
+    }
+}
+
+/// Angle from `a` to `b` in the sense of rotation, in [0, 2 pi).
+pub(super) fn ahead(a_rad: f64, b_rad: f64, clockwise: bool) -> f64 {
+    let turn = if clockwise { a_rad - b_rad } else { b_rad - a_rad };
+    let angle = wrap(turn);
+    if angle < 0.0 { angle + 2.0 * PI } else { angle }
+}
+
+/// Azimuth of the first beam. It lies behind the last beam of every sweep and not behind the first:
+/// beams without a return leave several places, of which a seam of atan2 (-pi) is the likeliest.
+fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Option<f64> {
+    let sense = if clockwise { -1.0 } else { 1.0 };
+    let mut ends = clusters
+        .iter()
+        .filter_map(|sweep| Some((sweep.first()?.azimuth_rad, sweep.last()?.azimuth_rad)))
+        .filter(|(first, last)| first != last);
+    let (reference, last) = ends.next()?;
+    // Everything relative to the first sweep's first beam, in the sense of rotation.
+    let (mut latest, mut earliest) = (0.0_f64, -ahead(last, reference, clockwise));
+    for (first, last) in ends {
+        let begin = sense * wrap(first - reference);
+        latest = latest.min(begin);
+        earliest = earliest.max(begin - ahead(last, first, clockwise));
+    }
+    let step = grid.map_or(0.0, Grid::step_rad);
+    if earliest > latest - 0.5 * step {
+        return None;
+    }
+    let seam = -ahead(-PI, reference, clockwise);
+    let places = if step > 0.0 { ((latest - earliest) / step).round() as i32 } else { 0 };
+    let place = (0..places)
+        .map(|back| latest - f64::from(back) * step)
+        .find(|place| wrap(place - seam).abs() < 0.5 * step)
+        .unwrap_or(latest);
+    Some(wrap(reference + sense * place))
+}
+
+/// Median spacing of the stamps, unless the options say it.
+fn period_ns(sweeps: &[Polar], options: &Options, tally: &mut Tally) -> i64 {
+    let (shortest, longest) = PERIOD_LIMITS_S;
+    let spacings = sweeps.windows(2).filter_map(|pair| match pair {
+        [a, b] => Some(b.stamp_ns.checked_sub(a.stamp_ns)? as f64 * 1e-9),
+        _ => None,
+    });
+    let mut spacings: Vec<f64> = spacings.filter(|s| (shortest..=longest).contains(s)).collect();
+    spacings.sort_by(f64::total_cmp);
+    let given = options.period_s.filter(|s| (shortest..=longest).contains(s));
+    let period_s = given.or_else(|| quantile(&spacings, 0.5)).unwrap_or_else(|| {
+        tally.noted("period_assumed", 1, || {
+            format!("too few stamps to tell the time of a turn: {PERIOD_FALLBACK_S} s assumed (--period)")
+        });
+        PERIOD_FALLBACK_S
+    });
+    (period_s * 1e9).round() as i64
+}
+
+/// The grid of ranges, if there is one.
+fn bins(sweeps: &[Polar], clusters: &[Vec<Cluster>]) -> Bins {
+    let mut ranges: Vec<&[_]> = Vec::new();
+    for (sweep, clusters) in sweeps.iter().zip(clusters) {
+        ranges.extend(clusters.iter().filter_map(|c| sweep.points.get(c.points.clone())));
+    }
+    let mut steps: Vec<f64> = Vec::new();
+    for beam in &ranges {
+        steps.extend(beam.windows(2).filter_map(|pair| match pair {
+            [a, b] => Some((b.range_m - a.range_m).abs()).filter(|d| *d > RANGE_STEP_MIN_M),
+            _ => None,
+        }));
+    }
+    steps.sort_by(f64::total_cmp);
+    let Some(mut resolution_m) = quantile(&steps, 0.1) else {
+        return Bins::default();
+    };
+    // Least squares over short steps, then over long ones, whose bin numbers the short ones made sure.
+    for longest in [4.0, 16.0, 64.0, 256.0] {
+        let (mut product, mut square) = (0.0, 0.0);
+        for step in &steps {
+            let bins = (step / resolution_m).round();
+            if bins <= longest {
+                product += bins * step;
+                square += bins * bins;
+            }
+        }
+        if square > 0.0 {
+            resolution_m = product / square;
+        }
+    }
+    let turn = 2.0 * PI / resolution_m;
+    let all = ranges.iter().flat_map(|beam| beam.iter());
+    let (length, phase) = resultant(all.map(|point| turn * point.range_m));
+    if length < ON_GRID {
+        return Bins::default();
+    }
+    // A quarter of a bin to either side of 0 and of a half stays on its side whatever the rounding.
+    let offset = phase / (2.0 * PI);
+    let offset = if offset < -0.25 { offset + 1.0 } else { offset };
+    Bins {
+        resolution_m,
+        offset_m: offset * resolution_m,
+    }
+}

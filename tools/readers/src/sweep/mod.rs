@@ -1,0 +1,11 @@
+//! From a cloud of points to a sweep: polar points, what is the same in every turn, the message.
+
+mod build;
+mod learn;
+mod mend;
+mod polar;
+
+pub(crate) use build::wrap_f32;
+pub(crate) use learn::Turn;
+pub(crate) use mend::mend;
+pub(crate) use polar::Polar;

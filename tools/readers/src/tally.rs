@@ -1,0 +1,39 @@
+//! Counts what was dropped, repaired or assumed.
+
+use crate::Counter;
+
+/// Counters in the order in which they first counted something.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tally(Vec<Counter>);
+
+impl Tally {
+    /// Counts data that are lost. `first` is asked only the first time.
+    pub fn lost(&mut self, name: &'static str, count: u64, first: impl FnOnce() -> String) {
+        self.add(name, count, true, first);
+    }
+
+    /// Counts something repaired or assumed.
+    pub fn noted(&mut self, name: &'static str, count: u64, first: impl FnOnce() -> String) {
+        self.add(name, count, false, first);
+    }
+
+    fn add(&mut self, name: &'static str, count: u64, loss: bool, first: impl FnOnce() -> String) {
+        if count == 0 {
+            return;
+        }
+        match self.0.iter_mut().find(|counter| counter.name == name) {
+            Some(counter) => counter.count += count,
+            None => self.0.push(Counter {
+                name,
+                count,
+                first: first(),
+                loss,
+            }),
+        }
+    }
+
+    /// The counters so far.
+    pub fn counters(&self) -> Vec<Counter> {
+        self.0.clone()
+    }
+}

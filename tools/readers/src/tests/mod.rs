@@ -1,0 +1,7 @@
+//! Tests of whole inputs: written by `support`, rewritten, cut, mutated, read back.
+
+mod bags;
+mod damage;
+mod learning;
+mod oxford;
+mod support;
