@@ -18,6 +18,8 @@ mod ros2;
 mod summary;
 mod sweep;
 mod tally;
+#[cfg(test)]
+mod tests;
 
 pub use error::Error;
 pub use event::Event;

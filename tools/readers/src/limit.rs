@@ -11,5 +11,8 @@ pub(crate) fn strongest<T: Copy>(items: &[T], strength: impl Fn(&T) -> f32) -> V
     ranked.select_nth_unstable_by(MAX_RETURNS, |a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     ranked.truncate(MAX_RETURNS);
     ranked.sort_unstable_by_key(|(_, index)| *index);
-    ranked.iter().filter_map(|(_, index)| items.get(*index).copied()).collect()
+    ranked
+        .iter()
+        .filter_map(|(_, index)| items.get(*index).copied())
+        .collect()
 }

@@ -25,7 +25,9 @@ impl LogSource {
         let robot = reader.robot()?;
         let channels = Summary::read(path).map(|summary| summary.channels());
         let scans = channels.map(|channels| {
-            let radar = channels.iter().filter(|(topic, ..)| topic == RadarScan::NAME);
+            let radar = channels
+                .iter()
+                .filter(|(topic, ..)| topic == RadarScan::NAME);
             radar.map(|(.., messages)| messages).sum()
         });
         if scans == Some(0) && radar_required {
@@ -57,18 +59,26 @@ impl LogSource {
         };
         let topic = entry.channel.topic.as_str();
         let event = if topic == RadarScan::NAME {
-            entry.decode::<RadarScan>().map(|scan| scan.map(Event::Scan))
+            entry
+                .decode::<RadarScan>()
+                .map(|scan| scan.map(Event::Scan))
         } else if topic == ImuSampleTopic::NAME {
-            entry.decode::<ImuSampleTopic>().map(|sample| sample.map(|s| Event::Imu(*s.head)))
+            entry
+                .decode::<ImuSampleTopic>()
+                .map(|sample| sample.map(|s| Event::Imu(*s.head)))
         } else if topic == TruthPoseTopic::NAME {
-            entry.decode::<TruthPoseTopic>().map(|pose| pose.map(|p| Event::Truth(*p.head)))
+            entry
+                .decode::<TruthPoseTopic>()
+                .map(|pose| pose.map(|p| Event::Truth(*p.head)))
         } else {
             return Ok(Step::Other);
         };
         match event {
             Ok(Some(event)) => Ok(Step::Event(event)),
             Ok(None) => Ok(Step::Other),
-            Err(error @ randt_log::Error::MessageSize { .. }) => Ok(Step::Malformed(error.to_string())),
+            Err(error @ randt_log::Error::MessageSize { .. }) => {
+                Ok(Step::Malformed(error.to_string()))
+            }
             Err(error) => Err(error.into()),
         }
     }
@@ -105,7 +115,10 @@ impl Source for LogSource {
                         return Ok(Some(Event::Imu(sample)));
                     }
                     self.tally.lost("imu_samples_not_finite", 1, || {
-                        format!("a NaN or infinite value in the sample stamped {}", sample.header.stamp_ns)
+                        format!(
+                            "a NaN or infinite value in the sample stamped {}",
+                            sample.header.stamp_ns
+                        )
                     });
                 }
                 Step::Event(event) => return Ok(Some(event)),

@@ -42,11 +42,16 @@ impl<S: Source> InOrder<S> {
         if self.sweeps.len() >= SWEEPS_MAX || self.samples.len() >= SAMPLES_MAX {
             return true;
         }
-        self.oldest_ns().is_some_and(|oldest| self.newest_ns.saturating_sub(oldest) > AHEAD_NS)
+        self.oldest_ns()
+            .is_some_and(|oldest| self.newest_ns.saturating_sub(oldest) > AHEAD_NS)
     }
 
     fn oldest_ns(&self) -> Option<i64> {
-        let heads = [self.truth.front(), self.samples.front(), self.sweeps.front()];
+        let heads = [
+            self.truth.front(),
+            self.samples.front(),
+            self.sweeps.front(),
+        ];
         heads.into_iter().flatten().map(Event::stamp_ns).min()
     }
 
@@ -57,7 +62,9 @@ impl<S: Source> InOrder<S> {
         }
         let oldest = self.oldest_ns()?;
         let queues = [&mut self.truth, &mut self.samples, &mut self.sweeps];
-        let queue = queues.into_iter().find(|q| q.front().is_some_and(|e| e.stamp_ns() == oldest))?;
+        let queue = queues
+            .into_iter()
+            .find(|q| q.front().is_some_and(|e| e.stamp_ns() == oldest))?;
         queue.pop_front()
     }
 }

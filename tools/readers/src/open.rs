@@ -39,7 +39,10 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>, Error> {
 }
 
 /// Opens one file of a ROS bag; `None` where it is none.
-fn open_bag(path: &Path, first: &[u8]) -> Result<Option<(Box<dyn Recording>, &'static str)>, Error> {
+fn open_bag(
+    path: &Path,
+    first: &[u8],
+) -> Result<Option<(Box<dyn Recording>, &'static str)>, Error> {
     Ok(if first.starts_with(ros1::MAGIC) {
         Some((Box::new(ros1::Bag::open(path)?), "ros1-bag"))
     } else if first.starts_with(mcap::MAGIC) {
@@ -71,7 +74,9 @@ fn is_ours(path: &Path) -> Result<bool, Error> {
 fn first_bytes(path: &Path) -> Result<Vec<u8>, Error> {
     let mut first = Vec::new();
     let file = File::open(path).map_err(Error::io(path))?;
-    file.take(64).read_to_end(&mut first).map_err(Error::io(path))?;
+    file.take(64)
+        .read_to_end(&mut first)
+        .map_err(Error::io(path))?;
     Ok(first)
 }
 

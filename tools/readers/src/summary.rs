@@ -36,17 +36,31 @@ impl Summary {
         }
         let summary = reader.finish()?;
         summary.stats.as_ref()?;
-        Some(Self { file, length, summary })
+        Some(Self {
+            file,
+            length,
+            summary,
+        })
     }
 
     /// Topic, type, message encoding and number of messages of each channel, by number.
     pub fn channels(&self) -> Vec<(String, String, String, u64)> {
-        let counts = self.summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+        let counts = self
+            .summary
+            .stats
+            .as_ref()
+            .map(|stats| &stats.channel_message_counts);
         let mut channels: Vec<_> = self.summary.channels.iter().collect();
         channels.sort_by_key(|(number, _)| **number);
         let row = |(number, channel): (&u16, &std::sync::Arc<mcap::Channel<'_>>)| {
-            let type_name = channel.schema.as_ref().map_or("", |schema| schema.name.as_str());
-            let messages = counts.and_then(|counts| counts.get(number)).copied().unwrap_or(0);
+            let type_name = channel
+                .schema
+                .as_ref()
+                .map_or("", |schema| schema.name.as_str());
+            let messages = counts
+                .and_then(|counts| counts.get(number))
+                .copied()
+                .unwrap_or(0);
             (
                 channel.topic.clone(),
                 type_name.to_owned(),

@@ -31,7 +31,10 @@ impl OxfordFolder {
             return Ok(None);
         }
         let mut tally = Tally::default();
-        let lists = [Some(path), base].into_iter().flatten().map(|p| p.join("radar.timestamps"));
+        let lists = [Some(path), base]
+            .into_iter()
+            .flatten()
+            .map(|p| p.join("radar.timestamps"));
         if let Some(list) = lists.into_iter().find(|list| list.is_file())
             && !options.unlisted_scans
         {
@@ -71,7 +74,9 @@ fn images(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut images = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let path = entry.map_err(Error::io(folder))?.path();
-        let is_png = path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("png"));
+        let is_png = path
+            .extension()
+            .is_some_and(|ext| ext.eq_ignore_ascii_case("png"));
         if is_png && path.is_file() {
             images.push(path);
         }
@@ -96,19 +101,31 @@ fn listed(
     let present: BTreeSet<&PathBuf> = images.iter().collect();
     let mut found = Vec::new();
     for (number, line) in text.lines().enumerate() {
-        let Some(word) = line.split_whitespace().next() else { continue };
+        let Some(word) = line.split_whitespace().next() else {
+            continue;
+        };
         let path = folder.join(format!("{word}.png"));
         if present.contains(&path) {
             found.push(path);
         } else {
             tally.lost("scans_missing", 1, || {
-                format!("{}: line {}: no image {}", list.display(), number + 1, path.display())
+                format!(
+                    "{}: line {}: no image {}",
+                    list.display(),
+                    number + 1,
+                    path.display()
+                )
             });
         }
     }
     let unlisted = images.len().saturating_sub(found.len()) as u64;
     tally.noted("scans_unlisted", unlisted, || {
-        format!("{} lists {} of {} images", list.display(), found.len(), images.len())
+        format!(
+            "{} lists {} of {} images",
+            list.display(),
+            found.len(),
+            images.len()
+        )
     });
     found
 }
@@ -123,17 +140,23 @@ impl Source for OxfordFolder {
             let image = match PolarImage::read(&path) {
                 Ok(image) => image,
                 Err(why) => {
-                    self.tally.lost("images_unreadable", 1, || format!("{}: {why}", path.display()));
+                    self.tally.lost("images_unreadable", 1, || {
+                        format!("{}: {why}", path.display())
+                    });
                     continue;
                 }
             };
             let (scan, over) = build(&image, self.power_min, self.sweeps);
             self.sweeps += 1;
-            self.tally.lost("beams_lost", u64::from(scan.head.sweep.beams_lost), || {
-                format!("{}: rows missing or not marked as measured", path.display())
-            });
+            self.tally
+                .lost("beams_lost", u64::from(scan.head.sweep.beams_lost), || {
+                    format!("{}: rows missing or not marked as measured", path.display())
+                });
             self.tally.lost("returns_over_limit", over as u64, || {
-                format!("{}: the strongest are kept (a higher --power-min leaves fewer)", path.display())
+                format!(
+                    "{}: the strongest are kept (a higher --power-min leaves fewer)",
+                    path.display()
+                )
             });
             return Ok(Some(Event::Scan(scan)));
         }

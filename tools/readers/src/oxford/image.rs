@@ -60,7 +60,9 @@ impl PolarImage {
             ));
         }
         let mut bytes = vec![0; width as usize * height as usize];
-        reader.next_frame(&mut bytes).map_err(|error| error.to_string())?;
+        reader
+            .next_frame(&mut bytes)
+            .map_err(|error| error.to_string())?;
         let image = Self {
             width: width as usize,
             bytes,

@@ -22,7 +22,10 @@ impl Rotation {
     /// Fits rows of (encoder counts since the first row, stamp us). At least one row.
     fn fit(rows: &[(i64, i64)], first_us: i64) -> Self {
         let count = rows.len() as f64;
-        let relative = || rows.iter().map(|(u, t)| (*u as f64, t.wrapping_sub(first_us) as f64));
+        let relative = || {
+            rows.iter()
+                .map(|(u, t)| (*u as f64, t.wrapping_sub(first_us) as f64))
+        };
         let mean_u = relative().map(|(u, _)| u).sum::<f64>() / count;
         let mean_t = relative().map(|(_, t)| t).sum::<f64>() / count;
         let (mut product, mut square) = (0.0, 0.0);
@@ -40,17 +43,26 @@ impl Rotation {
 
     fn ns(&self, counts: f64) -> i64 {
         let relative_ns = (1000.0 * (self.offset_us + self.us_per_count * counts)).round() as i64;
-        self.first_us.saturating_mul(1000).saturating_add(relative_ns)
+        self.first_us
+            .saturating_mul(1000)
+            .saturating_add(relative_ns)
     }
 }
 
 /// Makes the message. Also gives the number of returns over the limit.
-pub(super) fn build(image: &PolarImage, power_min: f32, sequence: u64) -> (Message<RadarScan>, usize) {
+pub(super) fn build(
+    image: &PolarImage,
+    power_min: f32,
+    sequence: u64,
+) -> (Message<RadarScan>, usize) {
     let mut message = Message::<RadarScan>::default();
     let rows: Vec<Row> = image.rows().filter(|row| row.valid).collect();
     let unwrapped = unwrap(rows.iter().map(|row| row.encoder));
-    let stamps: Vec<(i64, i64)> =
-        unwrapped.iter().copied().zip(rows.iter().map(|row| row.time_us)).collect();
+    let stamps: Vec<(i64, i64)> = unwrapped
+        .iter()
+        .copied()
+        .zip(rows.iter().map(|row| row.time_us))
+        .collect();
     let (Some(first), Some(last)) = (rows.first(), unwrapped.last()) else {
         return (message, 0);
     };
@@ -81,7 +93,11 @@ pub(super) fn build(image: &PolarImage, power_min: f32, sequence: u64) -> (Messa
                 first_return: message.items.len() as u32,
             };
         }
-        let kept = row.powers.iter().enumerate().filter(|(_, p)| f32::from(**p) > power_min);
+        let kept = row
+            .powers
+            .iter()
+            .enumerate()
+            .filter(|(_, p)| f32::from(**p) > power_min);
         message.items.extend(kept.map(|(bin, power)| Return {
             // The middle of the bin, as in the data set's own conversion to Cartesian images.
             range_m: ((bin as f64 + 0.5) * RESOLUTION_M) as f32,
@@ -103,7 +119,9 @@ fn limit(message: &mut Message<RadarScan>) {
     message.items = strongest(&message.items, |item| item.intensity);
     let count = message.head.sweep.beam_count as usize;
     for (index, beam) in message.head.sweep.beams.iter_mut().enumerate().take(count) {
-        let first = message.items.partition_point(|item| usize::from(item.beam) < index);
+        let first = message
+            .items
+            .partition_point(|item| usize::from(item.beam) < index);
         beam.first_return = first as u32;
     }
 }
@@ -133,5 +151,7 @@ fn step(unwrapped: &[i64]) -> f64 {
         })
         .collect();
     steps.sort_unstable();
-    steps.get(steps.len() / 2).map_or(f64::from(ENCODER_TURN) / 400.0, |step| *step as f64)
+    steps
+        .get(steps.len() / 2)
+        .map_or(f64::from(ENCODER_TURN) / 400.0, |step| *step as f64)
 }

@@ -20,7 +20,14 @@ pub(crate) struct Cloud {
 }
 
 /// Names under which drivers publish the strength of an echo, best first.
-const INTENSITY_NAMES: [&str; 6] = ["intensity", "intensities", "power", "amplitude", "snr", "rcs"];
+const INTENSITY_NAMES: [&str; 6] = [
+    "intensity",
+    "intensities",
+    "power",
+    "amplitude",
+    "snr",
+    "rcs",
+];
 
 /// Most points in a message: ten times a sweep's most returns and then some. A larger count is damage.
 const MAX_POINTS: usize = 1 << 22;
@@ -114,8 +121,8 @@ impl Cloud {
 
         let x = x.ok_or_else(|| wire.malformed("no field x of a known datatype"))?;
         let y = y.ok_or_else(|| wire.malformed("no field y of a known datatype"))?;
-        let intensity = intensity
-            .ok_or_else(|| wire.malformed("no field intensity of a known datatype"))?;
+        let intensity =
+            intensity.ok_or_else(|| wire.malformed("no field intensity of a known datatype"))?;
         let count = height
             .checked_mul(width)
             .filter(|count| *count <= MAX_POINTS)

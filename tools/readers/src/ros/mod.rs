@@ -1,7 +1,7 @@
 //! ROS messages and recordings, common to ROS 1 and ROS 2.
 
 mod cloud;
-mod imu;
+pub(crate) mod imu;
 mod recording;
 mod source;
 mod transform;

@@ -1,10 +1,10 @@
 //! A ROS recording as a log of sweeps and IMU samples.
 
+use super::Cloud;
 use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
 use super::transform::{self, Tree};
 use super::wire::{Encoding, Malformed};
-use super::Cloud;
 use crate::sweep::{Polar, Turn};
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, tally::Tally};
 use randt_geometry::{Pose2, Quaternion, elementary::atan2};
@@ -52,8 +52,11 @@ impl RosSource {
     ) -> Result<Self, Error> {
         let mut tally = Tally::default();
         let channels = recording.channels().to_vec();
-        let encoding = channels.first().map_or(Encoding::Ros1, |channel| channel.encoding);
-        let (radar_topic, imu_topic) = (options.radar_topic.as_deref(), options.imu_topic.as_deref());
+        let encoding = channels
+            .first()
+            .map_or(Encoding::Ros1, |channel| channel.encoding);
+        let (radar_topic, imu_topic) =
+            (options.radar_topic.as_deref(), options.imu_topic.as_deref());
         let radar = choose(&channels, Kind::Cloud, radar_topic, path, &mut tally)?;
         let imu = choose(&channels, Kind::Imu, imu_topic, path, &mut tally)?;
         if radar.is_none() && options.radar_required {
@@ -62,7 +65,9 @@ impl RosSource {
                 topics: list(&channels),
             });
         }
-        let scans = radar.and_then(|radar| channels.get(radar)).map_or(0, |c| c.messages);
+        let scans = radar
+            .and_then(|radar| channels.get(radar))
+            .map_or(0, |c| c.messages);
         let mut source = Self {
             recording,
             channels,
@@ -92,12 +97,16 @@ impl RosSource {
         for bytes in self.recording.static_transforms() {
             match transform::decode(bytes, encoding) {
                 Ok(transforms) => transforms.into_iter().for_each(|t| tree.add(t)),
-                Err(malformed) => self.tally.lost("transforms_malformed", 1, || malformed.to_string()),
+                Err(malformed) => self
+                    .tally
+                    .lost("transforms_malformed", 1, || malformed.to_string()),
             }
         }
         let (mut clouds, mut samples) = (0, 0);
         while clouds < LEARN_SWEEPS && samples < LEARN_SAMPLES {
-            let Some(decoded) = self.decode_next()? else { break };
+            let Some(decoded) = self.decode_next()? else {
+                break;
+            };
             match decoded {
                 Decoded::Transforms(transforms) => transforms.into_iter().for_each(|t| tree.add(t)),
                 other => {
@@ -154,7 +163,8 @@ impl RosSource {
             self.mirrored = uz < 0.0;
             self.info.extrinsics.radar = Some(Pose2::new(x_m, y_m, atan2(fy, fx)));
         }
-        let imu: Option<Quaternion> = place(imu, "imu_mounting_assumed").map(|(_, rotation)| rotation);
+        let imu: Option<Quaternion> =
+            place(imu, "imu_mounting_assumed").map(|(_, rotation)| rotation);
         self.info.extrinsics.imu = imu;
     }
 
@@ -164,8 +174,11 @@ impl RosSource {
             let Some(raw) = self.recording.next_message(&mut self.tally)? else {
                 return Ok(None);
             };
-            let (index, arrival_ns, offset, bytes) = (raw.channel, raw.arrival_ns, raw.offset, raw.bytes);
-            let Some(channel) = self.channels.get(index) else { continue };
+            let (index, arrival_ns, offset, bytes) =
+                (raw.channel, raw.arrival_ns, raw.offset, raw.bytes);
+            let Some(channel) = self.channels.get(index) else {
+                continue;
+            };
             let encoding = channel.encoding;
             let decoded = if Some(index) == self.radar {
                 Cloud::decode(bytes, encoding).map(Decoded::Cloud)
@@ -208,20 +221,31 @@ impl RosSource {
             _ => "transforms_malformed",
         };
         let path = &self.path;
-        self.tally.lost(name, 1, || format!("{path}: chunk at byte {offset}: {malformed}"));
+        self.tally.lost(name, 1, || {
+            format!("{path}: chunk at byte {offset}: {malformed}")
+        });
     }
 
     fn event(&mut self, decoded: Decoded) -> Option<Event> {
         match decoded {
             Decoded::Cloud(cloud) => {
                 let (polar, without_direction) = Polar::from_cloud(&cloud, self.mirrored);
-                self.tally.noted("returns_at_range_zero", u64::from(without_direction), || {
-                    "a return at range 0 has no direction".to_owned()
-                });
-                self.tally.noted("returns_not_finite", u64::from(cloud.not_finite), || {
-                    format!("a NaN or infinite value in the sweep stamped {}", cloud.header.stamp_ns)
-                });
-                let scan = self.turn.as_ref()?.build(polar, self.sweeps, &mut self.tally);
+                self.tally.noted(
+                    "returns_at_range_zero",
+                    u64::from(without_direction),
+                    || "a return at range 0 has no direction".to_owned(),
+                );
+                self.tally
+                    .noted("returns_not_finite", u64::from(cloud.not_finite), || {
+                        format!(
+                            "a NaN or infinite value in the sweep stamped {}",
+                            cloud.header.stamp_ns
+                        )
+                    });
+                let scan = self
+                    .turn
+                    .as_ref()?
+                    .build(polar, self.sweeps, &mut self.tally);
                 self.sweeps += 1;
                 Some(Event::Scan(scan))
             }
@@ -229,7 +253,10 @@ impl RosSource {
                 let values = imu.rate_rad_s.iter().chain(&imu.acceleration_m_s2);
                 if !values.copied().all(f64::is_finite) {
                     self.tally.lost("imu_samples_not_finite", 1, || {
-                        format!("a NaN or infinite value in the sample stamped {}", imu.header.stamp_ns)
+                        format!(
+                            "a NaN or infinite value in the sample stamped {}",
+                            imu.header.stamp_ns
+                        )
                     });
                     return None;
                 }
@@ -282,7 +309,9 @@ fn list(channels: &[Channel]) -> String {
     if channels.is_empty() {
         return "no topic".to_owned();
     }
-    let topics = channels.iter().map(|c| format!("{} ({})", c.topic, c.type_name));
+    let topics = channels
+        .iter()
+        .map(|c| format!("{} ({})", c.topic, c.type_name));
     topics.collect::<Vec<_>>().join(", ")
 }
 
@@ -294,7 +323,12 @@ fn choose(
     path: &Path,
     tally: &mut Tally,
 ) -> Result<Option<usize>, Error> {
-    let of_kind = || channels.iter().enumerate().filter(|(_, channel)| channel.kind == kind);
+    let of_kind = || {
+        channels
+            .iter()
+            .enumerate()
+            .filter(|(_, channel)| channel.kind == kind)
+    };
     if let Some(topic) = wanted {
         let found = of_kind().find(|(_, channel)| channel.topic == topic);
         return match found {
@@ -302,7 +336,11 @@ fn choose(
             None => Err(Error::NoTopic {
                 path: path.display().to_string(),
                 topic: topic.to_owned(),
-                wanted: if kind == Kind::Cloud { "sensor_msgs/PointCloud2" } else { "sensor_msgs/Imu" },
+                wanted: if kind == Kind::Cloud {
+                    "sensor_msgs/PointCloud2"
+                } else {
+                    "sensor_msgs/Imu"
+                },
                 topics: list(channels),
             }),
         };
@@ -316,9 +354,15 @@ fn choose(
     if let Some((_, chosen)) = best
         && of_kind().count() > 1
     {
-        let name = if kind == Kind::Cloud { "radar_topic_chosen" } else { "imu_topic_chosen" };
+        let name = if kind == Kind::Cloud {
+            "radar_topic_chosen"
+        } else {
+            "imu_topic_chosen"
+        };
         tally.noted(name, 1, || {
-            let others: Vec<_> = of_kind().map(|(_, c)| format!("{} ({})", c.topic, c.messages)).collect();
+            let others: Vec<_> = of_kind()
+                .map(|(_, c)| format!("{} ({})", c.topic, c.messages))
+                .collect();
             format!("{} of {}", chosen.topic, others.join(", "))
         });
     }

@@ -73,8 +73,9 @@ impl Tree {
                 return None;
             }
             let turned: [f64; 3] = step.rotation.rotate(translation.into()).into();
-            for (sum, (turned, offset)) in
-                translation.iter_mut().zip(turned.iter().zip(step.translation_m))
+            for (sum, (turned, offset)) in translation
+                .iter_mut()
+                .zip(turned.iter().zip(step.translation_m))
             {
                 *sum = turned + offset;
             }

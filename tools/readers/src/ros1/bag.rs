@@ -72,8 +72,14 @@ impl Bag {
             damages: 0,
         };
         let survey = bag.survey()?;
-        let indexed = survey.chunks.iter().all(|(_, connections)| !connections.is_empty());
-        let named = survey.counts.keys().all(|number| bag.numbers.contains_key(number));
+        let indexed = survey
+            .chunks
+            .iter()
+            .all(|(_, connections)| !connections.is_empty());
+        let named = survey
+            .counts
+            .keys()
+            .all(|number| bag.numbers.contains_key(number));
         if indexed && named && !survey.damaged {
             for (number, count) in &survey.counts {
                 let index = bag.numbers.get(number).copied();
@@ -98,7 +104,10 @@ impl Bag {
     }
 
     fn is_static(&self, number: u32) -> bool {
-        let channel = self.numbers.get(&number).and_then(|index| self.channels.get(*index));
+        let channel = self
+            .numbers
+            .get(&number)
+            .and_then(|index| self.channels.get(*index));
         channel.is_some_and(|channel| channel.kind == Kind::StaticTransforms)
     }
 
@@ -122,12 +131,16 @@ impl Bag {
                     survey.chunks.push((at, Vec::new()));
                 }
                 Step::Record { op, header, data } => {
-                    let Some(fields) = Fields::parse(&header) else { continue };
+                    let Some(fields) = Fields::parse(&header) else {
+                        continue;
+                    };
                     match op {
                         Op::BagHeader => self.index_at = fields.u64("index_pos").unwrap_or(0),
                         Op::Connection => self.register(&fields, &data),
                         Op::Index => {
-                            if let (Some(number), Some(count)) = (fields.u32("conn"), fields.u32("count")) {
+                            if let (Some(number), Some(count)) =
+                                (fields.u32("conn"), fields.u32("count"))
+                            {
                                 *survey.counts.entry(number).or_default() += u64::from(count);
                                 if let Some((_, numbers)) = survey.chunks.last_mut() {
                                     numbers.push(number);
@@ -150,7 +163,9 @@ impl Bag {
             if only_chunk.is_some_and(|chunk| chunk != self.chunk.at) {
                 break;
             }
-            let Some(channel) = self.channels.get_mut(found.channel) else { continue };
+            let Some(channel) = self.channels.get_mut(found.channel) else {
+                continue;
+            };
             if only_chunk.is_none() {
                 channel.messages += 1;
             }
@@ -163,7 +178,9 @@ impl Bag {
     }
 
     fn register(&mut self, fields: &Fields, data: &[u8]) {
-        let Some((number, topic, type_name)) = connection(fields, data) else { return };
+        let Some((number, topic, type_name)) = connection(fields, data) else {
+            return;
+        };
         // Several publishers of one topic have a connection each: one channel for all.
         let same = |c: &Channel| c.topic == topic && c.type_name == type_name;
         let index = self.channels.iter().position(same).unwrap_or_else(|| {
@@ -182,7 +199,11 @@ impl Bag {
     /// The next message of the present chunk, of the next one, or of the next whole one.
     fn advance(&mut self, tally: &mut Tally) -> Result<Option<Found>, Error> {
         loop {
-            let rest = self.chunk.bytes.get(self.chunk.cursor..).unwrap_or_default();
+            let rest = self
+                .chunk
+                .bytes
+                .get(self.chunk.cursor..)
+                .unwrap_or_default();
             if rest.is_empty() && self.chunk.broken.is_none() {
                 if !self.next_chunk(tally)? {
                     return Ok(None);
@@ -212,7 +233,13 @@ impl Bag {
                     let arrival_ns = fields.time_ns("time").unwrap_or(0);
                     self.chunk.cursor += length;
                     match channel {
-                        Some(channel) => return Ok(Some(Found { channel, arrival_ns, bytes })),
+                        Some(channel) => {
+                            return Ok(Some(Found {
+                                channel,
+                                arrival_ns,
+                                bytes,
+                            }));
+                        }
                         None => tally.lost("messages_of_unknown_topic", 1, || {
                             format!(
                                 "{}: chunk at byte {}: connection {number:?} is not declared",
@@ -248,7 +275,13 @@ impl Bag {
                         self.register(&fields, &data);
                     }
                 }
-                Step::Chunk { header, at, data_at, stored, missing } => {
+                Step::Chunk {
+                    header,
+                    at,
+                    data_at,
+                    stored,
+                    missing,
+                } => {
                     self.load(header, at, data_at, stored, missing)?;
                     return Ok(true);
                 }
@@ -263,14 +296,20 @@ impl Bag {
 
     /// A file that ends between two records says so only by where its header puts the index.
     fn count_missing_end(&self, tally: &mut Tally) {
-        let (path, length, index_at) = (self.walker.path.display(), self.walker.length, self.index_at);
+        let (path, length, index_at) = (
+            self.walker.path.display(),
+            self.walker.length,
+            self.index_at,
+        );
         if index_at == 0 {
             tally.noted("bag_not_closed", 1, || {
                 format!("{path}: the recorder wrote no index; all {length} bytes were read")
             });
         } else if index_at > length && self.damages == 0 {
             tally.lost("bag_damaged", 1, || {
-                format!("{path}: the file ends at byte {length}, before its index at byte {index_at}")
+                format!(
+                    "{path}: the file ends at byte {length}, before its index at byte {index_at}"
+                )
             });
         }
     }
@@ -298,13 +337,17 @@ impl Bag {
 
     /// Counts a damaged place; false where reading ends there.
     fn count_damage(&mut self, damage: Step, tally: &mut Tally) -> Result<bool, Error> {
-        let Step::Damage { at, what, resumed } = damage else { return Ok(true) };
+        let Step::Damage { at, what, resumed } = damage else {
+            return Ok(true);
+        };
         self.damages += 1;
         let path = self.walker.path.display();
         let goes_on = resumed < self.walker.length && self.damages < DAMAGE_MAX;
         let first = || {
             if goes_on {
-                format!("{path}: at byte {at}: {what}; reading goes on with the chunk at byte {resumed}")
+                format!(
+                    "{path}: at byte {at}: {what}; reading goes on with the chunk at byte {resumed}"
+                )
             } else {
                 format!("{path}: at byte {at}: {what}; nothing behind it can be read")
             }
@@ -329,7 +372,9 @@ impl Recording for Bag {
     }
 
     fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
-        let Some(found) = self.advance(tally)? else { return Ok(None) };
+        let Some(found) = self.advance(tally)? else {
+            return Ok(None);
+        };
         Ok(Some(Raw {
             channel: found.channel,
             arrival_ns: found.arrival_ns,

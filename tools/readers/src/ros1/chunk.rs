@@ -39,7 +39,11 @@ impl ChunkHeader {
     }
 
     /// Appends the chunk's content to `out`; what came before a damage is there also when it fails.
-    pub fn decompress(self, stored: Take<&mut impl Read>, out: &mut Vec<u8>) -> std::io::Result<()> {
+    pub fn decompress(
+        self,
+        stored: Take<&mut impl Read>,
+        out: &mut Vec<u8>,
+    ) -> std::io::Result<()> {
         // One byte more than promised, to see a chunk that holds more.
         let limit = self.size + 1;
         let read = match self.compression {

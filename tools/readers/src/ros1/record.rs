@@ -39,7 +39,10 @@ impl<'a> Fields<'a> {
         let mut rest = header;
         while !rest.is_empty() {
             let (field, next) = counted(rest)?;
-            field.iter().position(|byte| *byte == b'=').filter(|at| *at > 0)?;
+            field
+                .iter()
+                .position(|byte| *byte == b'=')
+                .filter(|at| *at > 0)?;
             rest = next;
         }
         Some(Self(header))

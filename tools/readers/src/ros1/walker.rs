@@ -37,7 +37,11 @@ pub(super) enum Step {
         data: Vec<u8>,
     },
     /// Something that is no record, and where reading goes on; the end of the file where nowhere.
-    Damage { at: u64, what: String, resumed: u64 },
+    Damage {
+        at: u64,
+        what: String,
+        resumed: u64,
+    },
     End,
 }
 
@@ -82,7 +86,11 @@ impl Walker {
     }
 
     /// A chunk's stored bytes.
-    pub fn stored(&mut self, data_at: u64, stored: u64) -> Result<Take<&mut BufReader<File>>, Error> {
+    pub fn stored(
+        &mut self,
+        data_at: u64,
+        stored: u64,
+    ) -> Result<Take<&mut BufReader<File>>, Error> {
         self.seek(data_at)?;
         Ok((&mut self.file).take(stored))
     }
@@ -93,7 +101,9 @@ impl Walker {
             return Ok(Err("file ends within a record".to_owned()));
         };
         if header_length as usize > HEADER_MAX {
-            return Ok(Err(format!("record header of {header_length} bytes, {HEADER_MAX} at most")));
+            return Ok(Err(format!(
+                "record header of {header_length} bytes, {HEADER_MAX} at most"
+            )));
         }
         let header = self.bytes(u64::from(header_length))?;
         let fields = Fields::parse(&header).filter(|_| header.len() == header_length as usize);
@@ -110,13 +120,27 @@ impl Walker {
 
         let step = if op == Op::Chunk {
             let Some(header) = ChunkHeader::from_fields(&fields) else {
-                return Ok(Err("chunk of unknown compression or above 256 MiB".to_owned()));
+                return Ok(Err(
+                    "chunk of unknown compression or above 256 MiB".to_owned()
+                ));
             };
-            Step::Chunk { header, at, data_at, stored, missing }
+            Step::Chunk {
+                header,
+                at,
+                data_at,
+                stored,
+                missing,
+            }
         } else if missing > 0 {
-            return Ok(Err(format!("record of {data_length} bytes, {stored} are left")));
+            return Ok(Err(format!(
+                "record of {data_length} bytes, {stored} are left"
+            )));
         } else {
-            let data = if stored <= DATA_MAX { self.bytes(stored)? } else { Vec::new() };
+            let data = if stored <= DATA_MAX {
+                self.bytes(stored)?
+            } else {
+                Vec::new()
+            };
             Step::Record { op, header, data }
         };
         self.at = data_at + stored;
@@ -137,7 +161,9 @@ impl Walker {
     }
 
     fn seek(&mut self, at: u64) -> Result<(), Error> {
-        self.file.seek(SeekFrom::Start(at)).map_err(Error::io(&self.path))?;
+        self.file
+            .seek(SeekFrom::Start(at))
+            .map_err(Error::io(&self.path))?;
         Ok(())
     }
 

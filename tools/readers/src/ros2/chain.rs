@@ -22,7 +22,8 @@ impl Chain {
         let mut transforms = Vec::new();
         for part in &parts {
             let of_part = part.channels().iter().map(|channel| {
-                let same = |c: &Channel| c.topic == channel.topic && c.type_name == channel.type_name;
+                let same =
+                    |c: &Channel| c.topic == channel.topic && c.type_name == channel.type_name;
                 if let Some(place) = channels.iter().position(same) {
                     if let Some(known) = channels.get_mut(place) {
                         known.messages += channel.messages;
@@ -36,7 +37,13 @@ impl Chain {
             places.push(of_part.collect());
             transforms.extend_from_slice(part.static_transforms());
         }
-        Self { parts, channels, places, transforms, present: 0 }
+        Self {
+            parts,
+            channels,
+            places,
+            transforms,
+            present: 0,
+        }
     }
 }
 
@@ -50,7 +57,13 @@ impl Recording for Chain {
     }
 
     fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
-        let Self { parts, places, present, channels, .. } = self;
+        let Self {
+            parts,
+            places,
+            present,
+            channels,
+            ..
+        } = self;
         for (index, part) in parts.iter_mut().enumerate().skip(*present) {
             *present = index;
             if let Some(raw) = part.next_message(tally)? {

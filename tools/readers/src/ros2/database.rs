@@ -80,7 +80,11 @@ impl Database {
             );
             self.numbers.push(number);
             self.channels.push(Channel {
-                kind: if format == "cdr" { Kind::of(&topic, &type_name) } else { Kind::Other },
+                kind: if format == "cdr" {
+                    Kind::of(&topic, &type_name)
+                } else {
+                    Kind::Other
+                },
                 topic,
                 type_name,
                 encoding: Encoding::Cdr,
@@ -161,11 +165,16 @@ impl Recording for Database {
             if self.batch.is_empty() {
                 self.fetch_over_damage(tally);
             }
-            let Some(row) = self.batch.pop() else { return Ok(None) };
+            let Some(row) = self.batch.pop() else {
+                return Ok(None);
+            };
             let Some(channel) = self.numbers.iter().position(|number| *number == row.topic) else {
                 let path = self.path.display();
                 tally.lost("messages_of_unknown_topic", 1, || {
-                    format!("{path}: message {}: topic {} is not declared", row.id, row.topic)
+                    format!(
+                        "{path}: message {}: topic {} is not declared",
+                        row.id, row.topic
+                    )
                 });
                 continue;
             };

@@ -66,7 +66,9 @@ impl McapBag {
 
     /// False where the file has no whole summary.
     fn read_summary(&mut self, path: &Path) -> bool {
-        let Some(mut summary) = Summary::read(path) else { return false };
+        let Some(mut summary) = Summary::read(path) else {
+            return false;
+        };
         for (topic, type_name, encoding, messages) in summary.channels() {
             if let Some(place) = self.place(&topic, &type_name, &encoding)
                 && let Some(channel) = self.channels.get_mut(place)
@@ -74,7 +76,10 @@ impl McapBag {
                 channel.messages += messages;
             }
         }
-        let fixed = self.channels.iter().filter(|c| c.kind == Kind::StaticTransforms);
+        let fixed = self
+            .channels
+            .iter()
+            .filter(|c| c.kind == Kind::StaticTransforms);
         let topics: Vec<String> = fixed.map(|c| c.topic.clone()).collect();
         match summary.messages_of(&topics, TRANSFORMS_MAX) {
             Some(messages) => self.transforms = messages,
@@ -87,12 +92,14 @@ impl McapBag {
         let mut reader = LogReader::open(path)?;
         while let Some(entry) = reader.next_entry()? {
             let from = entry.channel;
-            let Some(place) = self.place(&from.topic, &from.type_name, &from.message_encoding) else {
+            let Some(place) = self.place(&from.topic, &from.type_name, &from.message_encoding)
+            else {
                 continue;
             };
             if let Some(channel) = self.channels.get_mut(place) {
                 channel.messages += 1;
-                if channel.kind == Kind::StaticTransforms && self.transforms.len() < TRANSFORMS_MAX {
+                if channel.kind == Kind::StaticTransforms && self.transforms.len() < TRANSFORMS_MAX
+                {
                     self.transforms.push(entry.bytes.to_vec());
                 }
             }
@@ -104,7 +111,10 @@ impl McapBag {
 /// Counts what a reader met of damage since it was last asked.
 pub(crate) fn count_damage(now: &[Damage], counted: &mut Vec<Damage>, tally: &mut Tally) {
     for damage in now {
-        let known = counted.iter().find(|known| known.kind == damage.kind).map_or(0, |k| k.count);
+        let known = counted
+            .iter()
+            .find(|known| known.kind == damage.kind)
+            .map_or(0, |k| k.count);
         let new = damage.count.saturating_sub(known);
         tally.lost(damage.kind.name(), new, || damage.first.clone());
     }
@@ -124,12 +134,18 @@ impl Recording for McapBag {
 
     fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
         count_damage(self.reader.damage(), &mut self.counted, tally);
-        let Some(entry) = self.reader.next_entry()? else { return Ok(None) };
+        let Some(entry) = self.reader.next_entry()? else {
+            return Ok(None);
+        };
         let from = entry.channel;
         let same = |c: &Channel| c.topic == from.topic && c.type_name == from.type_name;
         Ok(Some(Raw {
             // A channel that is not ROS's has no place: nobody asks for the one behind the last.
-            channel: self.channels.iter().position(same).unwrap_or(self.channels.len()),
+            channel: self
+                .channels
+                .iter()
+                .position(same)
+                .unwrap_or(self.channels.len()),
             arrival_ns: entry.stamp_ns,
             offset: entry.offset,
             bytes: entry.bytes,

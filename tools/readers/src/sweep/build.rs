@@ -82,11 +82,20 @@ impl Turn {
     /// Angle from the start in the sense of rotation, from half a step before the first beam.
     fn angle(&self, azimuth_rad: f64, start_rad: f64) -> f64 {
         let angle = ahead(start_rad, azimuth_rad, self.clockwise);
-        if angle >= 2.0 * PI - 0.5 * self.step_rad { angle - 2.0 * PI } else { angle }
+        if angle >= 2.0 * PI - 0.5 * self.step_rad {
+            angle - 2.0 * PI
+        } else {
+            angle
+        }
     }
 
     /// Clusters in order of time, each by range; sorts the points where they are not so.
-    fn in_order(&self, points: &mut [PolarPoint], start_rad: f64, tally: &mut Tally) -> Vec<Cluster> {
+    fn in_order(
+        &self,
+        points: &mut [PolarPoint],
+        start_rad: f64,
+        tally: &mut Tally,
+    ) -> Vec<Cluster> {
         let angle = |azimuth_rad: f64| self.angle(azimuth_rad, start_rad);
         let mut found = clusters(points);
         if !found.is_sorted_by(|a, b| angle(a.azimuth_rad) <= angle(b.azimuth_rad)) {
@@ -123,7 +132,10 @@ impl Turn {
             // No grid and more directions than the table holds: the table's own sectors.
             None if clusters.len() > MAX_BEAMS => {
                 tally.noted("sweeps_regridded", 1, || {
-                    format!("{} directions in a sweep, {MAX_BEAMS} at most", clusters.len())
+                    format!(
+                        "{} directions in a sweep, {MAX_BEAMS} at most",
+                        clusters.len()
+                    )
                 });
                 MAX_BEAMS
             }
@@ -148,7 +160,9 @@ impl Turn {
         let mut owners = Vec::with_capacity(clusters.len());
         for (cluster, angle) in clusters.iter().zip(&angles) {
             // Rounding cannot leave the table by more than the half step at the seam.
-            let index = (angle / step - phase).round().clamp(0.0, (count - 1) as f64) as usize;
+            let index = (angle / step - phase)
+                .round()
+                .clamp(0.0, (count - 1) as f64) as usize;
             if let (Some(slot), Some(_)) = (slots.get_mut(index), self.grid) {
                 slot.azimuth_rad = cluster.azimuth_rad;
             }
@@ -171,7 +185,11 @@ impl Turn {
 pub(crate) fn wrap_f32(azimuth_rad: f64) -> f32 {
     let azimuth = wrap(azimuth_rad) as f32;
     // The f32 next to pi is above pi.
-    if f64::from(azimuth) >= PI { -azimuth } else { azimuth }
+    if f64::from(azimuth) >= PI {
+        -azimuth
+    } else {
+        azimuth
+    }
 }
 
 /// Leaves the strongest returns where there are more than a message holds; order and ties as they stand.

@@ -109,7 +109,9 @@ impl Turn {
 /// The same points by azimuth, then by range.
 fn sorted_copy(sweep: &Polar) -> Polar {
     let mut sweep = sweep.clone();
-    sweep.points.sort_by(|a, b| a.azimuth_rad.total_cmp(&b.azimuth_rad));
+    sweep
+        .points
+        .sort_by(|a, b| a.azimuth_rad.total_cmp(&b.azimuth_rad));
     for cluster in clusters(&sweep.points) {
         if let Some(beam) = sweep.points.get_mut(cluster.points) {
             beam.sort_by(|a, b| a.range_m.total_cmp(&b.range_m));
@@ -120,7 +122,9 @@ fn sorted_copy(sweep: &Polar) -> Polar {
 
 /// The value at `fraction` of a sorted list.
 fn quantile(sorted: &[f64], fraction: f64) -> Option<f64> {
-    sorted.get((sorted.len() as f64 * fraction) as usize).copied()
+    sorted
+        .get((sorted.len() as f64 * fraction) as usize)
+        .copied()
 }
 
 /// Signed angles between one cluster and the next, of all sweeps.
@@ -197,7 +201,11 @@ fn direction(clusters: &[Vec<Cluster>]) -> Option<bool> {
 
 /// Angle from `a` to `b` in the sense of rotation, in [0, 2 pi).
 pub(super) fn ahead(a_rad: f64, b_rad: f64, clockwise: bool) -> f64 {
-    let turn = if clockwise { a_rad - b_rad } else { b_rad - a_rad };
+    let turn = if clockwise {
+        a_rad - b_rad
+    } else {
+        b_rad - a_rad
+    };
     let angle = wrap(turn);
     if angle < 0.0 { angle + 2.0 * PI } else { angle }
 }
@@ -223,7 +231,11 @@ fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Opti
         return None;
     }
     let seam = -ahead(-PI, reference, clockwise);
-    let places = if step > 0.0 { ((latest - earliest) / step).round() as i32 } else { 0 };
+    let places = if step > 0.0 {
+        ((latest - earliest) / step).round() as i32
+    } else {
+        0
+    };
     let place = (0..places)
         .map(|back| latest - f64::from(back) * step)
         .find(|place| wrap(place - seam).abs() < 0.5 * step)
@@ -238,9 +250,13 @@ fn period_ns(sweeps: &[Polar], options: &Options, tally: &mut Tally) -> i64 {
         [a, b] => Some(b.stamp_ns.checked_sub(a.stamp_ns)? as f64 * 1e-9),
         _ => None,
     });
-    let mut spacings: Vec<f64> = spacings.filter(|s| (shortest..=longest).contains(s)).collect();
+    let mut spacings: Vec<f64> = spacings
+        .filter(|s| (shortest..=longest).contains(s))
+        .collect();
     spacings.sort_by(f64::total_cmp);
-    let given = options.period_s.filter(|s| (shortest..=longest).contains(s));
+    let given = options
+        .period_s
+        .filter(|s| (shortest..=longest).contains(s));
     let period_s = given.or_else(|| quantile(&spacings, 0.5)).unwrap_or_else(|| {
         tally.noted("period_assumed", 1, || {
             format!("too few stamps to tell the time of a turn: {PERIOD_FALLBACK_S} s assumed (--period)")
@@ -254,7 +270,11 @@ fn period_ns(sweeps: &[Polar], options: &Options, tally: &mut Tally) -> i64 {
 fn bins(sweeps: &[Polar], clusters: &[Vec<Cluster>]) -> Bins {
     let mut ranges: Vec<&[_]> = Vec::new();
     for (sweep, clusters) in sweeps.iter().zip(clusters) {
-        ranges.extend(clusters.iter().filter_map(|c| sweep.points.get(c.points.clone())));
+        ranges.extend(
+            clusters
+                .iter()
+                .filter_map(|c| sweep.points.get(c.points.clone())),
+        );
     }
     let mut steps: Vec<f64> = Vec::new();
     for beam in &ranges {

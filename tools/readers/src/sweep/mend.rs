@@ -37,7 +37,10 @@ fn broken(scan: &Message<RadarScan>) -> Option<String> {
         return Some(format!("{} beams, {MAX_BEAMS} at most", sweep.beam_count));
     }
     if sweep.begin_ns > sweep.end_ns {
-        return Some(format!("begins at {} after its end at {}", sweep.begin_ns, sweep.end_ns));
+        return Some(format!(
+            "begins at {} after its end at {}",
+            sweep.begin_ns, sweep.end_ns
+        ));
     }
     if !sweep.azimuth_step_rad.is_finite() || !sweep.range_resolution_m.is_finite() {
         return Some("a step of azimuth or range that is not finite".to_owned());
@@ -50,7 +53,9 @@ fn broken(scan: &Message<RadarScan>) -> Option<String> {
             && beam.azimuth_rad.is_finite()
             && own.iter().all(|r| usize::from(r.beam) == index);
         if !fits {
-            return Some(format!("beam {index}: its returns or its azimuth do not fit the table"));
+            return Some(format!(
+                "beam {index}: its returns or its azimuth do not fit the table"
+            ));
         }
         covered = returns.end;
     }

@@ -8,9 +8,8 @@ use std::path::{Path, PathBuf};
 /// The recordings, or `None` (and a word about it) where they are absent; under CI they must be there.
 pub fn data(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("RANDT_DATA").map(PathBuf::from);
-    let folder = folder.unwrap_or_else(|| {
-        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data")
-    });
+    let folder = folder
+        .unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"));
     let path = folder.join(name);
     if path.exists() {
         return Some(path);
@@ -55,7 +54,11 @@ pub enum Style {
 
 impl Style {
     pub fn encoding(self) -> Encoding {
-        if self == Self::Ros1 { Encoding::Ros1 } else { Encoding::Cdr }
+        if self == Self::Ros1 {
+            Encoding::Ros1
+        } else {
+            Encoding::Cdr
+        }
     }
 }
 
@@ -154,7 +157,11 @@ impl TestCloud {
     pub fn serialise(&self, style: Style, layout: &CloudLayout) -> Vec<u8> {
         let mut pen = Pen::new(style);
         pen.header(self.stamp_ns, "left_radar_link");
-        let rows = if layout.rows > 0 && self.points.len() % layout.rows == 0 { layout.rows } else { 1 };
+        let rows = if layout.rows > 0 && self.points.len() % layout.rows == 0 {
+            layout.rows
+        } else {
+            1
+        };
         let width = self.points.len() / rows;
         pen.u32(rows as u32);
         pen.u32(width as u32);
@@ -221,7 +228,10 @@ pub fn transforms(style: Style, transforms: &[TestTransform]) -> Vec<u8> {
     for (parent, child, translation, rotation) in transforms {
         pen.header(0, parent);
         pen.string(child);
-        translation.iter().chain(rotation).for_each(|value| pen.f64(*value));
+        translation
+            .iter()
+            .chain(rotation)
+            .for_each(|value| pen.f64(*value));
     }
     pen.bytes
 }
@@ -249,7 +259,9 @@ fn field(out: &mut Vec<u8>, name: &str, value: &[u8]) {
 
 fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
     let mut header = Vec::new();
-    fields.iter().for_each(|(name, value)| field(&mut header, name, value));
+    fields
+        .iter()
+        .for_each(|(name, value)| field(&mut header, name, value));
     let mut out = (header.len() as u32).to_le_bytes().to_vec();
     out.extend(header);
     out.extend((data.len() as u32).to_le_bytes());
@@ -278,7 +290,14 @@ pub fn ros1_bag(messages: &[TestMessage], compression: &str, per_chunk: usize) -
         field(&mut data, "topic", topic.as_bytes());
         field(&mut data, "type", type_name.as_bytes());
         field(&mut data, "md5sum", b"*");
-        record(&[("op", &[7]), ("conn", &(number as u32).to_le_bytes()), ("topic", topic.as_bytes())], &data)
+        record(
+            &[
+                ("op", &[7]),
+                ("conn", &(number as u32).to_le_bytes()),
+                ("topic", topic.as_bytes()),
+            ],
+            &data,
+        )
     };
     let mut bag = b"#ROSBAG V2.0\n".to_vec();
     let bag_header = |index_at: u64, chunks: u32| {
@@ -297,19 +316,26 @@ pub fn ros1_bag(messages: &[TestMessage], compression: &str, per_chunk: usize) -
         let mut inside = Vec::new();
         let mut counts = vec![0_u32; topics.len()];
         for message in part {
-            let number = topics.iter().position(|t| *t == (message.topic, message.type_name)).unwrap();
+            let number = topics
+                .iter()
+                .position(|t| *t == (message.topic, message.type_name))
+                .unwrap();
             if counts[number] == 0 {
                 inside.extend(connection(number));
             }
             counts[number] += 1;
             let conn = (number as u32).to_le_bytes();
             let time = ros_time(message.arrival_ns);
-            inside.extend(record(&[("op", &[2]), ("conn", &conn), ("time", &time)], &message.bytes));
+            inside.extend(record(
+                &[("op", &[2]), ("conn", &conn), ("time", &time)],
+                &message.bytes,
+            ));
         }
         let stored = match compression {
             "none" => inside.clone(),
             "bz2" => {
-                let mut encoder = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+                let mut encoder =
+                    bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
                 encoder.write_all(&inside).unwrap();
                 encoder.finish().unwrap()
             }
@@ -322,14 +348,32 @@ pub fn ros1_bag(messages: &[TestMessage], compression: &str, per_chunk: usize) -
         };
         let at = bag.len() as u64;
         let size = (inside.len() as u32).to_le_bytes();
-        bag.extend(record(&[("compression", compression.as_bytes()), ("op", &[5]), ("size", &size)], &stored));
+        bag.extend(record(
+            &[
+                ("compression", compression.as_bytes()),
+                ("op", &[5]),
+                ("size", &size),
+            ],
+            &stored,
+        ));
         for (number, count) in counts.iter().enumerate().filter(|(_, count)| **count > 0) {
             let conn = (number as u32).to_le_bytes();
-            let fields: [(&str, &[u8]); 4] =
-                [("op", &[4]), ("ver", &[1, 0, 0, 0]), ("conn", &conn), ("count", &count.to_le_bytes())];
+            let fields: [(&str, &[u8]); 4] = [
+                ("op", &[4]),
+                ("ver", &[1, 0, 0, 0]),
+                ("conn", &conn),
+                ("count", &count.to_le_bytes()),
+            ];
             bag.extend(record(&fields, &vec![0; 12 * *count as usize]));
         }
-        infos.push(record(&[("op", &[6]), ("ver", &[1, 0, 0, 0]), ("chunk_pos", &at.to_le_bytes())], &[]));
+        infos.push(record(
+            &[
+                ("op", &[6]),
+                ("ver", &[1, 0, 0, 0]),
+                ("chunk_pos", &at.to_le_bytes()),
+            ],
+            &[],
+        ));
     }
     let index_at = bag.len() as u64;
     (0..topics.len()).for_each(|number| bag.extend(connection(number)));
@@ -350,15 +394,21 @@ pub fn mcap_bag(messages: &[TestMessage], chunk_size: u64) -> Vec<u8> {
         .create(std::io::Cursor::new(Vec::new()))
         .unwrap();
     for message in messages {
-        let schema = writer.add_schema(&ros2_type(message.type_name), "ros2msg", b"").unwrap();
-        let channel = writer.add_channel(schema, message.topic, "cdr", &Default::default()).unwrap();
+        let schema = writer
+            .add_schema(&ros2_type(message.type_name), "ros2msg", b"")
+            .unwrap();
+        let channel = writer
+            .add_channel(schema, message.topic, "cdr", &Default::default())
+            .unwrap();
         let header = mcap::records::MessageHeader {
             channel_id: channel,
             sequence: 0,
             log_time: message.arrival_ns as u64,
             publish_time: message.arrival_ns as u64,
         };
-        writer.write_to_known_channel(&header, &message.bytes).unwrap();
+        writer
+            .write_to_known_channel(&header, &message.bytes)
+            .unwrap();
     }
     writer.finish().unwrap();
     writer.into_inner().into_inner()
@@ -379,14 +429,22 @@ pub fn database_bag(messages: &[TestMessage], path: &Path) {
     for message in messages {
         if !topics.contains(&message.topic) {
             topics.push(message.topic);
-            let row = (topics.len(), message.topic, ros2_type(message.type_name), "cdr", "");
-            connection.execute("INSERT INTO topics VALUES (?1, ?2, ?3, ?4, ?5)", row).unwrap();
+            let row = (
+                topics.len() as i64,
+                message.topic,
+                ros2_type(message.type_name),
+                "cdr",
+                "",
+            );
+            connection
+                .execute("INSERT INTO topics VALUES (?1, ?2, ?3, ?4, ?5)", row)
+                .unwrap();
         }
         let topic = topics.iter().position(|t| *t == message.topic).unwrap() + 1;
         connection
             .execute(
                 "INSERT INTO messages (topic_id, timestamp, data) VALUES (?1, ?2, ?3)",
-                (topic, message.arrival_ns, &message.bytes),
+                (topic as i64, message.arrival_ns, &message.bytes),
             )
             .unwrap();
     }
@@ -411,7 +469,12 @@ pub fn recording(style: Style, layout: &CloudLayout, sweeps: usize) -> Vec<TestM
                 topic: "/imu/data",
                 type_name: IMU,
                 arrival_ns: stamp_ns + 1000,
-                bytes: imu(style, stamp_ns, [0.0, 0.01, 0.1 * random.unit()], [0.1, 0.0, 9.81]),
+                bytes: imu(
+                    style,
+                    stamp_ns,
+                    [0.0, 0.01, 0.1 * random.unit()],
+                    [0.1, 0.0, 9.81],
+                ),
             });
         }
         messages.push(TestMessage {
@@ -424,8 +487,12 @@ pub fn recording(style: Style, layout: &CloudLayout, sweeps: usize) -> Vec<TestM
     messages
 }
 
-pub const MOUNT_RADAR: TestTransform =
-    ("base_link", "left_radar_link", [0.3, -0.1, 0.4], [0.0, 0.0, 0.0, 1.0]);
+pub const MOUNT_RADAR: TestTransform = (
+    "base_link",
+    "left_radar_link",
+    [0.3, -0.1, 0.4],
+    [0.0, 0.0, 0.0, 1.0],
+);
 /// Upside down: half a turn about x.
 pub const MOUNT_IMU: TestTransform = ("base_link", "imu_link", [0.0; 3], [1.0, 0.0, 0.0, 0.0]);
 
@@ -482,4 +549,32 @@ pub fn fingerprint(events: &[Event]) -> Vec<Vec<u8>> {
         out
     };
     events.iter().map(bytes).collect()
+}
+
+/// These events as one of our logs.
+pub fn log_of(events: &[Event], info: &crate::InputInfo) -> Vec<u8> {
+    use randt_log::{LogWriter, Options, ROBOT_METADATA, Robot};
+    use randt_messages::{ImuSampleTopic, Message};
+    let sink = std::io::Cursor::new(Vec::new());
+    let mut writer = LogWriter::new(sink, "test.mcap", Options::default()).unwrap();
+    let robot = Robot {
+        sensor: info.sensor,
+        radar: info.extrinsics.radar.map(|pose| pose.to_array()),
+        imu: info.extrinsics.imu.map(|rotation| rotation.to_array()),
+    };
+    writer
+        .write_metadata(ROBOT_METADATA, robot.to_metadata())
+        .unwrap();
+    for event in events {
+        match event {
+            Event::Scan(scan) => writer.write(scan.as_ref()).unwrap(),
+            Event::Imu(sample) => {
+                let mut message = Message::<ImuSampleTopic>::default();
+                *message.head = *sample;
+                writer.write(message.as_ref()).unwrap();
+            }
+            Event::Truth(_) => {}
+        }
+    }
+    writer.finish().unwrap().into_inner()
 }
