@@ -24,36 +24,72 @@ pub(crate) fn ate_rmse_m(pairs: &[Pair]) -> Option<f64> {
 
 /// Sum of the squared distances after alignment, m^2.
 fn aligned_square_error(frame: &[Pair]) -> f64 {
-    let count = frame.len() as f64;
-    let mean = |of: fn(&Pair) -> f64| frame.iter().map(of).sum::<f64>() / count;
-    let estimate = [mean(|p| p.estimate.x_m), mean(|p| p.estimate.y_m)];
-    let truth = [mean(|p| p.truth.x_m), mean(|p| p.truth.y_m)];
-    let centred = |p: &Pair| {
-        (
-            [p.estimate.x_m - estimate[0], p.estimate.y_m - estimate[1]],
-            [p.truth.x_m - truth[0], p.truth.y_m - truth[1]],
-        )
-    };
-    // The best angle's cosine and sine are as the sums of dot and cross products.
-    let (mut dot, mut cross) = (0.0, 0.0);
-    for pair in frame {
-        let (e, t) = centred(pair);
-        dot += e[0] * t[0] + e[1] * t[1];
-        cross += e[0] * t[1] - e[1] * t[0];
-    }
-    let norm = (dot * dot + cross * cross).sqrt();
-    let (cos, sin) = if norm > 0.0 {
-        (dot / norm, cross / norm)
-    } else {
-        (1.0, 0.0)
-    };
+    let alignment = Alignment::of(frame);
     frame
         .iter()
         .map(|pair| {
-            let (e, t) = centred(pair);
-            let dx = cos * e[0] - sin * e[1] - t[0];
-            let dy = sin * e[0] + cos * e[1] - t[1];
+            let [x_m, y_m] = alignment.estimate_on_truth([pair.estimate.x_m, pair.estimate.y_m]);
+            let (dx, dy) = (x_m - pair.truth.x_m, y_m - pair.truth.y_m);
             dx * dx + dy * dy
         })
         .sum()
+}
+
+/// The rigid motion that lays an estimate onto the truth: a turn about the mean positions.
+pub(crate) struct Alignment {
+    estimate: [f64; 2],
+    truth: [f64; 2],
+    cos: f64,
+    sin: f64,
+}
+
+impl Alignment {
+    /// The one of least squared distance.
+    pub fn of(frame: &[Pair]) -> Self {
+        let count = frame.len().max(1) as f64;
+        let mean = |of: fn(&Pair) -> f64| frame.iter().map(of).sum::<f64>() / count;
+        let estimate = [mean(|p| p.estimate.x_m), mean(|p| p.estimate.y_m)];
+        let truth = [mean(|p| p.truth.x_m), mean(|p| p.truth.y_m)];
+        // The best angle's cosine and sine are as the sums of dot and cross products.
+        let (mut dot, mut cross) = (0.0, 0.0);
+        for pair in frame {
+            let e = [
+                pair.estimate.x_m - estimate[0],
+                pair.estimate.y_m - estimate[1],
+            ];
+            let t = [pair.truth.x_m - truth[0], pair.truth.y_m - truth[1]];
+            dot += e[0] * t[0] + e[1] * t[1];
+            cross += e[0] * t[1] - e[1] * t[0];
+        }
+        let norm = (dot * dot + cross * cross).sqrt();
+        let (cos, sin) = if norm > 0.0 {
+            (dot / norm, cross / norm)
+        } else {
+            (1.0, 0.0)
+        };
+        Self {
+            estimate,
+            truth,
+            cos,
+            sin,
+        }
+    }
+
+    /// A position of the estimate, seen from the truth's frame.
+    fn estimate_on_truth(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
+        let (dx, dy) = (x_m - self.estimate[0], y_m - self.estimate[1]);
+        [
+            self.cos * dx - self.sin * dy + self.truth[0],
+            self.sin * dx + self.cos * dy + self.truth[1],
+        ]
+    }
+
+    /// A position of the truth, seen from the estimate's frame.
+    pub fn truth_on_estimate(&self, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
+        let (dx, dy) = (x_m - self.truth[0], y_m - self.truth[1]);
+        [
+            self.cos * dx + self.sin * dy + self.estimate[0],
+            -self.sin * dx + self.cos * dy + self.estimate[1],
+        ]
+    }
 }

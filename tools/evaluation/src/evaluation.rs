@@ -1,6 +1,8 @@
 //! All errors of one estimate against one truth.
 
+use crate::absolute::Alignment;
 use crate::pairs::{gap_max_ns, pair};
+use crate::trajectory::TrajectoryPose;
 use crate::{Error, Trajectory, absolute, relative};
 
 /// How exact an estimate is. An error that is not defined for it (too short, nothing in common) is `None`.
@@ -55,6 +57,26 @@ pub fn evaluate(estimate: &Trajectory, truth: &Trajectory) -> Result<Evaluation,
     })
 }
 
+/// The truth's positions as they lie in the estimate's frame after rigid alignment, for the picture, m.
+///
+/// Where the estimate has several frames the first one is meant. Empty where nothing belongs together.
+pub fn truth_on_estimate(
+    estimate: &Trajectory,
+    truth: &Trajectory,
+) -> Result<Vec<[f64; 2]>, Error> {
+    let pairs = pair(estimate, truth)?;
+    let Some(first) = pairs.chunk_by(|a, b| a.frame == b.frame).next() else {
+        return Ok(Vec::new());
+    };
+    let alignment = Alignment::of(first);
+    let position = |pose: &TrajectoryPose| [pose.transform.x_m, pose.transform.y_m];
+    Ok(truth
+        .poses()
+        .iter()
+        .map(|pose| alignment.truth_on_estimate(position(pose)))
+        .collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -90,6 +112,12 @@ mod tests {
         assert!(evaluation.kitti_rotation_deg_per_100m.unwrap() < 1e-4);
         assert_eq!(evaluation.coverage, 1.0);
         assert!((evaluation.path_m - 499.0).abs() < 0.1);
+
+        let laid = truth_on_estimate(&estimate, &truth(500)).unwrap();
+        for (laid, pose) in laid.iter().zip(estimate.poses()) {
+            assert!((laid[0] - pose.transform.x_m).abs() < 1e-9);
+            assert!((laid[1] - pose.transform.y_m).abs() < 1e-9);
+        }
     }
 
     #[test]

@@ -30,7 +30,7 @@ mod view;
 mod write;
 
 pub use error::Error;
-pub use evaluation::{Evaluation, evaluate};
+pub use evaluation::{Evaluation, evaluate, truth_on_estimate};
 pub use plot::{Plot, plot_trajectories};
 pub use trajectory::{Trajectory, TrajectoryPose};
 pub use transform::Transform;

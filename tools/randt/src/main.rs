@@ -2,6 +2,8 @@
 
 mod commands;
 mod exit;
+mod output;
+mod selection;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -1,12 +1,50 @@
-//! `randt config`.
+//! `randt config`: what is in force, and whether a file is good.
 
 use crate::exit::Outcome;
+use crate::output::print;
+use crate::selection::SelectionArguments;
+use randt_config::{Error, check_file};
+use randt_messages::SensorKind;
 
 /// Arguments of `randt config`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
 
-/// Not written yet.
-pub fn run(_arguments: Arguments) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not written yet")
+/// What to do.
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Print every key that is in force, what it means and where its value comes from
+    ///
+    /// The output is TOML and can be changed and given to --profile.
+    Show(SelectionArguments),
+    /// Check files (profiles, sensors, robots) and tell every mistake
+    Check {
+        /// Files to check
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<String>,
+    },
+}
+
+/// Shows or checks.
+pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    match arguments.action {
+        Action::Show(selection) => {
+            print(&selection.load(SensorKind::Unknown)?.to_toml())?;
+        }
+        Action::Check { files } => {
+            let mut mistakes = Vec::new();
+            for file in &files {
+                match check_file(file) {
+                    Ok(()) => print(&format!("{file}: good\n"))?,
+                    Err(Error::Several(several)) => mistakes.extend(several),
+                    Err(mistake) => mistakes.push(mistake),
+                }
+            }
+            Error::all(mistakes)?;
+        }
+    }
+    Ok(Outcome::Good)
 }

@@ -1,0 +1,169 @@
+//! `randt eval` as a user calls it.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn eval(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_randt"))
+        .arg("eval")
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+fn stderr(output: &Output) -> &str {
+    str::from_utf8(&output.stderr).unwrap()
+}
+
+fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// TUM rows of a straight drive of half a metre a second.
+fn drive(seconds: std::ops::Range<u32>) -> String {
+    let row = |t: u32| format!("{t}.0 {:.1} 0 0 0 0 0 1\n", 0.5 * f64::from(t));
+    seconds.map(row).collect()
+}
+
+/// The folder of the recordings; `None` where there is none (an error under CI).
+fn data() -> Option<PathBuf> {
+    let folder = std::env::var_os("RANDT_DATA").map_or_else(
+        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        PathBuf::from,
+    );
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
+    assert!(!ci, "no data at {}: set RANDT_DATA", folder.display());
+    println!("skipped: no data");
+    None
+}
+
+#[test]
+fn a_published_run_gives_its_published_figures() {
+    let Some(data) = data() else { return };
+    let folder = data.join("trajectories/randt/16-13-09/slam");
+    let output = eval(&folder, &["est.txt", "gt.txt", "--json"]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let figures = json(&output);
+    for (name, published) in [
+        ("kitti_translation_percent", "1.54257"),
+        ("kitti_rotation_deg_per_100m", "0.49098"),
+        ("ate_rmse_m", "3.99550"),
+        ("rpe_translation_mean_m", "0.10358"),
+        ("rpe_rotation_mean_deg", "0.15467"),
+        ("coverage", "1.00000"),
+    ] {
+        let found = format!("{:.5}", figures[name].as_f64().unwrap());
+        assert_eq!(found, published, "{name}");
+    }
+    let again = eval(&folder, &["est.txt", "gt.txt", "--json"]);
+    assert_eq!(again.stdout, output.stdout);
+}
+
+#[test]
+fn people_get_a_table_and_programs_get_null() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.tum"), drive(0..20)).unwrap();
+    let output = eval(folder.path(), &["a.tum", "a.tum"]);
+    assert_eq!(output.status.code(), Some(0));
+    let table = str::from_utf8(&output.stdout).unwrap();
+    for words in ["100.0 %", "ATE", "0.0000 m", "no stretch of 100 m"] {
+        assert!(table.contains(words), "{table}");
+    }
+    let output = eval(folder.path(), &["a.tum", "a.tum", "--json"]);
+    assert_eq!(json(&output)["kitti_translation_percent"], Value::Null);
+    assert_eq!(json(&output)["ate_rmse_m"], 0.0);
+}
+
+#[test]
+fn too_little_coverage_ends_with_3() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("truth.tum"), drive(0..100)).unwrap();
+    for (name, seconds, coverage) in [
+        ("most.tum", 3..99, 0.96),
+        ("part.tum", 10..99, 0.89),
+        ("elsewhere.tum", 500..600, 0.0),
+    ] {
+        fs::write(folder.path().join(name), drive(seconds)).unwrap();
+        let output = eval(folder.path(), &[name, "truth.tum", "--json"]);
+        let expected = if coverage < 0.95 { 3 } else { 0 };
+        assert_eq!(output.status.code(), Some(expected), "{name}");
+        assert_eq!(json(&output)["coverage"], coverage, "{name}");
+        if expected == 3 {
+            assert!(
+                stderr(&output).contains("the truth 0.000 to 99.000 s"),
+                "{}",
+                stderr(&output)
+            );
+        }
+    }
+}
+
+#[test]
+fn frames_are_told_and_never_spliced() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("truth.tum"), drive(0..100)).unwrap();
+    let row = |t: u32, x: f64| format!("{t}.0 0 {x:.1} 0 0 0 0.70710678 0.70710678\n");
+    let first: String = (0..50).map(|t| row(t, 0.5 * f64::from(t))).collect();
+    let second: String = (50..100)
+        .map(|t| row(t, 0.5 * f64::from(t) - 90.0))
+        .collect();
+    let text = format!("# odom_frame_id 1 start\n{first}# odom_frame_id 2 gap of 1.5 s\n{second}");
+    fs::write(folder.path().join("est.tum"), text).unwrap();
+    let output = eval(folder.path(), &["est.tum", "truth.tum", "--json"]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(stderr(&output).contains("2 frames"), "{}", stderr(&output));
+    assert_eq!(json(&output)["frames"], 2);
+    assert!(json(&output)["ate_rmse_m"].as_f64().unwrap() < 1e-6);
+    assert!(json(&output)["rpe_translation_mean_m"].as_f64().unwrap() < 1e-6);
+}
+
+#[test]
+fn what_is_no_trajectory_ends_with_1_and_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    write("good.tum", drive(0..20).as_bytes());
+    write("empty.tum", b"");
+    write("cut.tum", b"0.0 0 0 0 0 0 0 1\n1.0 0.5 0 0 0");
+    write("bytes.tum", b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR");
+    write("back.tum", b"1.0 0 0 0 0 0 0 1\n0.5 0 0 0 0 0 0 1\n");
+    write("rows.kitti", b"1 0 0 0 0 1 0 0 0 0 1 0\n");
+    write(
+        "two.kitti",
+        b"1 0 0 0 0 1 0 0 0 0 1 0\n1 0 0 1 0 1 0 0 0 0 1 0\n",
+    );
+    for (estimate, truth, words) in [
+        ("absent.tum", "good.tum", "absent.tum: No such file"),
+        ("good.tum", ".", ".: Is a directory"),
+        ("empty.tum", "good.tum", "empty.tum: no poses"),
+        (
+            "cut.tum",
+            "good.tum",
+            "cut.tum:2: 5 columns; a TUM row has 8",
+        ),
+        ("bytes.tum", "good.tum", "bytes.tum:1: not text"),
+        (
+            "good.tum",
+            "back.tum",
+            "back.tum:2: stamp 0.500000000 is not after",
+        ),
+        ("rows.kitti", "good.tum", "give both in one format"),
+        (
+            "rows.kitti",
+            "two.kitti",
+            "the estimate has 1 rows and the truth 2",
+        ),
+    ] {
+        let output = eval(folder.path(), &[estimate, truth]);
+        assert_eq!(output.status.code(), Some(1), "{estimate} {truth}");
+        assert!(stderr(&output).contains(words), "{}", stderr(&output));
+        assert!(output.stdout.is_empty());
+    }
+    assert_eq!(eval(folder.path(), &["good.tum"]).status.code(), Some(2));
+}
