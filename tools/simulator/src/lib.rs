@@ -1,1 +1,26 @@
-//! Worlds and sensors: a simulated drive as a log.
+//! Worlds and sensors: a simulated drive, as hard as the real thing.
+//!
+//! Responsible for what a radar and an IMU on a robot would say, and for the truth behind it. Pure: no
+//! files, no clock, no threads; the same seed gives the same bits on every machine. Not responsible for
+//! writing logs.
+
+mod building;
+mod caster;
+mod echo;
+mod inertial;
+mod material;
+mod motion;
+mod radar;
+mod random;
+mod route;
+mod simulation;
+mod world;
+
+pub use caster::{Caster, Hit};
+pub use inertial::ImuProfile;
+pub use material::{Material, Response};
+pub use motion::{Drive, MotionProfile, MotionState};
+pub use radar::RadarProfile;
+pub use random::Random;
+pub use simulation::{Event, Robot, START_NS, Simulation};
+pub use world::{Wall, World};

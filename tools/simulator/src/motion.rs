@@ -1,0 +1,239 @@
+//! How the robot drives, and where it is at any instant.
+//!
+//! A driver steers along the route every 10 ms. Between two such knots forward speed, sideways speed and
+//! yaw rate change linearly, and the pose is their integral: velocity is the pose's derivative and
+//! acceleration the velocity's, by construction.
+
+use crate::{Random, World, route::Route};
+use nalgebra::Vector2;
+use randt_geometry::Pose2;
+use randt_geometry::elementary::{PI, atan2, cos, sin_cos};
+use std::collections::VecDeque;
+
+/// Time between two decisions of the driver.
+const KNOT_NS: i64 = 10_000_000;
+const KNOT_S: f64 = 0.01;
+/// Knots kept: 2 s, ten sweeps.
+const KNOTS_KEPT: usize = 200;
+
+/// Limits and habits of the driver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionProfile {
+    /// Fastest speed.
+    pub speed_max_m_s: f64,
+    /// Fastest turn.
+    pub yaw_rate_max_rad_s: f64,
+    /// Hardest change of speed.
+    pub acceleration_max_m_s2: f64,
+    /// Hardest change of the turn.
+    pub angular_acceleration_max_rad_s2: f64,
+    /// Sideways slip: the robot wanders this far to either side of where its wheels point.
+    pub slip_m: f64,
+    /// Path between two wanderings.
+    pub slip_length_m: f64,
+    /// Standstill before the drive, s.
+    pub start_s: f64,
+    /// Every so many changes of speed the robot stops; 0 never.
+    pub stop_every: u32,
+}
+
+impl Default for MotionProfile {
+    /// A wheeled robot indoors: 0 to 1 m/s with stops, turns up to 0.7 rad/s, a centimetre of slip.
+    fn default() -> Self {
+        Self {
+            speed_max_m_s: 1.0,
+            yaw_rate_max_rad_s: 0.7,
+            acceleration_max_m_s2: 0.5,
+            angular_acceleration_max_rad_s2: 1.5,
+            slip_m: 0.01,
+            slip_length_m: 2.0,
+            start_s: 2.5,
+            stop_every: 5,
+        }
+    }
+}
+
+/// Where the robot is at one instant, and how it moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionState {
+    /// `base_link` in the world; the yaw is not wrapped.
+    pub pose: [f64; 3],
+    /// Forward m/s, left m/s, yaw rate rad/s.
+    pub velocity: [f64; 3],
+    /// Acceleration against the ground along forward and left, m/s^2, and angular acceleration, rad/s^2.
+    pub acceleration: [f64; 3],
+    /// Path driven so far, m.
+    pub path_m: f64,
+}
+
+impl MotionState {
+    /// The pose, wrapped.
+    pub fn pose2(&self) -> Pose2 {
+        Pose2::from_array(self.pose)
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Knot {
+    pose: [f64; 3],
+    twist: [f64; 3],
+    path_m: f64,
+}
+
+/// The drive. It can be asked for any instant not more than 1 s before the latest one it was asked for.
+#[derive(Clone, Debug)]
+pub struct Drive {
+    profile: MotionProfile,
+    route: Route,
+    random: Random,
+    knots: VecDeque<Knot>,
+    first: i64,
+    speed_target_m_s: f64,
+    next_decision_s: f64,
+    decisions: u32,
+}
+
+impl Drive {
+    /// Begins at the route's start, at time 0, standing.
+    pub fn new(world: &World, profile: MotionProfile, seed: u64) -> Self {
+        let route = Route::new(&world.route_m);
+        let (start, direction) = route.start();
+        let pose = [start.x, start.y, atan2(direction.y, direction.x)];
+        let knot = Knot {
+            pose,
+            twist: [0.0; 3],
+            path_m: 0.0,
+        };
+        Self {
+            profile,
+            route,
+            random: Random::new(seed, 1),
+            knots: VecDeque::from([knot]),
+            first: 0,
+            speed_target_m_s: 0.0,
+            next_decision_s: profile.start_s,
+            decisions: 0,
+        }
+    }
+
+    /// The state at a time since the start; what is before the memory is answered with its oldest instant.
+    pub fn at(&mut self, time_ns: i64) -> MotionState {
+        let time_ns = time_ns.max(self.first * KNOT_NS);
+        let index = time_ns / KNOT_NS;
+        while self.first + (self.knots.len() as i64) < index + 2 {
+            self.extend();
+        }
+        let offset = (index - self.first) as usize;
+        let standing = Knot {
+            pose: [0.0; 3],
+            twist: [0.0; 3],
+            path_m: 0.0,
+        };
+        let from = self.knots.get(offset).copied().unwrap_or(standing);
+        let to = self.knots.get(offset + 1).copied().unwrap_or(from);
+        between(&from, to.twist, (time_ns - index * KNOT_NS) as f64 * 1e-9)
+    }
+
+    fn extend(&mut self) {
+        let Some(&last) = self.knots.back() else {
+            return;
+        };
+        let time_s = (self.first + self.knots.len() as i64 - 1) as f64 * KNOT_S;
+        let twist = self.steer(&last, time_s);
+        let state = between(&last, twist, KNOT_S);
+        self.knots.push_back(Knot {
+            pose: state.pose,
+            twist,
+            path_m: state.path_m,
+        });
+        if self.knots.len() > KNOTS_KEPT {
+            self.knots.pop_front();
+            self.first += 1;
+        }
+    }
+
+    /// The twist 10 ms later: pure pursuit of the route within the robot's limits.
+    fn steer(&mut self, knot: &Knot, time_s: f64) -> [f64; 3] {
+        // Shorter and it weaves, longer and it cuts corners through door frames.
+        const LOOKAHEAD_M: f64 = 0.6;
+        const SPEED_TIME_S: f64 = 0.4;
+        const TURN_TIME_S: f64 = 0.15;
+        let limits = self.profile;
+        if time_s >= self.next_decision_s {
+            self.decide(time_s);
+        }
+        let [x, y, yaw] = knot.pose;
+        let [speed, _, turn] = knot.twist;
+        let curvature = self
+            .route
+            .ahead(Vector2::new(x, y), LOOKAHEAD_M)
+            .map_or(0.0, |target| {
+                let (sin, cos) = sin_cos(yaw);
+                let offset = target - Vector2::new(x, y);
+                2.0 * (cos * offset.y - sin * offset.x) / offset.norm_squared()
+            });
+        // A little below the limit: the filter on the turn overshoots.
+        let turn_max = 0.93 * limits.yaw_rate_max_rad_s;
+        let slow = turn_max / curvature.abs().max(1e-9);
+        let goal = self.speed_target_m_s.min(slow);
+        let change = limits.acceleration_max_m_s2;
+        let speed =
+            (speed + KNOT_S * ((goal - speed) / SPEED_TIME_S).clamp(-change, change)).max(0.0);
+        let goal = (curvature * speed).clamp(-turn_max, turn_max);
+        let change = limits.angular_acceleration_max_rad_s2;
+        let turn = turn + KNOT_S * ((goal - turn) / TURN_TIME_S).clamp(-change, change);
+        // The derivative, along the path, of a sine of amplitude slip_m.
+        let wave = 2.0 * PI / limits.slip_length_m;
+        let sideways = limits.slip_m * wave * speed * cos(wave * knot.path_m);
+        [speed, sideways, turn]
+    }
+
+    fn decide(&mut self, time_s: f64) {
+        self.decisions = self.decisions.wrapping_add(1);
+        let stop = self.decisions.checked_rem(self.profile.stop_every) == Some(0);
+        (self.speed_target_m_s, self.next_decision_s) = if stop {
+            (0.0, time_s + self.random.between(2.5, 4.0))
+        } else {
+            // Mostly near the limit, as a robot with a task.
+            let share = self.random.unit();
+            let speed = self.profile.speed_max_m_s * (1.0 - 0.7 * share * share);
+            (speed, time_s + self.random.between(3.0, 8.0))
+        };
+    }
+}
+
+/// The state `after_s` behind a knot whose twist changes linearly to `to` within one knot's time.
+fn between(from: &Knot, to: [f64; 3], after_s: f64) -> MotionState {
+    // Gauss-Legendre, three points: exact to 1e-15 m over 10 ms.
+    const NODES: [(f64, f64); 3] = [
+        (0.112_701_665_379_258_3, 5.0 / 18.0),
+        (0.5, 8.0 / 18.0),
+        (0.887_298_334_620_741_7, 5.0 / 18.0),
+    ];
+    let rate = [0, 1, 2].map(|i: usize| match (from.twist.get(i), to.get(i)) {
+        (Some(a), Some(b)) => (b - a) / KNOT_S,
+        _ => 0.0,
+    });
+    let twist_at = |t: f64| {
+        let [v, s, w] = from.twist;
+        [v + rate[0] * t, s + rate[1] * t, w + rate[2] * t]
+    };
+    let [x, y, yaw] = from.pose;
+    let yaw_at = |t: f64| yaw + from.twist[2] * t + 0.5 * rate[2] * t * t;
+    let (mut dx, mut dy, mut path) = (0.0, 0.0, 0.0);
+    for (node, weight) in NODES {
+        let t = node * after_s;
+        let [forward, left, _] = twist_at(t);
+        let (sin, cos) = sin_cos(yaw_at(t));
+        dx += weight * after_s * (cos * forward - sin * left);
+        dy += weight * after_s * (sin * forward + cos * left);
+        path += weight * after_s * (forward * forward + left * left).sqrt();
+    }
+    let [forward, left, turn] = twist_at(after_s);
+    MotionState {
+        pose: [x + dx, y + dy, yaw_at(after_s)],
+        velocity: [forward, left, turn],
+        acceleration: [rate[0] - turn * left, rate[1] + turn * forward, rate[2]],
+        path_m: from.path_m + path,
+    }
+}

@@ -1,0 +1,185 @@
+//! A drive as a stream of what the sensors say, in order of their instants, with the truth.
+
+use crate::caster::Caster;
+use crate::inertial::Imu;
+use crate::radar::Radar;
+use crate::{Drive, ImuProfile, MotionProfile, RadarProfile, World};
+use randt_geometry::Pose2;
+use randt_messages::{Header, ImuSample, Message, RadarScan, SensorKind, TruthPose};
+
+/// Stamps of a simulated drive begin here: a round date, so that they look like real ones.
+pub const START_NS: i64 = 1_700_000_000_000_000_000;
+/// Time between truths besides those at the sweeps' ends.
+const TRUTH_NS: i64 = 20_000_000;
+/// The IMU goes on so long after the last sweep, for whoever waits for it.
+const TAIL_NS: i64 = 20_000_000;
+
+/// The robot's sensors and habits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Robot {
+    /// The radar.
+    pub radar: RadarProfile,
+    /// The radar in `base_link`.
+    pub radar_mounting: Pose2,
+    /// The IMU; it sits upright in the middle of `base_link`.
+    pub imu: ImuProfile,
+    /// The driver.
+    pub motion: MotionProfile,
+}
+
+impl Default for Robot {
+    /// An iSDR-C 12 cm before the middle of a robot indoors.
+    fn default() -> Self {
+        Self {
+            radar: RadarProfile::isdr_c(),
+            radar_mounting: Pose2::new(0.12, 0.0, 0.0),
+            imu: ImuProfile::default(),
+            motion: MotionProfile::default(),
+        }
+    }
+}
+
+impl Robot {
+    /// The radar's kind.
+    pub fn sensor(&self) -> SensorKind {
+        self.radar.sensor
+    }
+}
+
+/// What happens next.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// A sweep has ended.
+    Scan(Message<RadarScan>),
+    /// The IMU was read.
+    Imu(ImuSample),
+    /// Where the robot is. The truth of a sweep's end comes with the sweep's stamp, before the sweep.
+    Truth(TruthPose),
+}
+
+impl Event {
+    /// Its stamp.
+    pub fn stamp_ns(&self) -> i64 {
+        match self {
+            Self::Scan(scan) => scan.head.header.stamp_ns,
+            Self::Imu(sample) => sample.header.stamp_ns,
+            Self::Truth(pose) => pose.header.stamp_ns,
+        }
+    }
+}
+
+/// The simulation: an iterator over events. The same world, robot, number and seed give the same bits.
+///
+/// ```
+/// use randt_simulator::{Event, Robot, Simulation, World};
+/// let mut scans = 0;
+/// for event in Simulation::new(&World::building(), Robot::default(), 2, 7) {
+///     if let Event::Scan(scan) = event {
+///         assert_eq!(scan.head.sweep.beams().len(), 220);
+///         scans += 1;
+///     }
+/// }
+/// assert_eq!(scans, 2);
+/// ```
+#[derive(Clone, Debug)]
+pub struct Simulation {
+    drive: Drive,
+    radar: Radar,
+    imu: Imu,
+    scans_left: u64,
+    end_ns: i64,
+    next_truth_ns: i64,
+    truths: u64,
+    // The sweep whose truth was given already.
+    waiting: Option<Message<RadarScan>>,
+}
+
+impl Simulation {
+    /// A drive of so many sweeps.
+    pub fn new(world: &World, robot: Robot, scans: u64, seed: u64) -> Self {
+        let caster = Caster::new(&world.walls);
+        Self {
+            drive: Drive::new(world, robot.motion, seed),
+            radar: Radar::new(robot.radar, robot.radar_mounting, caster, seed),
+            imu: Imu::new(robot.imu, seed),
+            scans_left: scans,
+            end_ns: i64::MAX,
+            next_truth_ns: 0,
+            truths: 0,
+            waiting: None,
+        }
+    }
+
+    /// Path driven up to the latest event, m.
+    pub fn path_m(&mut self) -> f64 {
+        let now_ns = self.next_truth_ns.saturating_sub(TRUTH_NS);
+        self.drive.at(now_ns).path_m
+    }
+
+    fn truth(&mut self, time_ns: i64) -> Event {
+        let state = self.drive.at(time_ns);
+        let header = Header {
+            sequence: self.truths,
+            stamp_ns: START_NS + time_ns,
+            ..Header::default()
+        };
+        self.truths += 1;
+        let pose = state.pose2().to_array();
+        Event::Truth(TruthPose {
+            header,
+            pose,
+            velocity: state.velocity,
+        })
+    }
+
+    /// The sweep that ends next, with stamps; its truth goes first.
+    fn sweep(&mut self) -> Event {
+        let mut scan = self.radar.sweep(&mut self.drive);
+        let relative_ns = scan.head.header.stamp_ns;
+        scan.head.header.stamp_ns += START_NS;
+        scan.head.sweep.begin_ns += START_NS;
+        scan.head.sweep.end_ns += START_NS;
+        let count = scan.head.sweep.beam_count as usize;
+        for beam in scan.head.sweep.beams.iter_mut().take(count) {
+            beam.stamp_ns += START_NS;
+        }
+        self.scans_left -= 1;
+        if self.scans_left == 0 {
+            self.end_ns = relative_ns + TAIL_NS;
+        }
+        self.waiting = Some(scan);
+        self.truth(relative_ns)
+    }
+}
+
+impl Iterator for Simulation {
+    type Item = Event;
+
+    fn next(&mut self) -> Option<Event> {
+        if let Some(scan) = self.waiting.take() {
+            return Some(Event::Scan(scan));
+        }
+        let scan_ns = if self.scans_left > 0 {
+            self.radar.next_ns()
+        } else {
+            i64::MAX
+        };
+        let imu_ns = self.imu.next_ns();
+        let next_ns = imu_ns.min(scan_ns).min(self.next_truth_ns);
+        if next_ns > self.end_ns || (self.scans_left == 0 && self.end_ns == i64::MAX) {
+            return None;
+        }
+        Some(if next_ns == scan_ns {
+            self.sweep()
+        } else if next_ns == imu_ns {
+            let state = self.drive.at(imu_ns);
+            let mut sample = self.imu.sample(&state);
+            sample.header.stamp_ns += START_NS;
+            sample.arrival_ns += START_NS;
+            Event::Imu(sample)
+        } else {
+            self.next_truth_ns += TRUTH_NS;
+            self.truth(next_ns)
+        })
+    }
+}
