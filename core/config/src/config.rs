@@ -1,8 +1,9 @@
 //! All sections together, and what must hold between them.
 
+use crate::error::Described;
 use crate::section::Refusal;
 use crate::sections::{Attitude, Filter, Keyframe, Ndt, Odometry, Robot, Sensor, Submap};
-use crate::{Error, Key};
+use crate::{Error, Key, Origins};
 use toml::de::DeValue;
 
 /// One documented section.
@@ -74,33 +75,33 @@ config! {
     robot: Robot,
 }
 
+/// What must be below what, as section and key.
+const BELOW: &[[(&str, &str); 2]] = &[
+    [("submap", "overlap_m"), ("submap", "radius_m")],
+    [("sensor", "range_min_m"), ("sensor", "range_max_m")],
+    [("sensor", "range_min_m"), ("filter", "range_max_m")],
+];
+
 impl Config {
     /// Refuses keys that are good each but contradict each other.
-    pub(crate) fn check(&self) -> Result<(), Error> {
-        below(
-            ("submap.overlap_m", self.submap.overlap_m),
-            ("submap.radius_m", self.submap.radius_m),
-        )?;
-        below(
-            ("sensor.range_min_m", self.sensor.range_min_m),
-            ("sensor.range_max_m", self.sensor.range_max_m),
-        )?;
-        below(
-            ("sensor.range_min_m", self.sensor.range_min_m),
-            ("filter.range_max_m", self.filter.range_max_m),
-        )
+    pub(crate) fn check(&self, origins: &Origins) -> Result<(), Error> {
+        let number = |(section, key)| self.get(section, key).and_then(|text| text.parse().ok());
+        let describe = |(section, key): (&'static str, &'static str)| Described {
+            name: format!("{section}.{key}"),
+            value: self.get(section, key).unwrap_or_default(),
+            place: origins
+                .get(&(section, key))
+                .map_or_else(|| "default".to_owned(), ToString::to_string),
+        };
+        for &[less, more] in BELOW {
+            let (a, b): (Option<f64>, Option<f64>) = (number(less), number(more));
+            if a >= b {
+                return Err(Error::Contradiction {
+                    less: describe(less),
+                    more: describe(more),
+                });
+            }
+        }
+        Ok(())
     }
-}
-
-/// The first must be below the second.
-fn below(less: (&'static str, f64), more: (&'static str, f64)) -> Result<(), Error> {
-    if less.1 < more.1 {
-        return Ok(());
-    }
-    Err(Error::Contradiction {
-        less: less.0,
-        less_value: less.1,
-        more: more.0,
-        more_value: more.1,
-    })
 }

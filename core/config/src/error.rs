@@ -87,16 +87,12 @@ pub enum Error {
         text: String,
     },
     /// Two keys that are good each but not together.
-    #[error("{less} is {less_value}, it must be below {more}, which is {more_value}")]
+    #[error("{less}, it must be below {more}")]
     Contradiction {
         /// The key that should be less.
-        less: &'static str,
-        /// Its value.
-        less_value: f64,
+        less: Described,
         /// The key that should be more.
-        more: &'static str,
-        /// Its value.
-        more_value: f64,
+        more: Described,
     },
     /// The sensor's description is of another sensor than the input's.
     #[error(
@@ -132,5 +128,22 @@ impl Error {
                 Err(Self::Several(mistakes))
             }
         }
+    }
+}
+
+/// A key with its value and where it comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Described {
+    /// The key, as `section.key`.
+    pub name: String,
+    /// Its value.
+    pub value: String,
+    /// A place, or `default`.
+    pub place: String,
+}
+
+impl std::fmt::Display for Described {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} = {} ({})", self.name, self.value, self.place)
     }
 }

@@ -240,3 +240,32 @@ fn unknown_key(place: Place, section: &str, key: &str) -> Error {
         nearest,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn any_text_is_taken_or_refused(text in "[\\[\\]=.\"a-z_0-9\n# {},é-]{0,80}") {
+            let layer = Layer { source: "t", text: &text, only: None };
+            layer.apply(&mut Config::default(), &mut Origins::new());
+        }
+
+        #[test]
+        fn what_is_taken_is_in_range(value in any::<f64>()) {
+            let mut config = Config::default();
+            for section in Config::SECTIONS {
+                for key in section.keys {
+                    let text = format!("{}.{}={value:?}", section.name, key.name);
+                    let taken = apply_override(&text, &mut config, &mut Origins::new()).is_ok();
+                    let shown = config.get(section.name, key.name).unwrap();
+                    if let (true, Ok(number)) = (taken, shown.parse::<f64>()) {
+                        prop_assert!(number == value && key.rule.allows(&[number]));
+                    }
+                }
+            }
+        }
+    }
+}

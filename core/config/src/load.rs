@@ -56,7 +56,7 @@ impl Config {
         for text in &selection.set {
             apply_override(text, &mut loaded.config, &mut loaded.origins)?;
         }
-        loaded.config.check()?;
+        loaded.config.check(&loaded.origins)?;
         Ok(loaded)
     }
 }
@@ -107,7 +107,7 @@ impl Loaded {
 pub fn check_file(path: &str) -> Result<(), Error> {
     let mut loaded = Loaded::default();
     loaded.add_text(path, &read_text(path)?, None)?;
-    loaded.config.check()
+    loaded.config.check(&loaded.origins)
 }
 
 #[cfg(test)]
@@ -274,7 +274,7 @@ mod tests {
             ("odometry.window", "section.key=value"),
             (
                 "submap.overlap_m=50",
-                "submap.overlap_m is 50, it must be below submap.radius_m",
+                "submap.overlap_m = 50.0 (--set), it must be below submap.radius_m = 10.0 (default)",
             ),
         ] {
             let text = refusal(set);

@@ -96,7 +96,7 @@ fn at(poses: &[TrajectoryPose], stamp_ns: i64, gap_max_ns: i64) -> Option<(u64, 
     if let (Some(a), Some(b)) = (before, after) {
         let step_ns = b.stamp_ns.saturating_sub(a.stamp_ns);
         if a.frame == b.frame && step_ns <= gap_max_ns {
-            let fraction = (stamp_ns - a.stamp_ns) as f64 / step_ns as f64;
+            let fraction = stamp_ns.saturating_sub(a.stamp_ns) as f64 / step_ns as f64;
             let pose = a
                 .transform
                 .pose()

@@ -283,4 +283,21 @@ mod tests {
         let endless = std::io::Cursor::new(vec![0; 1 << 17]);
         assert!(Trajectory::read_from(endless, "zero").is_err());
     }
+
+    proptest::proptest! {
+        #[test]
+        fn any_bytes_are_read_or_refused(bytes: Vec<u8>) {
+            let _ = read(&bytes);
+        }
+
+        #[test]
+        fn any_cells_are_read_or_refused(text in "([0-9.eE+-]{1,8}[ \n]){0,60}") {
+            let _ = read(text.as_bytes());
+        }
+
+        #[test]
+        fn every_stamp_survives(stamp_ns: i64) {
+            proptest::prop_assert_eq!(parse_stamp_ns(&stamp_text(stamp_ns)), Some(stamp_ns));
+        }
+    }
 }
