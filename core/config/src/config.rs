@@ -1,6 +1,5 @@
 //! All sections together, and what must hold between them.
 
-use crate::error::Described;
 use crate::section::Refusal;
 use crate::sections::{Attitude, Filter, Keyframe, Ndt, Odometry, Robot, Sensor, Submap};
 use crate::{Error, Key, Origins};
@@ -86,12 +85,13 @@ impl Config {
     /// Refuses keys that are good each but contradict each other.
     pub(crate) fn check(&self, origins: &Origins) -> Result<(), Error> {
         let number = |(section, key)| self.get(section, key).and_then(|text| text.parse().ok());
-        let describe = |(section, key): (&'static str, &'static str)| Described {
-            name: format!("{section}.{key}"),
-            value: self.get(section, key).unwrap_or_default(),
-            place: origins
-                .get(&(section, key))
-                .map_or_else(|| "default".to_owned(), ToString::to_string),
+        let describe = |(section, key): (&'static str, &'static str)| {
+            let place = origins.get(&(section, key)).map(ToString::to_string);
+            format!(
+                "{section}.{key} = {} ({})",
+                self.get(section, key).unwrap_or_default(),
+                place.as_deref().unwrap_or("default")
+            )
         };
         for &[less, more] in BELOW {
             let (a, b): (Option<f64>, Option<f64>) = (number(less), number(more));

@@ -89,10 +89,10 @@ pub enum Error {
     /// Two keys that are good each but not together.
     #[error("{less}, it must be below {more}")]
     Contradiction {
-        /// The key that should be less.
-        less: Described,
-        /// The key that should be more.
-        more: Described,
+        /// The key that should be less, its value and where it comes from.
+        less: String,
+        /// The key that should be more, its value and where it comes from.
+        more: String,
     },
     /// The sensor's description is of another sensor than the input's.
     #[error(
@@ -128,22 +128,5 @@ impl Error {
                 Err(Self::Several(mistakes))
             }
         }
-    }
-}
-
-/// A key with its value and where it comes from.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Described {
-    /// The key, as `section.key`.
-    pub name: String,
-    /// Its value.
-    pub value: String,
-    /// A place, or `default`.
-    pub place: String,
-}
-
-impl std::fmt::Display for Described {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} = {} ({})", self.name, self.value, self.place)
     }
 }

@@ -28,7 +28,7 @@ mod show;
 mod value;
 
 pub use config::{Config, Section};
-pub use error::{Described, Error};
+pub use error::Error;
 pub use input::{InputGeometry, check_input};
 pub use layer::Origins;
 pub use load::{Loaded, Selection, check_file};

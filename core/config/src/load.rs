@@ -178,7 +178,7 @@ mod tests {
         };
         let sensor = |selection: &Selection| Config::load(selection).unwrap().config.sensor;
         assert_eq!(sensor(&selection).name, "navtech-cts");
-        assert_eq!(sensor(&selection).range_resolution_m, 0.0432);
+        assert_eq!(sensor(&selection).range_resolution_m, 0.0438);
         let selection = Selection {
             sensor: Some("isdr-c".to_owned()),
             ..selection

@@ -14,7 +14,7 @@ fn scans(events: Vec<Event>) -> Vec<Message<RadarScan>> {
 }
 
 /// Writes a grey image of these rows.
-fn image(path: &Path, rows: &[Vec<u8>]) {
+pub fn image(path: &Path, rows: &[Vec<u8>]) {
     let file = std::fs::File::create(path).unwrap();
     let mut encoder = png::Encoder::new(file, rows[0].len() as u32, rows.len() as u32);
     encoder.set_color(png::ColorType::Grayscale);
@@ -36,7 +36,7 @@ fn row(time_us: i64, encoder: u16, valid: bool, bin: usize) -> Vec<u8> {
 }
 
 /// A sweep of 40 rows from encoder 5,000 over its zero, 1 ms a row, stamped in bursts of four.
-fn sweep_rows(start_us: i64) -> Vec<Vec<u8>> {
+pub fn sweep_rows(start_us: i64) -> Vec<Vec<u8>> {
     (0..40_u16)
         .map(|index| {
             let time = start_us + i64::from(index / 4 * 4) * 1000;
@@ -121,7 +121,7 @@ fn bursty_stamps_become_a_steady_turn_over_the_encoders_zero() {
     assert!((sweep.beams()[0].stamp_ns - 998_500_000).abs() < 200_000);
     for (beam, item) in sweep.beams().iter().zip(&scans[0].items) {
         let bin = usize::from(item.bin);
-        assert!((item.range_m - (bin as f32 + 0.5) * 0.0432).abs() < 1e-5);
+        assert!((item.range_m - (bin as f32 + 0.5) * 0.0438).abs() < 1e-5);
         assert_eq!((item.beam as usize, item.intensity), (bin, 90.0));
         let encoder = (5000 + 140 * bin) % 5600;
         let azimuth = -(encoder as f32) / 5600.0 * std::f32::consts::TAU;
