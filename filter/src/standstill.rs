@@ -58,6 +58,8 @@ pub struct Standstill {
     still_since_ns: Option<i64>,
     /// What this standstill has shown and was not given away.
     pending: Pending,
+    /// Last instant that was given away.
+    given_ns: Option<i64>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -93,6 +95,7 @@ impl Standstill {
             filled: 0,
             still_since_ns: None,
             pending: Pending::default(),
+            given_ns: None,
         }
     }
 
@@ -117,6 +120,7 @@ impl Standstill {
         let gap_ns = stamp_ns.saturating_sub(self.last_ns);
         let measurement = if pace == Pace::Start || gap_ns > self.window_ns() {
             self.moved();
+            self.given_ns = None;
             self.filled = 0;
             self.block = Block::at(stamp_ns);
             None
@@ -176,9 +180,11 @@ impl Standstill {
         self.give_away()
     }
 
-    /// Adds a block to what is not given away.
+    /// Adds a block to what is not given away, unless an earlier standstill gave it away already.
     fn pend(&mut self, age: usize) {
-        if let Some(block) = self.newest(age).copied() {
+        let given_ns = self.given_ns;
+        let fresh = |block: &&Block| given_ns.is_none_or(|given_ns| block.begin_ns > given_ns);
+        if let Some(block) = self.newest(age).filter(fresh).copied() {
             self.pending.samples.merge(&block);
             self.pending.means.push(block.rate.mean());
         }
@@ -191,6 +197,7 @@ impl Standstill {
             return None;
         }
         self.pending = Pending::default();
+        self.given_ns = Some(samples.end_ns);
         let floor = INSTABILITY_RAD_S * INSTABILITY_RAD_S;
         Some(StandstillBias {
             begin_ns: samples.begin_ns,
