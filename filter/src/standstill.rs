@@ -385,7 +385,7 @@ mod tests {
         let mut detector = detector();
         let mut feed = Feed::new(250);
         assert_eq!(feed.run(&mut detector, 5.0, |_| Vector3::zeros(), 1.0), 0.0);
-        let rising = |t: f64| Vector3::new(0.0, 0.0, 0.01 * (t - 2.0));
+        let rising = |t: f64| Vector3::new(0.0, 0.0, 0.015 * (t - 2.0));
         let mut detector = self::detector();
         assert_eq!(Feed::new(250).run(&mut detector, 4.0, rising, 0.0), 0.0);
     }
