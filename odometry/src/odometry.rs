@@ -400,9 +400,13 @@ impl Odometry {
     /// Tries forward speeds on both at once and starts from the one under which most cells find their like.
     fn search_start_speed(&mut self) {
         let odometry = &self.config.odometry;
-        let Some(dt_s) = self.slots.get(1).map(|slot| slot.dt_s) else { return };
+        let Some(dt_s) = self.slots.get(1).map(|slot| slot.dt_s) else {
+            return;
+        };
         let step_m_s = START_STEP_CELLS * self.config.ndt.cell_size_m / dt_s.max(1e-3);
-        let steps = (odometry.speed_max_m_s / step_m_s).floor().min(START_STEPS_MAX) as i32;
+        let steps = (odometry.speed_max_m_s / step_m_s)
+            .floor()
+            .min(START_STEPS_MAX) as i32;
         let loss = AdaptiveLoss::new(odometry.loss_alpha, odometry.loss_scale, 1.0);
         let neighbours = odometry.neighbours as usize;
         let standing = self.support_at_speed(0.0, &loss, neighbours) * START_GAIN_MIN;
@@ -419,19 +423,34 @@ impl Odometry {
 
     /// Sum of the robust weights of the second scan's cells where both scans were made at this forward speed.
     fn support_at_speed(&mut self, speed_m_s: f64, loss: &AdaptiveLoss, neighbours: usize) -> f64 {
-        let [first, second, ..] = self.slots.as_mut_slice() else { return 0.0 };
+        let [first, second, ..] = self.slots.as_mut_slice() else {
+            return 0.0;
+        };
         let turned = first.state.pose.between(&second.state.pose).yaw_rad;
         (first.state.velocity.x, second.state.velocity.x) = (speed_m_s, speed_m_s);
         let twist = Vector3::new(speed_m_s * second.dt_s, 0.0, turned);
         second.state.pose = first.state.pose.compose(&Pose2::exp(twist));
         self.prepare(0);
         self.prepare(1);
-        let [first, second, ..] = self.slots.as_mut_slice() else { return 0.0 };
+        let [first, second, ..] = self.slots.as_mut_slice() else {
+            return 0.0;
+        };
         self.submaps.seed(&first.state.pose, &first.points);
         let submap = self.submaps.active();
         let pose = submap.root.between(&second.state.pose);
-        Association::find(&submap.grid, &second.cells, &pose, neighbours, &mut second.associations);
-        second.associations.iter().filter(|a| a.count > 0).map(|a| loss.weight(a.nearest)).sum()
+        Association::find(
+            &submap.grid,
+            &second.cells,
+            &pose,
+            neighbours,
+            &mut second.associations,
+        );
+        second
+            .associations
+            .iter()
+            .filter(|a| a.count > 0)
+            .map(|a| loss.weight(a.nearest))
+            .sum()
     }
 
     /// De-skews a scan of the window by the present states and makes its cells.

@@ -13,10 +13,13 @@ use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_ndt::{AdaptiveLoss, Association, NormalEquations, evaluate};
 
-/// Gauss-Newton steps per graduation step; most need three.
-const ITERATIONS_MAX: u32 = 5;
-/// A step below this in every component (m, rad, m/s, rad/s) ends a solve: a tenth of what any sensor resolves.
-const STEP_MIN: f64 = 2e-4;
+/// Gauss-Newton steps while the loss is still wide: they only need to lead into the next one's basin.
+const ITERATIONS_WIDE: u32 = 2;
+/// Gauss-Newton steps under the final loss; most scans need three.
+const ITERATIONS_MAX: u32 = 6;
+/// A step of every pose below this (m, rad) ends a solve: a thirtieth of a range bin, and next to the centimetre that
+/// one scan fixes a pose to nothing.
+const STEP_MIN: f64 = 5e-4;
 /// Halvings of a step that raises the cost.
 const HALVINGS_MAX: u32 = 4;
 
@@ -105,15 +108,20 @@ impl Solver {
                     &mut slot.associations,
                 );
             }
+            let iterations = if mu > 1.0 {
+                ITERATIONS_WIDE
+            } else {
+                ITERATIONS_MAX
+            };
             let mut cost = self.build(slots, prior, submap, seeded, &loss, config).0;
-            for _ in 0..ITERATIONS_MAX {
+            for _ in 0..iterations {
                 let covariance = self.chain.solve(&mut self.steps)?;
                 solution.covariance = covariance;
                 solution.iterations += 1;
                 let largest = self
                     .steps
                     .iter()
-                    .map(|step| step.amax())
+                    .map(|step| step.fixed_rows::<3>(0).amax())
                     .fold(0.0, f64::max);
                 if !largest.is_finite() {
                     return None;

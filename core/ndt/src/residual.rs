@@ -107,7 +107,10 @@ impl Sums {
         let qy = a12 * dx + a22 * dy + a23 * di;
         let qi = a13 * dx + a23 * dy + a33 * di;
         let s = dx * qx + dy * qy + di * qi;
-        let weight = loss.weight4(s) * f64x4::from(association.in_use);
+        let in_use = f64x4::from(association.in_use);
+        let weight = loss.weight4(s);
+        let cost = loss.cost4(s, weight) * in_use;
+        let weight = weight * in_use;
 
         // Half of q^T (dS/dyaw) q: the covariance turns with the scan.
         let turn = splat(mxy) * (qy * qy - qx * qx)
@@ -137,11 +140,8 @@ impl Sums {
         for (sum, g) in self.gradient[1].iter_mut().zip([g1, g2, g3]) {
             *sum += lever * g;
         }
-        let (s, weight) = (s.to_array(), weight.to_array());
-        for lane in 0..association.count.min(4) {
-            self.cost += 0.5 * loss.cost(s[lane], weight[lane]);
-            self.weight += weight[lane];
-        }
+        self.cost += 0.5 * sum(cost);
+        self.weight += sum(weight);
     }
 
     fn into_frame_of(self, pose: &Pose2) -> NormalEquations {

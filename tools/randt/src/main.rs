@@ -1,10 +1,5 @@
 //! `randt`: radar SLAM where cameras and LiDAR are blind.
 
-mod commands;
-mod exit;
-mod output;
-mod selection;
-
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -13,9 +8,9 @@ use std::process::ExitCode;
 #[command(name = "randt", version, about, max_term_width = 100)]
 struct Arguments {
     #[command(subcommand)]
-    command: commands::Command,
+    command: randt::commands::Command,
 }
 
 fn main() -> ExitCode {
-    exit::report(Arguments::parse().command.run())
+    randt::exit::report(Arguments::parse().command.run())
 }

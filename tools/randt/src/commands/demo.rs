@@ -1,12 +1,50 @@
-//! `randt demo`.
+//! `randt demo`: a simulated drive through a building, computed and compared with the truth.
 
-use crate::exit::Outcome;
+use crate::{commands::{run, simulate}, exit::Outcome, output::print};
+use std::path::PathBuf;
+
+/// The largest ATE that a demo may show, m: a hand's breadth over a drive through a building.
+const ATE_MAX_M: f64 = 0.15;
 
 /// Arguments of `randt demo`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// Folder for the log, the trajectories, the picture and the report
+    #[arg(long, value_name = "DIR", default_value = "randt-demo")]
+    out: PathBuf,
+    /// Seed of the simulation
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Number of radar sweeps, five a second
+    #[arg(long, default_value_t = 300)]
+    scans: u64,
+}
 
-/// Not written yet.
-pub fn run(_arguments: Arguments) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not written yet")
+/// Simulates, computes, judges.
+pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    let Arguments { out, seed, scans } = arguments;
+    run::prepare_folder(&out)?;
+    let log = out.join("building.mcap");
+    print("1. simulating a drive through a building (radar, gyro, accelerometer, truth)\n")?;
+    simulate::run(simulate::Arguments::new("building", log.clone(), seed, scans))?;
+    print("2. computing the trajectory from radar and IMU alone\n")?;
+    let report = run::compute(run::Arguments::new(log, out.clone()))?;
+    let stages = report.timing.iter().filter(|(stage, _)| **stage != "run");
+    let mut text = String::from("3. result\n");
+    for (stage, cost) in stages {
+        text += &format!("   {stage:20} median {:7.3} ms   p99 {:7.3} ms   max {:7.3} ms\n", cost.median_ms, cost.p99_ms, cost.max_ms);
+    }
+    let ate_m = report.ate_rmse_m;
+    let (verdict, outcome) = match ate_m {
+        Some(ate_m) if ate_m <= ATE_MAX_M => ("good", Outcome::Good),
+        _ => ("NOT good", Outcome::Failed),
+    };
+    let ate = ate_m.map_or("unknown".to_owned(), |ate_m| format!("{ate_m:.3} m"));
+    text += &format!(
+        "   ATE {ate} over {:.1} m driven: {verdict} (at most {ATE_MAX_M} m)\n   look at {}\n",
+        report.path_m,
+        out.join("plot.svg").display()
+    );
+    print(&text)?;
+    Ok(outcome)
 }

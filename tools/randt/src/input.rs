@@ -1,0 +1,97 @@
+//! The options that say what an input does not say of itself, shared by every command that reads one.
+
+use clap::ValueEnum;
+use randt_readers::{Options, Rotation, StampMeaning};
+
+/// Settings of the input; what is not given is found from the data.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Input")]
+pub struct InputOptions {
+    /// Radar topic of a bag; if not given, the PointCloud2 topic with the most messages
+    #[arg(long, value_name = "NAME")]
+    radar_topic: Option<String>,
+    /// IMU topic of a bag; if not given, the Imu topic with the most messages
+    #[arg(long, value_name = "NAME")]
+    imu_topic: Option<String>,
+    /// The instant of a sweep that a point cloud's stamp means
+    #[arg(long, value_name = "WHEN", default_value = "end")]
+    stamp: Stamp,
+    /// Order in time of a point cloud's beams, seen from above; if not given, as the points are ordered
+    #[arg(long, value_name = "SENSE", default_value = "auto")]
+    rotation: Turning,
+    /// Time of one turn, s; if not given, the median spacing of the stamps
+    #[arg(long, value_name = "SECONDS", value_parser = positive)]
+    period: Option<f64>,
+    /// Polar images: power above which a bin becomes a return, in the sensor's unit of 0.5 dB
+    #[arg(long, value_name = "POWER", default_value_t = Options::default().power_min)]
+    power_min: f32,
+    /// Polar images: also those that radar.timestamps does not list
+    #[arg(long)]
+    all_images: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Stamp {
+    /// The first beam
+    Begin,
+    /// Half way
+    Middle,
+    /// The last beam
+    End,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Turning {
+    /// As the points are ordered
+    Auto,
+    /// Counter-clockwise
+    Ccw,
+    /// Clockwise
+    Cw,
+}
+
+impl Default for InputOptions {
+    fn default() -> Self {
+        Self {
+            radar_topic: None,
+            imu_topic: None,
+            stamp: Stamp::End,
+            rotation: Turning::Auto,
+            period: None,
+            power_min: Options::default().power_min,
+            all_images: false,
+        }
+    }
+}
+
+impl InputOptions {
+    /// The readers' options.
+    pub fn options(&self) -> Options {
+        Options {
+            radar_topic: self.radar_topic.clone(),
+            imu_topic: self.imu_topic.clone(),
+            stamp: match self.stamp {
+                Stamp::Begin => StampMeaning::SweepBegin,
+                Stamp::Middle => StampMeaning::SweepMiddle,
+                Stamp::End => StampMeaning::SweepEnd,
+            },
+            rotation: match self.rotation {
+                Turning::Auto => Rotation::Auto,
+                Turning::Ccw => Rotation::CounterClockwise,
+                Turning::Cw => Rotation::Clockwise,
+            },
+            period_s: self.period,
+            power_min: self.power_min,
+            unlisted_scans: self.all_images,
+            ..Options::default()
+        }
+    }
+}
+
+/// A time that a radar can turn in.
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.005..=60.0).contains(&value) => Ok(value),
+        _ => Err("expected seconds between 0.005 and 60".to_owned()),
+    }
+}

@@ -1,0 +1,91 @@
+//! One computation: a source through the pipeline into results, with progress and Ctrl-C.
+
+use crate::{pipeline::Pipeline, results::Results};
+use indicatif::ProgressBar;
+use randt_config::{Config, InputGeometry, Loaded, check_input};
+use randt_readers::{Event, Source};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// Set by Ctrl-C; work ends at the next scan.
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// What a computation gave.
+#[derive(Debug)]
+pub struct Done {
+    /// Poses and map.
+    pub results: Results,
+    /// The pipeline at its end: counters and timing.
+    pub pipeline: Pipeline,
+    /// Time to read each scan and what lies before it, ns.
+    pub read_ns: Vec<u64>,
+    /// IMU samples read.
+    pub imu_samples: u64,
+    /// Whether Ctrl-C ended it before the input did.
+    pub interrupted: bool,
+}
+
+/// Lets Ctrl-C and SIGTERM end the work cleanly. A second handler in one process is refused; that is no failure.
+pub fn catch_interrupts() {
+    let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
+}
+
+/// Takes the mounting from the input where nobody has configured one.
+pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
+    let mut config = loaded.config.clone();
+    if loaded.is_set("robot") {
+        return config;
+    }
+    let extrinsics = source.info().extrinsics;
+    if let Some(radar) = extrinsics.radar {
+        let robot = &mut config.robot;
+        (robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad) = (radar.x_m, radar.y_m, radar.yaw_rad);
+    }
+    if let Some(imu) = extrinsics.imu {
+        let robot = &mut config.robot;
+        (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad) = imu.roll_pitch_yaw();
+    }
+    config
+}
+
+/// Runs a source to its end.
+pub fn run(source: &mut dyn Source, config: &Config, use_imu: bool, bar: &ProgressBar) -> anyhow::Result<Done> {
+    let mut done = Done {
+        results: Results::default(),
+        pipeline: Pipeline::new(config, use_imu),
+        read_ns: Vec::new(),
+        imu_samples: 0,
+        interrupted: false,
+    };
+    let mut reading = Instant::now();
+    let mut read_ns = 0;
+    while let Some(event) = source.next_event()? {
+        read_ns += reading.elapsed().as_nanos() as u64;
+        match &event {
+            Event::Truth(truth) => done.results.add_truth(truth),
+            Event::Imu(_) => done.imu_samples += 1,
+            Event::Scan(scan) => {
+                let sweep = &scan.head.sweep;
+                check_input(
+                    &config.sensor,
+                    &InputGeometry {
+                        range_resolution_m: Some(f64::from(sweep.range_resolution_m)),
+                        azimuth_step_rad: Some(f64::from(sweep.azimuth_step_rad)),
+                        range_max_m: None,
+                    },
+                )?;
+                done.read_ns.push(std::mem::take(&mut read_ns));
+                bar.inc(1);
+            }
+        }
+        done.pipeline.push(&event, &mut done.results);
+        if INTERRUPTED.load(Ordering::Relaxed) {
+            done.interrupted = true;
+            break;
+        }
+        reading = Instant::now();
+    }
+    done.pipeline.finish(&mut done.results);
+    bar.finish_and_clear();
+    Ok(done)
+}

@@ -1,0 +1,15 @@
+//! The command line of randt, as a library: the offline composition of the stages, and the commands.
+//!
+//! Responsible for commands, options, progress, files and reports. Not responsible for any algorithm.
+
+pub mod commands;
+pub mod digest;
+pub mod exit;
+pub mod input;
+pub mod job;
+pub mod output;
+pub mod pipeline;
+pub mod progress;
+pub mod report;
+pub mod results;
+pub mod selection;

@@ -1,0 +1,145 @@
+//! `report.json`: what was computed, from what, how fast, and all that was dropped or repaired.
+
+use crate::{pipeline::Timing, results::{FrameSpan, TrustCount}};
+use randt_config::Config;
+use randt_odometry::Counters;
+use randt_readers::{Counter, InputInfo};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// The report. Everything but `timing` is a function of input and configuration.
+#[derive(Debug, Serialize)]
+pub struct Report<'a> {
+    /// Version of the program.
+    pub randt: &'static str,
+    /// What was read.
+    pub input: Input,
+    /// Scans with a pose.
+    pub scans: u64,
+    /// Keyframes.
+    pub keyframes: u64,
+    /// Length of the path, m.
+    pub path_m: f64,
+    /// Odometry frames; more than one where odometry had to begin anew.
+    pub frames: Vec<FrameSpan>,
+    /// How far the poses can be trusted.
+    pub trust: TrustCount,
+    /// Errors against the truth, where the log has it.
+    pub accuracy: Option<Accuracy>,
+    /// Everything that was dropped, repaired or assumed.
+    pub counters: BTreeMap<&'static str, Count>,
+    /// Configuration in force.
+    pub configuration: &'a Config,
+    /// SHA-256 of `trajectory.tum`.
+    pub trajectory_sha256: String,
+    /// Cost per scan and stage, and of the whole.
+    pub timing: BTreeMap<&'static str, Cost>,
+}
+
+/// What was read.
+#[derive(Debug, Serialize)]
+pub struct Input {
+    /// File's or folder's name, without its path.
+    pub name: String,
+    /// Recognised format.
+    pub format: &'static str,
+    /// SHA-256 of the file; of a folder, of its files in order of their names.
+    pub sha256: String,
+    /// Whether the IMU was used.
+    pub imu: bool,
+    /// IMU samples in the input.
+    pub imu_samples: u64,
+}
+
+/// Errors against the truth.
+#[derive(Debug, Serialize)]
+pub struct Accuracy {
+    /// See `randt eval`.
+    pub ate_rmse_m: Option<f64>,
+    /// See `randt eval`.
+    pub rpe_translation_mean_m: Option<f64>,
+    /// See `randt eval`.
+    pub rpe_rotation_mean_deg: Option<f64>,
+    /// See `randt eval`.
+    pub coverage: f64,
+}
+
+/// One counter.
+#[derive(Debug, Serialize)]
+pub struct Count {
+    /// How often.
+    pub count: u64,
+    /// Whether data were lost by it.
+    pub loss: bool,
+    /// The first case.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub first: String,
+}
+
+/// What a stage cost, ms.
+#[derive(Debug, Serialize)]
+pub struct Cost {
+    /// Number of scans.
+    pub count: usize,
+    /// Median.
+    pub median_ms: f64,
+    /// 99th percentile.
+    pub p99_ms: f64,
+    /// Largest.
+    pub max_ms: f64,
+}
+
+impl Cost {
+    /// Of a list of times in ns.
+    pub fn of(times_ns: &[u64]) -> Self {
+        let mut sorted = times_ns.to_vec();
+        sorted.sort_unstable();
+        let at = |share: f64| {
+            let index = ((sorted.len() as f64 * share) as usize).min(sorted.len().saturating_sub(1));
+            sorted.get(index).map_or(0.0, |ns| *ns as f64 * 1e-6)
+        };
+        Self { count: sorted.len(), median_ms: at(0.5), p99_ms: at(0.99), max_ms: at(1.0) }
+    }
+}
+
+/// Per stage: what each scan cost.
+pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> BTreeMap<&'static str, Cost> {
+    let both: Vec<u64> = timing.filter_ns.iter().zip(&timing.odometry_ns).map(|(a, b)| a + b).collect();
+    BTreeMap::from([
+        ("filter", Cost::of(&timing.filter_ns)),
+        ("odometry", Cost::of(&timing.odometry_ns)),
+        ("filter_and_odometry", Cost::of(&both)),
+        ("read", Cost::of(read_ns)),
+        ("run", Cost::of(&[whole_ns])),
+    ])
+}
+
+/// All counters of reader and odometry that are not zero.
+pub fn counters(input: &[Counter], odometry: &Counters) -> BTreeMap<&'static str, Count> {
+    let mut all = BTreeMap::new();
+    for counter in input.iter().filter(|c| c.count > 0) {
+        all.insert(counter.name, Count { count: counter.count, loss: counter.loss, first: counter.first.clone() });
+    }
+    // Whether a scan lacks its pose, or only its best one.
+    for (name, count, loss) in [
+        ("odometry_scans_repeated", odometry.scans_repeated, true),
+        ("odometry_scans_unsupported", odometry.scans_unsupported, false),
+        ("odometry_scans_imu_late", odometry.scans_imu_late, false),
+        ("odometry_scans_without_imu", odometry.scans_without_imu, false),
+        ("odometry_frames_reopened", odometry.frames_reopened, false),
+        ("odometry_solver_failures", odometry.solver_failures, false),
+        ("odometry_imu_rejected", odometry.imu_rejected, true),
+        ("odometry_imu_holes", odometry.imu_holes, true),
+        ("odometry_points_outside", odometry.points_outside, false),
+    ] {
+        if count > 0 {
+            all.insert(name, Count { count, loss, first: String::new() });
+        }
+    }
+    all
+}
+
+/// What the input says of itself, for the report.
+pub fn input(info: &InputInfo, name: String, sha256: String, imu: bool, imu_samples: u64) -> Input {
+    Input { name, format: info.format, sha256, imu, imu_samples }
+}
