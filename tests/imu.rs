@@ -1,4 +1,5 @@
 //! `randt imu` on real recordings: a Phidgets Spatial hung upside down, and an IMU with optical truth (BROAD).
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 use randt_geometry::{Quaternion, elementary};
 use serde_json::Value;

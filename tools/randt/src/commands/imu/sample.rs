@@ -22,7 +22,7 @@ pub struct Sample {
 /// A recording that is read from its beginning to its end.
 pub enum Samples {
     /// A table.
-    Csv(Csv),
+    Csv(Box<Csv>),
     /// A bag or one of our logs, with or without a radar.
     Log(Box<dyn Source>),
 }
@@ -38,7 +38,7 @@ impl Samples {
             };
             Ok(Self::Log(randt_readers::open(path, &options)?))
         } else {
-            Ok(Self::Csv(Csv::open(path)?))
+            Ok(Self::Csv(Box::new(Csv::open(path)?)))
         }
     }
 
