@@ -8,6 +8,9 @@ mod transform;
 mod wire;
 
 pub(crate) use cloud::Cloud;
+#[cfg(test)]
+pub(crate) use cloud::Point;
 pub(crate) use recording::{Channel, Kind, Raw, Recording};
 pub(crate) use source::RosSource;
+pub(crate) use transform::decode as decode_transforms;
 pub(crate) use wire::Encoding;

@@ -61,6 +61,9 @@ pub(crate) trait Recording {
     /// The next message; damage is counted and stepped over.
     fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error>;
 
+    /// Called after the last message: counts damage that only the end showed.
+    fn close(&mut self, _tally: &mut Tally) {}
+
     /// The messages of static transforms, wherever they are in the recording.
     fn static_transforms(&self) -> &[Vec<u8>];
 }

@@ -1,9 +1,10 @@
 //! A ROS recording as a log of sweeps and IMU samples.
 
 use super::Cloud;
+use super::decode_transforms;
 use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
-use super::transform::{self, Tree};
+use super::transform::{Transform, Tree};
 use super::wire::{Encoding, Malformed};
 use crate::sweep::{Polar, Turn};
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, tally::Tally};
@@ -39,7 +40,7 @@ pub(crate) struct RosSource {
 enum Decoded {
     Cloud(Cloud),
     Imu(RosImu, i64),
-    Transforms(Vec<transform::Transform>),
+    Transforms(Vec<Transform>),
 }
 
 impl RosSource {
@@ -95,7 +96,7 @@ impl RosSource {
     fn learn(&mut self, options: &Options, encoding: Encoding) -> Result<(), Error> {
         let mut tree = Tree::default();
         for bytes in self.recording.static_transforms() {
-            match transform::decode(bytes, encoding) {
+            match decode_transforms(bytes, encoding) {
                 Ok(transforms) => transforms.into_iter().for_each(|t| tree.add(t)),
                 Err(malformed) => self
                     .tally
@@ -172,6 +173,7 @@ impl RosSource {
     fn decode_next(&mut self) -> Result<Option<Decoded>, Error> {
         loop {
             let Some(raw) = self.recording.next_message(&mut self.tally)? else {
+                self.recording.close(&mut self.tally);
                 return Ok(None);
             };
             let (index, arrival_ns, offset, bytes) =
@@ -185,7 +187,7 @@ impl RosSource {
             } else if Some(index) == self.imu {
                 RosImu::decode(bytes, encoding).map(|imu| Decoded::Imu(imu, arrival_ns))
             } else if channel.kind == Kind::Transforms && self.turn.is_none() {
-                transform::decode(bytes, encoding).map(Decoded::Transforms)
+                decode_transforms(bytes, encoding).map(Decoded::Transforms)
             } else {
                 continue;
             };

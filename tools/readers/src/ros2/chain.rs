@@ -56,6 +56,10 @@ impl Recording for Chain {
         &self.transforms
     }
 
+    fn close(&mut self, tally: &mut Tally) {
+        self.parts.iter_mut().for_each(|part| part.close(tally));
+    }
+
     fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
         let Self {
             parts,

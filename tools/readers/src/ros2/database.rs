@@ -11,6 +11,8 @@ pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
 const BATCH: i64 = 64;
 /// Messages of static transforms that are kept.
 const TRANSFORMS_MAX: i64 = 1000;
+/// Damaged places after which the rest is given up: each costs SQLite some milliseconds.
+const DAMAGE_MAX: u64 = 1000;
 
 /// A database that is being read, in the order in which it was written.
 #[derive(Debug)]
@@ -26,6 +28,7 @@ pub(crate) struct Database {
     present: Vec<u8>,
     /// Number of the last message fetched.
     last: i64,
+    damages: u64,
     ended: bool,
 }
 
@@ -56,6 +59,7 @@ impl Database {
             batch: Vec::new(),
             present: Vec::new(),
             last: i64::MIN,
+            damages: 0,
             ended: false,
         };
         database.read_topics().map_err(broken)?;
@@ -115,7 +119,12 @@ impl Database {
         )?;
         let mut rows = query.query([self.last, BATCH])?;
         while let Some(row) = rows.next()? {
-            self.last = row.get(0)?;
+            let id = row.get(0)?;
+            if id <= self.last {
+                // A damaged page can lead back: such rows were read already.
+                return Err(rusqlite::Error::IntegralValueOutOfRange(0, id));
+            }
+            self.last = id;
             self.batch.push(Row {
                 id: self.last,
                 topic: row.get(1)?,
@@ -134,6 +143,7 @@ impl Database {
             match self.fetch() {
                 Ok(()) => self.ended = self.batch.is_empty(),
                 Err(error) => {
+                    self.damages += 1;
                     let path = self.path.display();
                     tally.lost("database_damaged", 1, || {
                         format!("{path}: behind message {before}: {error}")
@@ -142,7 +152,7 @@ impl Database {
                     if self.batch.is_empty() {
                         self.last = self.last.max(0).saturating_add(step);
                         step = step.saturating_mul(2);
-                        self.ended = self.last == i64::MAX;
+                        self.ended = self.last == i64::MAX || self.damages >= DAMAGE_MAX;
                     }
                 }
             }

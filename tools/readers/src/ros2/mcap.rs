@@ -132,8 +132,12 @@ impl Recording for McapBag {
         &self.transforms
     }
 
-    fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
+    fn close(&mut self, tally: &mut Tally) {
         count_damage(self.reader.damage(), &mut self.counted, tally);
+    }
+
+    fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
+        self.close(tally);
         let Some(entry) = self.reader.next_entry()? else {
             return Ok(None);
         };

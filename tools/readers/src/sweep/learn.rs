@@ -216,6 +216,7 @@ fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Opti
     let sense = if clockwise { -1.0 } else { 1.0 };
     let mut ends = clusters
         .iter()
+        .filter(|sweep| direction(core::slice::from_ref(*sweep)) == Some(clockwise))
         .filter_map(|sweep| Some((sweep.first()?.azimuth_rad, sweep.last()?.azimuth_rad)))
         .filter(|(first, last)| first != last);
     let (reference, last) = ends.next()?;

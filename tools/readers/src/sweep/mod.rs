@@ -9,3 +9,5 @@ pub(crate) use build::wrap_f32;
 pub(crate) use learn::Turn;
 pub(crate) use mend::mend;
 pub(crate) use polar::Polar;
+#[cfg(test)]
+pub(crate) use polar::PolarPoint;

@@ -565,7 +565,11 @@ pub fn log_of(events: &[Event], info: &crate::InputInfo) -> Vec<u8> {
     writer
         .write_metadata(ROBOT_METADATA, robot.to_metadata())
         .unwrap();
-    for event in events {
+    for (number, event) in events.iter().enumerate() {
+        if number % 102 == 101 {
+            // Two sweeps a chunk.
+            writer.flush().unwrap();
+        }
         match event {
             Event::Scan(scan) => writer.write(scan.as_ref()).unwrap(),
             Event::Imu(sample) => {
