@@ -1,24 +1,25 @@
 //! Why a log cannot be written or read.
 
-/// Why a log cannot be written or read; every text names the file.
+/// Why a log cannot be written or read; every text names the file and says all: there is no `source`, which
+/// printers of causes would say again.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// The operating system's word on a file.
-    #[error("{path}: {source}")]
+    #[error("{path}: {cause}")]
     Io {
         /// The file.
         path: String,
         /// Its word.
-        source: std::io::Error,
+        cause: std::io::Error,
     },
     /// The container could not be written.
-    #[error("{path}: cannot write the log: {source}")]
+    #[error("{path}: cannot write the log: {cause}")]
     Write {
         /// The file.
         path: String,
         /// What went wrong.
-        source: Box<mcap::McapError>,
+        cause: Box<mcap::McapError>,
     },
     /// The first bytes are not MCAP's.
     #[error(

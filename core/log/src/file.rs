@@ -25,9 +25,9 @@ impl LogFile {
         name.push(".active");
         let active = PathBuf::from(name);
         let shown = active.display().to_string();
-        let file = File::create(&active).map_err(|source| Error::Io {
+        let file = File::create(&active).map_err(|cause| Error::Io {
             path: shown.clone(),
-            source,
+            cause,
         })?;
         Ok(Self {
             writer: LogWriter::new(BufWriter::with_capacity(1 << 18, file), shown, options)?,
@@ -57,9 +57,9 @@ impl LogFile {
             active,
             path,
         } = self;
-        let shown = |source| Error::Io {
+        let shown = |cause| Error::Io {
             path: path.display().to_string(),
-            source,
+            cause,
         };
         let file = writer
             .finish()?

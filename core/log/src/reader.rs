@@ -37,10 +37,7 @@ impl LogReader<BufReader<File>> {
         let shown = path.display().to_string();
         match File::open(path) {
             Ok(file) => Self::new(BufReader::with_capacity(1 << 16, file), shown),
-            Err(source) => Err(Error::Io {
-                path: shown,
-                source,
-            }),
+            Err(cause) => Err(Error::Io { path: shown, cause }),
         }
     }
 }
@@ -353,17 +350,17 @@ impl<R: Read + Seek> LogReader<R> {
         bytes.clear();
         match self.source.by_ref().take(wanted).read_to_end(&mut bytes) {
             Ok(_) => Ok(bytes),
-            Err(source) => Err(Error::Io {
+            Err(cause) => Err(Error::Io {
                 path: self.path.clone(),
-                source,
+                cause,
             }),
         }
     }
 
     fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
-        self.source.seek(to).map_err(|source| Error::Io {
+        self.source.seek(to).map_err(|cause| Error::Io {
             path: self.path.clone(),
-            source,
+            cause,
         })
     }
 }

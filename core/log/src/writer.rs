@@ -70,9 +70,9 @@ impl<W: Write + Seek> LogWriter<W> {
                 channels: Vec::new(),
                 bytes: Vec::new(),
             }),
-            Err(source) => Err(Error::Write {
+            Err(cause) => Err(Error::Write {
                 path,
-                source: Box::new(source),
+                cause: Box::new(cause),
             }),
         }
     }
@@ -124,9 +124,9 @@ impl<W: Write + Seek> LogWriter<W> {
         let mut sink = self.inner.into_inner();
         match sink.flush() {
             Ok(()) => Ok(sink),
-            Err(source) => Err(Error::Io {
+            Err(cause) => Err(Error::Io {
                 path: self.path,
-                source,
+                cause,
             }),
         }
     }
@@ -148,21 +148,21 @@ impl<W: Write + Seek> LogWriter<W> {
                 self.channels.push((T::NAME, id));
                 Ok(id)
             }
-            Err(source) => Err(self.failed(source)),
+            Err(cause) => Err(self.failed(cause)),
         }
     }
 
     fn check(&self, result: mcap::McapResult<()>) -> Result<(), Error> {
-        result.map_err(|source| self.failed(source))
+        result.map_err(|cause| self.failed(cause))
     }
 
-    fn failed(&self, source: mcap::McapError) -> Error {
+    fn failed(&self, cause: mcap::McapError) -> Error {
         let path = self.path.clone();
-        match source {
-            mcap::McapError::Io(source) => Error::Io { path, source },
-            source => Error::Write {
+        match cause {
+            mcap::McapError::Io(cause) => Error::Io { path, cause },
+            cause => Error::Write {
                 path,
-                source: Box::new(source),
+                cause: Box::new(cause),
             },
         }
     }

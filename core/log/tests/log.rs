@@ -1,5 +1,8 @@
 //! What is written is read; what is damaged is counted; nothing panics.
 
+// Helpers of tests may unwrap; clippy only knows #[test] functions themselves.
+#![allow(clippy::unwrap_used)]
+
 use proptest::prelude::*;
 use randt_log::{Compression, DamageKind, Error, LogFile, LogReader, LogWriter, Options, Robot};
 use randt_messages::{

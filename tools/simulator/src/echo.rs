@@ -14,6 +14,9 @@ const STEPS: usize = 32;
 /// Phases are drawn from this many; a power of two.
 const PHASES: usize = 256;
 
+/// Echoes of a smaller amplitude are not seen: 20 dB under the noise.
+const UNSEEN: f32 = 0.1;
+
 /// The bins of one beam.
 #[derive(Clone, Debug)]
 pub(crate) struct Echo {
@@ -77,15 +80,10 @@ impl Echo {
             return;
         };
         let amplitude = amplitude as f32 * fall;
-        let (cos, sin) = self
-            .phases
-            .get(random.next_u64() as usize % PHASES)
-            .copied()
-            .unwrap_or_default();
-        // 26 dB under the noise nothing is seen of it.
-        if amplitude < 0.05 {
+        if amplitude < UNSEEN {
             return;
         }
+        let (cos, sin) = phase(&self.phases, random);
         let step = ((position - centre as f64) * STEPS as f64) as usize;
         let Some(response) = self.response.get(step.min(STEPS - 1)) else {
             return;
@@ -112,7 +110,7 @@ impl Echo {
         let mut quiet = gap(random);
         for (index, (bin, noise)) in self.bins.iter_mut().zip(&self.noise).enumerate() {
             let (re, im) = *bin;
-            if re * re + im * im < 1e-3 && *noise == 1.0 {
+            if re * re + im * im < UNSEEN * UNSEEN && *noise == 1.0 {
                 if quiet == 0 {
                     found(index as u16, db(threshold + random.exponential()));
                     quiet = gap(random);
@@ -120,10 +118,13 @@ impl Echo {
                     quiet -= 1;
                 }
             } else {
-                let (a, b) = random.normal_pair();
-                // Power 1 in all: half of it in each part.
-                let scale = f64::from(*noise) * core::f64::consts::FRAC_1_SQRT_2;
-                let (re, im) = (f64::from(re) + scale * a, f64::from(im) + scale * b);
+                // Complex normal noise: exponential power, any phase.
+                let size = f64::from(*noise) * random.exponential().sqrt();
+                let (cos, sin) = phase(&self.phases, random);
+                let (re, im) = (
+                    f64::from(re) + size * f64::from(cos),
+                    f64::from(im) + size * f64::from(sin),
+                );
                 let power = re * re + im * im;
                 if power > threshold {
                     found(index as u16, db(power));
@@ -132,6 +133,12 @@ impl Echo {
             *bin = (0.0, 0.0);
         }
     }
+}
+
+/// Cosine and sine of a random phase.
+fn phase(phases: &[(f32, f32)], random: &mut Random) -> (f32, f32) {
+    let index = random.next_u64() as usize % PHASES;
+    phases.get(index).copied().unwrap_or_default()
 }
 
 /// Amplitude of a bin's own noise; the radome's echo is noise to us, anew in each beam.

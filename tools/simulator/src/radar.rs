@@ -237,7 +237,13 @@ impl Radar {
 
 /// Amplitude of a wall's echo under an angle of incidence.
 fn reflect(response: &Response, cos_incidence: f64) -> f64 {
-    let sin_squared = 1.0 - cos_incidence * cos_incidence;
-    let width = response.specular_width;
-    response.diffuse * cos_incidence + response.specular * exp(-sin_squared / (width * width))
+    let rough = response.diffuse * cos_incidence;
+    let offset =
+        (1.0 - cos_incidence * cos_incidence) / (response.specular_width * response.specular_width);
+    // exp(-7) is 60 dB down; most walls are hit far from their normal.
+    if offset > 7.0 {
+        rough
+    } else {
+        rough + response.specular * exp(-offset)
+    }
 }
