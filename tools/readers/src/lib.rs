@@ -5,6 +5,8 @@
 
 mod error;
 mod event;
+#[doc(hidden)]
+pub mod fuzzing;
 mod input;
 mod limit;
 mod log;

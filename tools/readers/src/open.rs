@@ -30,25 +30,19 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>, Error> {
         return Ok(Box::new(InOrder::new(log)));
     }
     match open_bag(path, &first)? {
-        Some((bag, format)) => ros_source(bag, path, format, options),
-        None => Err(Error::NotRecognised {
-            path: path.display().to_string(),
-            found: describe(&first),
-        }),
+        Some(bag) => ros_source(bag, path, options),
+        None => Err(not_recognised(path, describe(&first))),
     }
 }
 
 /// Opens one file of a ROS bag; `None` where it is none.
-fn open_bag(
-    path: &Path,
-    first: &[u8],
-) -> Result<Option<(Box<dyn Recording>, &'static str)>, Error> {
+fn open_bag(path: &Path, first: &[u8]) -> Result<Option<Box<dyn Recording>>, Error> {
     Ok(if first.starts_with(ros1::MAGIC) {
-        Some((Box::new(ros1::Bag::open(path)?), "ros1-bag"))
+        Some(Box::new(ros1::Bag::open(path)?))
     } else if first.starts_with(mcap::MAGIC) {
-        Some((Box::new(ros2::McapBag::open(path)?), "ros2-mcap"))
+        Some(Box::new(ros2::McapBag::open(path)?))
     } else if first.starts_with(ros2::DATABASE_MAGIC) {
-        Some((Box::new(ros2::Database::open(path)?), "ros2-db3"))
+        Some(Box::new(ros2::Database::open(path)?))
     } else {
         None
     })
@@ -57,10 +51,9 @@ fn open_bag(
 fn ros_source(
     bag: Box<dyn Recording>,
     path: &Path,
-    format: &'static str,
     options: &Options,
 ) -> Result<Box<dyn Source>, Error> {
-    let source = RosSource::open(bag, path, format, options)?;
+    let source = RosSource::open(bag, path, options)?;
     Ok(Box::new(InOrder::new(source)))
 }
 
@@ -84,21 +77,29 @@ fn open_folder(path: &Path, options: &Options) -> Result<Box<dyn Source>, Error>
     if let Some(folder) = OxfordFolder::open(path, options)? {
         return Ok(Box::new(folder));
     }
-    let mut parts = Vec::new();
-    let mut format = "ros2-mcap";
+    let (mut parts, mut unreadable) = (Vec::new(), Vec::new());
     for file in ros2::bag_files(path)? {
-        if let Some((part, of_part)) = open_bag(&file, &first_bytes(&file)?)? {
-            parts.push(part);
-            format = of_part;
+        let first = first_bytes(&file)?;
+        match open_bag(&file, &first) {
+            Ok(Some(part)) => parts.push(part),
+            Ok(None) => unreadable.push(format!("{}: {}", file.display(), describe(&first))),
+            Err(error) => unreadable.push(error.to_string()),
         }
     }
     if parts.is_empty() {
-        return Err(Error::NotRecognised {
-            path: path.display().to_string(),
-            found: "a folder without radar images or bag files".to_owned(),
-        });
+        let found = unreadable.into_iter().next();
+        let found =
+            found.unwrap_or_else(|| "a folder without radar images or bag files".to_owned());
+        return Err(not_recognised(path, found));
     }
-    ros_source(Box::new(ros2::Chain::new(parts)), path, format, options)
+    ros_source(Box::new(ros2::Chain::new(parts, unreadable)), path, options)
+}
+
+fn not_recognised(path: &Path, found: String) -> Error {
+    Error::NotRecognised {
+        path: path.display().to_string(),
+        found,
+    }
 }
 
 /// The beginning of a foreign file, for an error's text.

@@ -55,6 +55,9 @@ pub(crate) struct Raw<'a> {
 
 /// A bag of any format.
 pub(crate) trait Recording {
+    /// Kind, such as `ros1-bag`.
+    fn format(&self) -> &'static str;
+
     /// The topics; fixed once it is open.
     fn channels(&self) -> &[Channel];
 

@@ -48,10 +48,10 @@ impl RosSource {
     pub fn open(
         recording: Box<dyn Recording>,
         path: &Path,
-        format: &'static str,
         options: &Options,
     ) -> Result<Self, Error> {
         let mut tally = Tally::default();
+        let format = recording.format();
         let channels = recording.channels().to_vec();
         let encoding = channels
             .first()

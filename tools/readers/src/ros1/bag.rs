@@ -363,6 +363,10 @@ impl Bag {
 }
 
 impl Recording for Bag {
+    fn format(&self) -> &'static str {
+        "ros1-bag"
+    }
+
     fn channels(&self) -> &[Channel] {
         &self.channels
     }

@@ -12,11 +12,13 @@ pub(crate) struct Chain {
     /// For each part, the places of its channels in `channels`.
     places: Vec<Vec<usize>>,
     transforms: Vec<Vec<u8>>,
+    /// Why parts are missing; counted with the first message.
+    unreadable: Vec<String>,
     present: usize,
 }
 
 impl Chain {
-    pub fn new(parts: Vec<Box<dyn Recording>>) -> Self {
+    pub fn new(parts: Vec<Box<dyn Recording>>, unreadable: Vec<String>) -> Self {
         let mut channels: Vec<Channel> = Vec::new();
         let mut places = Vec::new();
         let mut transforms = Vec::new();
@@ -42,12 +44,17 @@ impl Chain {
             channels,
             places,
             transforms,
+            unreadable,
             present: 0,
         }
     }
 }
 
 impl Recording for Chain {
+    fn format(&self) -> &'static str {
+        self.parts.first().map_or("ros2-mcap", |part| part.format())
+    }
+
     fn channels(&self) -> &[Channel] {
         &self.channels
     }
@@ -61,6 +68,9 @@ impl Recording for Chain {
     }
 
     fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
+        for why in self.unreadable.drain(..) {
+            tally.lost("bag_parts_unreadable", 1, || why);
+        }
         let Self {
             parts,
             places,

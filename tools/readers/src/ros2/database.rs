@@ -162,6 +162,10 @@ impl Database {
 }
 
 impl Recording for Database {
+    fn format(&self) -> &'static str {
+        "ros2-db3"
+    }
+
     fn channels(&self) -> &[Channel] {
         &self.channels
     }

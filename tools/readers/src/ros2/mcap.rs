@@ -124,6 +124,10 @@ pub(crate) fn count_damage(now: &[Damage], counted: &mut Vec<Damage>, tally: &mu
 }
 
 impl Recording for McapBag {
+    fn format(&self) -> &'static str {
+        "ros2-mcap"
+    }
+
     fn channels(&self) -> &[Channel] {
         &self.channels
     }

@@ -59,7 +59,7 @@ fn the_recording_has_eleven_listed_scans_of_400_beams() {
     );
     let scans = scans(events);
     assert_eq!((scans.len(), source.info().scans), (11, Some(11)));
-    let mut previous_end = None;
+    let mut previous_end: Option<i64> = None;
     for (index, scan) in scans.iter().enumerate() {
         let sweep = &scan.head.sweep;
         assert_eq!(scan.head.header.sequence, index as u64);
@@ -76,7 +76,7 @@ fn the_recording_has_eleven_listed_scans_of_400_beams() {
         assert!((244_000_000..256_000_000).contains(&turn_ns), "{turn_ns}");
         // The fits of two sweeps meet within a third of the bursts.
         if let Some(end_ns) = previous_end {
-            assert!((sweep.begin_ns - end_ns as i64).abs() < 3_000_000);
+            assert!((sweep.begin_ns - end_ns).abs() < 3_000_000);
         }
         previous_end = Some(sweep.end_ns);
         // Clockwise: azimuth falls from just below zero.

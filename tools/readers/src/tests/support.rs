@@ -79,7 +79,7 @@ impl Pen {
 
     fn put<const N: usize>(&mut self, mut little: [u8; N]) {
         if self.style != Style::Ros1 {
-            while (self.bytes.len() - 4) % N != 0 {
+            while !(self.bytes.len() - 4).is_multiple_of(N) {
                 self.bytes.push(0);
             }
         }
@@ -157,7 +157,7 @@ impl TestCloud {
     pub fn serialise(&self, style: Style, layout: &CloudLayout) -> Vec<u8> {
         let mut pen = Pen::new(style);
         pen.header(self.stamp_ns, "left_radar_link");
-        let rows = if layout.rows > 0 && self.points.len() % layout.rows == 0 {
+        let rows = if layout.rows > 0 && self.points.len().is_multiple_of(layout.rows) {
             layout.rows
         } else {
             1

@@ -1,0 +1,13 @@
+//! Entries for fuzz targets into what is private otherwise. Not for anything else.
+
+use crate::ros::imu::RosImu;
+use crate::ros::{Cloud, Encoding, decode_transforms};
+
+/// Decodes bytes as each message of each serialisation; whatever comes of it.
+pub fn messages(bytes: &[u8]) {
+    for encoding in [Encoding::Ros1, Encoding::Cdr] {
+        let _ = Cloud::decode(bytes, encoding);
+        let _ = RosImu::decode(bytes, encoding);
+        let _ = decode_transforms(bytes, encoding);
+    }
+}
