@@ -70,6 +70,7 @@ pub struct Csv {
     lines: BufReader<File>,
     line: Vec<u8>,
     line_number: u64,
+    columns: usize,
     stamp: Column,
     rate: [Column; 3],
     acceleration: [Column; 3],
@@ -93,6 +94,7 @@ impl Csv {
             lines: BufReader::new(file),
             line: Vec::new(),
             line_number: 0,
+            columns: 0,
             stamp: Column {
                 index: 0,
                 scale: 1.0,
@@ -115,6 +117,7 @@ impl Csv {
             .split(',')
             .map(normal)
             .collect();
+        csv.columns = header.len();
         let find = |names, units, axis| {
             column(&header, names, units, axis).with_context(|| {
                 let wanted = spelled(names, axis);
@@ -174,18 +177,17 @@ impl Csv {
             .split(',')
             .map(|cell| cell.trim().trim_matches('"'))
             .collect();
-        let cell = |column: Column| {
-            let absent = || {
-                format!(
-                    "{} columns, expected {} or more",
-                    cells.len(),
-                    column.index + 1
-                )
-            };
-            cells.get(column.index).copied().ok_or_else(absent)
-        };
+        // A row that lost a piece would give the numbers of another column or of the next row.
+        if cells.len() != self.columns {
+            return Err(format!(
+                "{} columns, expected {}",
+                cells.len(),
+                self.columns
+            ));
+        }
+        let cell = |column: Column| cells.get(column.index).copied().unwrap_or_default();
         let number = |column: Column| -> Result<f64, String> {
-            let text = cell(column)?;
+            let text = cell(column);
             match text.parse::<f64>() {
                 Ok(value) => Ok(value * column.scale),
                 Err(_) => Err(format!(
@@ -199,7 +201,7 @@ impl Csv {
             Ok(Vector3::new(number(x)?, number(y)?, number(z)?))
         };
         Ok(Sample {
-            stamp_ns: stamp_ns(cell(self.stamp)?, self.stamp.scale)?,
+            stamp_ns: stamp_ns(cell(self.stamp), self.stamp.scale)?,
             rate_rad_s: vector(self.rate)?,
             acceleration_m_s2: vector(self.acceleration)?,
         })
