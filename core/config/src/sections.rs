@@ -103,10 +103,11 @@ section! {
 section! {
     /// Submaps that scans are registered to.
     pub struct Submap {
-        /// A submap is closed when the robot is this far from its root, m.
-        pub radius_m: f64 = 10.0 => Within(0.5, 1000.0),
+        /// A submap is closed when the robot is this far from its root, m: about the sensor's reach, since each change
+        /// of submap costs a little drift.
+        pub radius_m: f64 = 15.0 => Within(0.5, 1000.0),
         /// The next submap is begun this far before the end, m, so that both hold the overlap's scans.
-        pub overlap_m: f64 = 4.0 => NotNegative,
+        pub overlap_m: f64 = 5.0 => NotNegative,
         /// A scan enters when the robot has moved this far since the last one that did, m: standing still must not
         /// outweigh driving.
         pub insert_distance_m: f64 = 0.05 => NotNegative,

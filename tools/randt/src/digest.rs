@@ -21,7 +21,9 @@ pub fn of_path(path: &Path) -> anyhow::Result<String> {
     for file in files(path)? {
         let mut reader = File::open(&file).with_context(|| file.display().to_string())?;
         loop {
-            let count = reader.read(&mut block).with_context(|| file.display().to_string())?;
+            let count = reader
+                .read(&mut block)
+                .with_context(|| file.display().to_string())?;
             match block.get(..count) {
                 Some(bytes) if count > 0 => hasher.update(bytes),
                 _ => break,
@@ -32,7 +34,11 @@ pub fn of_path(path: &Path) -> anyhow::Result<String> {
 }
 
 fn hex(hasher: Sha256) -> String {
-    hasher.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    hasher
+        .finalize()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
 }
 
 fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {

@@ -39,7 +39,8 @@ pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
     let extrinsics = source.info().extrinsics;
     if let Some(radar) = extrinsics.radar {
         let robot = &mut config.robot;
-        (robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad) = (radar.x_m, radar.y_m, radar.yaw_rad);
+        (robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad) =
+            (radar.x_m, radar.y_m, radar.yaw_rad);
     }
     if let Some(imu) = extrinsics.imu {
         let robot = &mut config.robot;
@@ -49,7 +50,12 @@ pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
 }
 
 /// Runs a source to its end.
-pub fn run(source: &mut dyn Source, config: &Config, use_imu: bool, bar: &ProgressBar) -> anyhow::Result<Done> {
+pub fn run(
+    source: &mut dyn Source,
+    config: &Config,
+    use_imu: bool,
+    bar: &ProgressBar,
+) -> anyhow::Result<Done> {
     let mut done = Done {
         results: Results::default(),
         pipeline: Pipeline::new(config, use_imu),

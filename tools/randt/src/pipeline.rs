@@ -50,7 +50,9 @@ impl Pipeline {
                 self.odometry.push_points(self.points.as_ref(), sink);
                 self.timing.filter_ns.push(nanoseconds(begin, filtered));
                 let odometry_ns = nanoseconds(filtered, Instant::now());
-                self.timing.odometry_ns.push(odometry_ns + std::mem::take(&mut self.since_scan_ns));
+                self.timing
+                    .odometry_ns
+                    .push(odometry_ns + std::mem::take(&mut self.since_scan_ns));
             }
             Event::Imu(sample) => {
                 self.odometry.push_imu(sample, sink);
@@ -72,5 +74,8 @@ impl Pipeline {
 }
 
 fn nanoseconds(begin: Instant, end: Instant) -> u64 {
-    end.duration_since(begin).as_nanos().try_into().unwrap_or(u64::MAX)
+    end.duration_since(begin)
+        .as_nanos()
+        .try_into()
+        .unwrap_or(u64::MAX)
 }

@@ -1,11 +1,15 @@
 //! `report.json`: what was computed, from what, how fast, and all that was dropped or repaired.
 
-use crate::{pipeline::Timing, results::{FrameSpan, TrustCount}};
+use crate::{
+    pipeline::Timing,
+    results::{FrameSpan, TrustCount},
+};
 use randt_config::Config;
 use randt_odometry::Counters;
 use randt_readers::{Counter, InputInfo};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::path::Path;
 
 /// The report. Everything but `timing` is a function of input and configuration.
 #[derive(Debug, Serialize)]
@@ -95,16 +99,27 @@ impl Cost {
         let mut sorted = times_ns.to_vec();
         sorted.sort_unstable();
         let at = |share: f64| {
-            let index = ((sorted.len() as f64 * share) as usize).min(sorted.len().saturating_sub(1));
+            let index =
+                ((sorted.len() as f64 * share) as usize).min(sorted.len().saturating_sub(1));
             sorted.get(index).map_or(0.0, |ns| *ns as f64 * 1e-6)
         };
-        Self { count: sorted.len(), median_ms: at(0.5), p99_ms: at(0.99), max_ms: at(1.0) }
+        Self {
+            count: sorted.len(),
+            median_ms: at(0.5),
+            p99_ms: at(0.99),
+            max_ms: at(1.0),
+        }
     }
 }
 
 /// Per stage: what each scan cost.
 pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> BTreeMap<&'static str, Cost> {
-    let both: Vec<u64> = timing.filter_ns.iter().zip(&timing.odometry_ns).map(|(a, b)| a + b).collect();
+    let both: Vec<u64> = timing
+        .filter_ns
+        .iter()
+        .zip(&timing.odometry_ns)
+        .map(|(a, b)| a + b)
+        .collect();
     BTreeMap::from([
         ("filter", Cost::of(&timing.filter_ns)),
         ("odometry", Cost::of(&timing.odometry_ns)),
@@ -115,17 +130,50 @@ pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> BTreeMap<&'sta
 }
 
 /// All counters of reader and odometry that are not zero.
-pub fn counters(input: &[Counter], odometry: &Counters) -> BTreeMap<&'static str, Count> {
+///
+/// Texts name the input without its path, so that a report does not depend on where things lie.
+pub fn counters(
+    path: &Path,
+    input: &[Counter],
+    odometry: &Counters,
+) -> BTreeMap<&'static str, Count> {
     let mut all = BTreeMap::new();
+    let folder = path
+        .parent()
+        .map(|p| format!("{}/", p.display()))
+        .filter(|p| p.len() > 1)
+        .unwrap_or_default();
+    let without_path = |text: &str| {
+        if folder.is_empty() {
+            text.to_owned()
+        } else {
+            text.replace(&folder, "")
+        }
+    };
     for counter in input.iter().filter(|c| c.count > 0) {
-        all.insert(counter.name, Count { count: counter.count, loss: counter.loss, first: counter.first.clone() });
+        all.insert(
+            counter.name,
+            Count {
+                count: counter.count,
+                loss: counter.loss,
+                first: without_path(&counter.first),
+            },
+        );
     }
     // Whether a scan lacks its pose, or only its best one.
     for (name, count, loss) in [
         ("odometry_scans_repeated", odometry.scans_repeated, true),
-        ("odometry_scans_unsupported", odometry.scans_unsupported, false),
+        (
+            "odometry_scans_unsupported",
+            odometry.scans_unsupported,
+            false,
+        ),
         ("odometry_scans_imu_late", odometry.scans_imu_late, false),
-        ("odometry_scans_without_imu", odometry.scans_without_imu, false),
+        (
+            "odometry_scans_without_imu",
+            odometry.scans_without_imu,
+            false,
+        ),
         ("odometry_frames_reopened", odometry.frames_reopened, false),
         ("odometry_solver_failures", odometry.solver_failures, false),
         ("odometry_imu_rejected", odometry.imu_rejected, true),
@@ -133,7 +181,14 @@ pub fn counters(input: &[Counter], odometry: &Counters) -> BTreeMap<&'static str
         ("odometry_points_outside", odometry.points_outside, false),
     ] {
         if count > 0 {
-            all.insert(name, Count { count, loss, first: String::new() });
+            all.insert(
+                name,
+                Count {
+                    count,
+                    loss,
+                    first: String::new(),
+                },
+            );
         }
     }
     all
@@ -141,5 +196,11 @@ pub fn counters(input: &[Counter], odometry: &Counters) -> BTreeMap<&'static str
 
 /// What the input says of itself, for the report.
 pub fn input(info: &InputInfo, name: String, sha256: String, imu: bool, imu_samples: u64) -> Input {
-    Input { name, format: info.format, sha256, imu, imu_samples }
+    Input {
+        name,
+        format: info.format,
+        sha256,
+        imu,
+        imu_samples,
+    }
 }

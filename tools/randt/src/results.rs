@@ -2,7 +2,9 @@
 
 use crate::output::write_whole;
 use anyhow::Context;
-use randt_evaluation::{Evaluation, Plot, Trajectory, evaluate, plot_trajectories, truth_on_estimate};
+use randt_evaluation::{
+    Evaluation, Plot, Trajectory, evaluate, plot_trajectories, truth_on_estimate,
+};
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, MessageRef, OdometryState, Trust, TruthPose};
 use randt_odometry::Sink;
@@ -37,10 +39,11 @@ impl Sink for Results {
             return;
         }
         let pose = Pose2::from_array(keyframe.head.pose);
-        self.map.extend(keyframe.items.iter().step_by(PICTURE_STRIDE).map(|point| {
-            let p = pose.transform([f64::from(point.x_m), f64::from(point.y_m)].into());
-            [p.x, p.y]
-        }));
+        self.map
+            .extend(keyframe.items.iter().step_by(PICTURE_STRIDE).map(|point| {
+                let p = pose.transform([f64::from(point.x_m), f64::from(point.y_m)].into());
+                [p.x, p.y]
+            }));
     }
 }
 
@@ -74,14 +77,19 @@ impl Results {
         if self.truth.poses().is_empty() {
             self.truth = Trajectory::stamped();
         }
-        self.truth.push(truth.header.stamp_ns, 0, Pose2::from_array(truth.pose));
+        self.truth
+            .push(truth.header.stamp_ns, 0, Pose2::from_array(truth.pose));
     }
 
     /// The live poses, in `odom`.
     pub fn odometry(&self) -> Trajectory {
         let mut trajectory = Trajectory::stamped();
         for state in &self.states {
-            trajectory.push(state.header.stamp_ns, state.odom_frame_id, Pose2::from_array(state.pose));
+            trajectory.push(
+                state.header.stamp_ns,
+                state.odom_frame_id,
+                Pose2::from_array(state.pose),
+            );
         }
         trajectory
     }
@@ -101,7 +109,9 @@ impl Results {
             [first, ..] => Some(FrameSpan {
                 odom_frame_id: first.odom_frame_id,
                 begin_ns: first.header.stamp_ns,
-                end_ns: states.last().map_or(first.header.stamp_ns, |last| last.header.stamp_ns),
+                end_ns: states
+                    .last()
+                    .map_or(first.header.stamp_ns, |last| last.header.stamp_ns),
                 scans: states.len() as u64,
             }),
             [] => None,
@@ -112,9 +122,10 @@ impl Results {
     /// Length of the live path, m; frames are not joined.
     pub fn path_m(&self) -> f64 {
         let step = |pair: &[OdometryState]| match pair {
-            [a, b] if a.odom_frame_id == b.odom_frame_id => {
-                Pose2::from_array(a.pose).between(&Pose2::from_array(b.pose)).translation().norm()
-            }
+            [a, b] if a.odom_frame_id == b.odom_frame_id => Pose2::from_array(a.pose)
+                .between(&Pose2::from_array(b.pose))
+                .translation()
+                .norm(),
             _ => 0.0,
         };
         self.states.windows(2).map(step).sum()
@@ -149,12 +160,21 @@ impl Results {
         let same = |a: &OdometryState, b: &OdometryState| a.odom_frame_id == b.odom_frame_id;
         let position = |state: &OdometryState| [state.pose[0], state.pose[1]];
         // Frames have nothing in common but the picture; the first one is the map's.
-        let estimate: Vec<Vec<[f64; 2]>> =
-            self.states.chunk_by(same).map(|frame| frame.iter().map(position).collect()).collect();
+        let estimate: Vec<Vec<[f64; 2]>> = self
+            .states
+            .chunk_by(same)
+            .map(|frame| frame.iter().map(position).collect())
+            .collect();
         let truth = match self.truth.poses() {
             [] => Vec::new(),
             _ => truth_on_estimate(trajectory, &self.truth)?,
         };
-        Ok(plot_trajectories(&Plot { title, estimate: &estimate, truth: &truth, map: &self.map, loops: &[] })?)
+        Ok(plot_trajectories(&Plot {
+            title,
+            estimate: &estimate,
+            truth: &truth,
+            map: &self.map,
+            loops: &[],
+        })?)
     }
 }

@@ -1,6 +1,10 @@
 //! `randt demo`: a simulated drive through a building, computed and compared with the truth.
 
-use crate::{commands::{run, simulate}, exit::Outcome, output::print};
+use crate::{
+    commands::{run, simulate},
+    exit::Outcome,
+    output::print,
+};
 use std::path::PathBuf;
 
 /// The largest ATE that a demo may show, m: a hand's breadth over a drive through a building.
@@ -26,13 +30,21 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     run::prepare_folder(&out)?;
     let log = out.join("building.mcap");
     print("1. simulating a drive through a building (radar, gyro, accelerometer, truth)\n")?;
-    simulate::run(simulate::Arguments::new("building", log.clone(), seed, scans))?;
+    simulate::run(simulate::Arguments::new(
+        "building",
+        log.clone(),
+        seed,
+        scans,
+    ))?;
     print("2. computing the trajectory from radar and IMU alone\n")?;
     let report = run::compute(run::Arguments::new(log, out.clone()))?;
     let stages = report.timing.iter().filter(|(stage, _)| **stage != "run");
     let mut text = String::from("3. result\n");
     for (stage, cost) in stages {
-        text += &format!("   {stage:20} median {:7.3} ms   p99 {:7.3} ms   max {:7.3} ms\n", cost.median_ms, cost.p99_ms, cost.max_ms);
+        text += &format!(
+            "   {stage:20} median {:7.3} ms   p99 {:7.3} ms   max {:7.3} ms\n",
+            cost.median_ms, cost.p99_ms, cost.max_ms
+        );
     }
     let ate_m = report.ate_rmse_m;
     let (verdict, outcome) = match ate_m {

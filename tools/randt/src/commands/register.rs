@@ -1,6 +1,8 @@
 //! `randt register`: the motion between two radar scans.
 
-use crate::{exit::Outcome, input::InputOptions, job, output::print, selection::SelectionArguments};
+use crate::{
+    exit::Outcome, input::InputOptions, job, output::print, selection::SelectionArguments,
+};
 use anyhow::{Context, bail};
 use randt_config::{Config, Loaded};
 use randt_filter::ClusterFilter;
@@ -80,7 +82,10 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     }
     odometry.finish(&mut states);
     let [a, b] = states.0.as_slice() else {
-        bail!("{}: too few returns to register to", arguments.first.display());
+        bail!(
+            "{}: too few returns to register to",
+            arguments.first.display()
+        );
     };
     let relative = Pose2::from_array(a.pose).between(&Pose2::from_array(b.pose));
     let c = b.covariance;
@@ -91,17 +96,30 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         covariance: [[c[0], c[1], c[2]], [c[3], c[4], c[5]], [c[6], c[7], c[8]]],
         cells: b.cells,
         inliers: b.inliers,
-        trust: if b.trust == Trust::Good as u32 { "good" } else { "degraded" },
+        trust: if b.trust == Trust::Good as u32 {
+            "good"
+        } else {
+            "degraded"
+        },
         velocity: b.velocity,
         stamp_a_ns: a.header.stamp_ns,
         stamp_b_ns: b.header.stamp_ns,
     };
-    print(&if arguments.json { format!("{}\n", serde_json::to_string_pretty(&registration)?) } else { text(&registration) })?;
+    print(&if arguments.json {
+        format!("{}\n", serde_json::to_string_pretty(&registration)?)
+    } else {
+        text(&registration)
+    })?;
     Ok(Outcome::Good)
 }
 
 fn text(r: &Registration) -> String {
-    let sigma = |i: usize| r.covariance.get(i).and_then(|row| row.get(i)).map_or(0.0, |v| v.sqrt());
+    let sigma = |i: usize| {
+        r.covariance
+            .get(i)
+            .and_then(|row| row.get(i))
+            .map_or(0.0, |v| v.sqrt())
+    };
     format!(
         "B in A: x {:.3} m (sigma {:.3}), y {:.3} m ({:.3}), yaw {:.3} deg ({:.3})\n\
          {} of {} cells agree, trust {}\n",
@@ -118,7 +136,11 @@ fn text(r: &Registration) -> String {
 }
 
 /// The first scan of an input, and the configuration for its sensor.
-fn first_scan(path: &Path, options: &Options, selection: &SelectionArguments) -> anyhow::Result<(Message<RadarScan>, Config)> {
+fn first_scan(
+    path: &Path,
+    options: &Options,
+    selection: &SelectionArguments,
+) -> anyhow::Result<(Message<RadarScan>, Config)> {
     let mut source = randt_readers::open(path, options)?;
     let loaded: Loaded = selection.load(source.info().sensor)?;
     let config = job::with_mounting(&loaded, source.as_ref());
@@ -127,6 +149,14 @@ fn first_scan(path: &Path, options: &Options, selection: &SelectionArguments) ->
             return Ok((scan, config));
         }
     }
-    let first = source.counters().into_iter().map(|c| c.first).find(|first| !first.is_empty());
-    Err(anyhow::anyhow!("{}", first.unwrap_or_else(|| "no scan in it".to_owned()))).with_context(|| path.display().to_string())
+    let first = source
+        .counters()
+        .into_iter()
+        .map(|c| c.first)
+        .find(|first| !first.is_empty());
+    Err(anyhow::anyhow!(
+        "{}",
+        first.unwrap_or_else(|| "no scan in it".to_owned())
+    ))
+    .with_context(|| path.display().to_string())
 }

@@ -39,7 +39,13 @@ pub struct Arguments {
 impl Arguments {
     /// An input and a folder, everything else as it is when it is not given.
     pub fn new(input: PathBuf, out: PathBuf) -> Self {
-        Self { input, out, no_imu: false, selection: SelectionArguments::default(), options: InputOptions::default() }
+        Self {
+            input,
+            out,
+            no_imu: false,
+            selection: SelectionArguments::default(),
+            options: InputOptions::default(),
+        }
     }
 }
 
@@ -58,7 +64,11 @@ pub struct Shown {
 
 /// Computes, writes, prints.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    Ok(if compute(arguments)?.lost { Outcome::DataLost } else { Outcome::Good })
+    Ok(if compute(arguments)?.lost {
+        Outcome::DataLost
+    } else {
+        Outcome::Good
+    })
 }
 
 /// The same, with what it shows.
@@ -74,39 +84,69 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     let done = job::run(source.as_mut(), &config, !arguments.no_imu, &bar)?;
     if done.results.states.is_empty() {
         let counters = source.counters();
-        let why = counters.iter().map(|c| format!("\n  {}: {} ({})", c.name, c.count, c.first)).collect::<String>();
-        bail!("{}: holds no scan that could be used{why}", arguments.input.display());
+        let why = counters
+            .iter()
+            .map(|c| format!("\n  {}: {} ({})", c.name, c.count, c.first))
+            .collect::<String>();
+        bail!(
+            "{}: holds no scan that could be used{why}",
+            arguments.input.display()
+        );
     }
     finish(&arguments, source.as_ref(), &config, &done, begin)
 }
 
 /// The folder, made and tried out before the work begins.
 pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+    std::fs::create_dir_all(folder)
+        .with_context(|| format!("{}: cannot be made", folder.display()))?;
     let trial = folder.join(".randt-trial");
     write_whole(&trial, b"")?;
     std::fs::remove_file(&trial).with_context(|| trial.display().to_string())
 }
 
 /// Writes all outputs and prints the summary.
-fn finish(arguments: &Arguments, source: &dyn Source, config: &Config, done: &Done, begin: Instant) -> anyhow::Result<Shown> {
+fn finish(
+    arguments: &Arguments,
+    source: &dyn Source,
+    config: &Config,
+    done: &Done,
+    begin: Instant,
+) -> anyhow::Result<Shown> {
     let (input, out) = (arguments.input.as_path(), arguments.out.as_path());
     let use_imu = !arguments.no_imu;
     let results = &done.results;
-    let name = input.file_name().unwrap_or(input.as_os_str()).to_string_lossy().into_owned();
+    let name = input
+        .file_name()
+        .unwrap_or(input.as_os_str())
+        .to_string_lossy()
+        .into_owned();
     let rows = results.write(out, &name)?;
     let odometry = done.pipeline.counters();
-    let mut counters = report::counters(&source.counters(), &odometry);
+    let mut counters = report::counters(input, &source.counters(), &odometry);
     if done.interrupted {
         let first = "the input was not read to its end".to_owned();
-        counters.insert("interrupted", Count { count: 1, loss: true, first });
+        counters.insert(
+            "interrupted",
+            Count {
+                count: 1,
+                loss: true,
+                first,
+            },
+        );
     }
     let lost = counters.values().any(|c| c.loss);
     let evaluation = results.evaluation();
     let sha256 = digest::of_path(input)?;
     let report = Report {
         randt: env!("CARGO_PKG_VERSION"),
-        input: report::input(source.info(), name, sha256, use_imu && done.imu_samples > 0, done.imu_samples),
+        input: report::input(
+            source.info(),
+            name,
+            sha256,
+            use_imu && done.imu_samples > 0,
+            done.imu_samples,
+        ),
         scans: results.states.len() as u64,
         keyframes: results.keyframes,
         path_m: results.path_m(),
@@ -121,37 +161,79 @@ fn finish(arguments: &Arguments, source: &dyn Source, config: &Config, done: &Do
         counters,
         configuration: config,
         trajectory_sha256: digest::of_bytes(rows.as_bytes()),
-        timing: report::timing(&done.pipeline.timing, &done.read_ns, begin.elapsed().as_nanos() as u64),
+        timing: report::timing(
+            &done.pipeline.timing,
+            &done.read_ns,
+            begin.elapsed().as_nanos() as u64,
+        ),
     };
     let mut json = serde_json::to_string_pretty(&report)?;
     json.push('\n');
     write_whole(&out.join("report.json"), json.as_bytes())?;
     print(&summary(&report, out))?;
     let ate_rmse_m = evaluation.and_then(|e| e.ate_rmse_m);
-    Ok(Shown { ate_rmse_m, path_m: report.path_m, timing: report.timing, lost })
+    Ok(Shown {
+        ate_rmse_m,
+        path_m: report.path_m,
+        timing: report.timing,
+        lost,
+    })
 }
 
 fn summary(report: &Report<'_>, out: &Path) -> String {
     let mut text = String::new();
     // Writing to a String cannot fail.
-    let seconds: f64 = report.frames.iter().map(|f| (f.end_ns - f.begin_ns) as f64 * 1e-9).sum();
-    let _ = writeln!(text, "{} ({}): {} scans, {seconds:.1} s, {:.1} m driven", report.input.name, report.input.format, report.scans, report.path_m);
+    let seconds: f64 = report
+        .frames
+        .iter()
+        .map(|f| (f.end_ns - f.begin_ns) as f64 * 1e-9)
+        .sum();
+    let _ = writeln!(
+        text,
+        "{} ({}): {} scans, {seconds:.1} s, {:.1} m driven",
+        report.input.name, report.input.format, report.scans, report.path_m
+    );
     if let Some(ate_m) = report.accuracy.as_ref().and_then(|a| a.ate_rmse_m) {
         let _ = writeln!(text, "accuracy: ATE {ate_m:.3} m against the log's truth");
     }
     if report.frames.len() > 1 {
-        let _ = writeln!(text, "{} odometry frames: each starts at its own origin, none is joined to another", report.frames.len());
+        let _ = writeln!(
+            text,
+            "{} odometry frames: each starts at its own origin, none is joined to another",
+            report.frames.len()
+        );
     }
     let trust = &report.trust;
-    let _ = writeln!(text, "trust: {} good, {} degraded, {} lost", trust.good, trust.degraded, trust.lost);
-    if let (Some(cost), Some(whole)) = (report.timing.get("filter_and_odometry"), report.timing.get("run")) {
-        let _ = writeln!(text, "per scan: median {:.2} ms, p99 {:.2} ms; whole run {:.1} s", cost.median_ms, cost.p99_ms, whole.median_ms * 1e-3);
+    let _ = writeln!(
+        text,
+        "trust: {} good, {} degraded, {} lost",
+        trust.good, trust.degraded, trust.lost
+    );
+    if let (Some(cost), Some(whole)) = (
+        report.timing.get("filter_and_odometry"),
+        report.timing.get("run"),
+    ) {
+        let _ = writeln!(
+            text,
+            "per scan: median {:.2} ms, p99 {:.2} ms; whole run {:.1} s",
+            cost.median_ms,
+            cost.p99_ms,
+            whole.median_ms * 1e-3
+        );
     }
     for (name, counter) in &report.counters {
         let kind = if counter.loss { "lost" } else { "note" };
-        let first = if counter.first.is_empty() { String::new() } else { format!(" (first: {})", counter.first) };
+        let first = if counter.first.is_empty() {
+            String::new()
+        } else {
+            format!(" (first: {})", counter.first)
+        };
         let _ = writeln!(text, "{kind}: {name} {}{first}", counter.count);
     }
-    let _ = writeln!(text, "written: {}/{{odometry.tum,trajectory.tum,plot.svg,report.json}}", out.display());
+    let _ = writeln!(
+        text,
+        "written: {}/{{odometry.tum,trajectory.tum,plot.svg,report.json}}",
+        out.display()
+    );
     text
 }

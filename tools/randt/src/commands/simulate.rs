@@ -1,12 +1,155 @@
-//! `randt simulate`.
+//! `randt simulate`: a simulated drive as a log.
 
 use crate::exit::Outcome;
+use crate::output::{print, write_whole};
+use crate::progress;
+use anyhow::bail;
+use randt_geometry::Pose2;
+use randt_log::{LogFile, Options, ROBOT_METADATA};
+use randt_messages::{ImuSampleTopic, MessageRef, TruthPose, TruthPoseTopic};
+use randt_simulator::{Event, Robot, Simulation, World};
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
 
 /// Arguments of `randt simulate`.
 #[derive(Debug, clap::Args)]
-pub struct Arguments {}
+pub struct Arguments {
+    /// The world to drive through: building
+    world: String,
+    /// Log to write
+    #[arg(long, value_name = "LOG.mcap")]
+    out: PathBuf,
+    /// Seed of everything random: the same seed gives the same bytes
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Number of radar sweeps, five a second; the route is driven again and again
+    #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..))]
+    scans: u64,
+    /// Also write the true poses at the sweeps' ends, as TUM rows
+    #[arg(long, value_name = "FILE.tum")]
+    truth: Option<PathBuf>,
+    /// Overwrite files that exist
+    #[arg(long)]
+    force: bool,
+}
 
-/// Not written yet.
-pub fn run(_arguments: Arguments) -> anyhow::Result<Outcome> {
-    anyhow::bail!("not written yet")
+impl Arguments {
+    /// A drive through a world; files that exist are overwritten.
+    pub fn new(world: &str, out: PathBuf, seed: u64, scans: u64) -> Self {
+        Self {
+            world: world.to_owned(),
+            out,
+            seed,
+            scans,
+            truth: None,
+            force: true,
+        }
+    }
+}
+
+/// Simulates the drive and writes it.
+pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    let Some(world) = World::named(&arguments.world) else {
+        bail!(
+            "unknown world {:?}: there is {}",
+            arguments.world,
+            World::NAMES.join(", ")
+        );
+    };
+    for path in [Some(&arguments.out), arguments.truth.as_ref()]
+        .into_iter()
+        .flatten()
+    {
+        if path.exists() && !arguments.force {
+            bail!("{}: exists already; --force overwrites it", path.display());
+        }
+    }
+    let robot = Robot::default();
+    let written_by = concat!("randt ", env!("CARGO_PKG_VERSION")).to_owned();
+    let mut log = LogFile::create(
+        &arguments.out,
+        Options {
+            written_by,
+            ..Options::default()
+        },
+    )?;
+    log.write_metadata(ROBOT_METADATA, metadata(&robot).to_metadata())?;
+    let about = [
+        ("world", world.name.clone()),
+        ("seed", arguments.seed.to_string()),
+        ("scans", arguments.scans.to_string()),
+    ];
+    let about = about.map(|(key, value)| (key.to_owned(), value));
+    log.write_metadata("randt/simulation", BTreeMap::from(about))?;
+
+    let bar = progress::bar(Some(arguments.scans), "sweeps");
+    let mut simulation = Simulation::new(&world, robot, arguments.scans, arguments.seed);
+    let mut rows = String::new();
+    let mut truth = TruthPose::default();
+    let mut first_ns = None;
+    while let Some(event) = simulation.next() {
+        first_ns.get_or_insert(event.stamp_ns());
+        match event {
+            Event::Scan(scan) => {
+                log.write(scan.as_ref())?;
+                if arguments.truth.is_some() {
+                    tum_row(&mut rows, &truth);
+                }
+                bar.inc(1);
+            }
+            Event::Imu(sample) => {
+                log.write(MessageRef::<ImuSampleTopic> {
+                    head: &sample,
+                    items: &[],
+                })?;
+            }
+            Event::Truth(pose) => {
+                log.write(MessageRef::<TruthPoseTopic> {
+                    head: &pose,
+                    items: &[],
+                })?;
+                truth = pose;
+            }
+        }
+    }
+    let bytes = log.finish()?;
+    if let Some(path) = &arguments.truth {
+        write_whole(path, rows.as_bytes())?;
+    }
+    bar.finish_and_clear();
+    let duration_s = (truth.header.stamp_ns - first_ns.unwrap_or_default()) as f64 * 1e-9;
+    print(&format!(
+        "{}: {} sweeps, {duration_s:.1} s, {:.1} m driven, {:.1} MB\n",
+        arguments.out.display(),
+        arguments.scans,
+        simulation.path_m(),
+        bytes as f64 * 1e-6,
+    ))?;
+    Ok(Outcome::Good)
+}
+
+/// What the log says of its robot.
+fn metadata(robot: &Robot) -> randt_log::Robot {
+    randt_log::Robot {
+        sensor: robot.sensor(),
+        radar: Some(robot.radar_mounting.to_array()),
+        imu: Some([1.0, 0.0, 0.0, 0.0]),
+    }
+}
+
+/// Stamp, position, quaternion: the orientation is a turn about z.
+fn tum_row(rows: &mut String, truth: &TruthPose) {
+    let pose = Pose2::from_array(truth.pose);
+    let (sin, cos) = randt_geometry::elementary::sin_cos(0.5 * pose.yaw_rad);
+    let (seconds, nanoseconds) = (
+        truth.header.stamp_ns / 1_000_000_000,
+        truth.header.stamp_ns % 1_000_000_000,
+    );
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        rows,
+        "{seconds}.{nanoseconds:09} {:.9} {:.9} 0 0 0 {sin:.12} {cos:.12}",
+        pose.x_m, pose.y_m
+    );
 }
