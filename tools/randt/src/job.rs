@@ -3,9 +3,13 @@
 use crate::{pipeline::Pipeline, results::Results};
 use indicatif::ProgressBar;
 use randt_config::{Config, InputGeometry, Loaded, check_input};
+use randt_messages::SweepHead;
 use randt_readers::{Event, Source};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+
+/// So many misfitting scans before any good one mean that the input is another sensor's.
+const MISFITS_MAX: u64 = 5;
 
 /// Set by Ctrl-C; work ends at the next scan.
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
@@ -21,6 +25,10 @@ pub struct Done {
     pub read_ns: Vec<u64>,
     /// IMU samples read.
     pub imu_samples: u64,
+    /// Scans left out because they cannot be this sensor's.
+    pub misfits: u64,
+    /// Why the first of them.
+    pub first_misfit: Option<randt_config::Error>,
     /// Whether Ctrl-C ended it before the input did.
     pub interrupted: bool,
 }
@@ -49,6 +57,16 @@ pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
     config
 }
 
+/// Whether a sweep can be the configured sensor's.
+fn fits(sweep: &SweepHead, config: &Config) -> Result<(), randt_config::Error> {
+    let geometry = InputGeometry {
+        range_resolution_m: Some(f64::from(sweep.range_resolution_m)),
+        azimuth_step_rad: Some(f64::from(sweep.azimuth_step_rad)),
+        range_max_m: None,
+    };
+    check_input(&config.sensor, &geometry)
+}
+
 /// Runs a source to its end.
 pub fn run(
     source: &mut dyn Source,
@@ -61,6 +79,8 @@ pub fn run(
         pipeline: Pipeline::new(config, use_imu),
         read_ns: Vec::new(),
         imu_samples: 0,
+        misfits: 0,
+        first_misfit: None,
         interrupted: false,
     };
     let mut reading = Instant::now();
@@ -71,17 +91,17 @@ pub fn run(
             Event::Truth(truth) => done.results.add_truth(truth),
             Event::Imu(_) => done.imu_samples += 1,
             Event::Scan(scan) => {
-                let sweep = &scan.head.sweep;
-                check_input(
-                    &config.sensor,
-                    &InputGeometry {
-                        range_resolution_m: Some(f64::from(sweep.range_resolution_m)),
-                        azimuth_step_rad: Some(f64::from(sweep.azimuth_step_rad)),
-                        range_max_m: None,
-                    },
-                )?;
                 done.read_ns.push(std::mem::take(&mut read_ns));
                 bar.inc(1);
+                if let Err(misfit) = fits(&scan.head.sweep, config) {
+                    done.misfits += 1;
+                    // One damaged scan is stepped over; another sensor's input is refused.
+                    if done.misfits >= MISFITS_MAX && done.results.states.is_empty() {
+                        return Err(misfit.into());
+                    }
+                    done.first_misfit.get_or_insert(misfit);
+                    continue;
+                }
             }
         }
         done.pipeline.push(&event, &mut done.results);
@@ -92,6 +112,9 @@ pub fn run(
         reading = Instant::now();
     }
     done.pipeline.finish(&mut done.results);
+    if let (true, Some(misfit)) = (done.results.states.is_empty(), done.first_misfit.take()) {
+        return Err(misfit.into());
+    }
     bar.finish_and_clear();
     Ok(done)
 }

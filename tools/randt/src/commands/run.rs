@@ -124,6 +124,10 @@ fn finish(
     let rows = results.write(out, &name)?;
     let odometry = done.pipeline.counters();
     let mut counters = report::counters(input, &source.counters(), &odometry);
+    if let Some(misfit) = &done.first_misfit {
+        let count = Count { count: done.misfits, loss: true, first: misfit.to_string() };
+        counters.insert("scans_not_of_this_sensor", count);
+    }
     if done.interrupted {
         let first = "the input was not read to its end".to_owned();
         counters.insert(
@@ -171,6 +175,10 @@ fn finish(
     json.push('\n');
     write_whole(&out.join("report.json"), json.as_bytes())?;
     print(&summary(&report, out))?;
+    // Why a run ends with 3 belongs where its errors go.
+    for (name, counter) in report.counters.iter().filter(|(_, c)| c.loss) {
+        eprintln!("lost: {}: {}", input.display(), counted(name, counter));
+    }
     let ate_rmse_m = evaluation.and_then(|e| e.ate_rmse_m);
     Ok(Shown {
         ate_rmse_m,
@@ -178,6 +186,15 @@ fn finish(
         timing: report.timing,
         lost,
     })
+}
+
+fn counted(name: &str, counter: &Count) -> String {
+    let first = if counter.first.is_empty() {
+        String::new()
+    } else {
+        format!(" (first: {})", counter.first)
+    };
+    format!("{name} {}{first}", counter.count)
 }
 
 fn summary(report: &Report<'_>, out: &Path) -> String {
@@ -221,14 +238,8 @@ fn summary(report: &Report<'_>, out: &Path) -> String {
             whole.median_ms * 1e-3
         );
     }
-    for (name, counter) in &report.counters {
-        let kind = if counter.loss { "lost" } else { "note" };
-        let first = if counter.first.is_empty() {
-            String::new()
-        } else {
-            format!(" (first: {})", counter.first)
-        };
-        let _ = writeln!(text, "{kind}: {name} {}{first}", counter.count);
+    for (name, counter) in report.counters.iter().filter(|(_, c)| !c.loss) {
+        let _ = writeln!(text, "note: {}", counted(name, counter));
     }
     let _ = writeln!(
         text,
