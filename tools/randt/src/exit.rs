@@ -20,9 +20,33 @@ pub fn report(result: anyhow::Result<Outcome>) -> ExitCode {
         Ok(Outcome::Failed) => ExitCode::from(1),
         Ok(Outcome::DataLost) => ExitCode::from(3),
         Err(error) => {
-            eprintln!("error: {error:#}");
+            eprintln!("error: {}", text(&error));
             let configuration = error.chain().any(|cause| cause.is::<randt_config::Error>());
             ExitCode::from(if configuration { 78 } else { 1 })
         }
+    }
+}
+
+/// The error and its causes in one line; a cause that a text above already tells is not told twice.
+fn text(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_cause_is_told_once() {
+        let error = anyhow::anyhow!("disk full")
+            .context("log.mcap: disk full")
+            .context("run");
+        assert_eq!(super::text(&error), "run: log.mcap: disk full");
     }
 }

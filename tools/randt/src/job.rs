@@ -59,9 +59,11 @@ pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
 
 /// Whether a sweep can be the configured sensor's.
 fn fits(sweep: &SweepHead, config: &Config) -> Result<(), randt_config::Error> {
+    // Micrometres and microradians: the message's single precision has no more.
+    let rounded = |value: f32| Some((f64::from(value) * 1e6).round() * 1e-6);
     let geometry = InputGeometry {
-        range_resolution_m: Some(f64::from(sweep.range_resolution_m)),
-        azimuth_step_rad: Some(f64::from(sweep.azimuth_step_rad)),
+        range_resolution_m: rounded(sweep.range_resolution_m),
+        azimuth_step_rad: rounded(sweep.azimuth_step_rad),
         range_max_m: None,
     };
     check_input(&config.sensor, &geometry)

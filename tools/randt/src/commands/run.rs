@@ -125,7 +125,11 @@ fn finish(
     let odometry = done.pipeline.counters();
     let mut counters = report::counters(input, &source.counters(), &odometry);
     if let Some(misfit) = &done.first_misfit {
-        let count = Count { count: done.misfits, loss: true, first: misfit.to_string() };
+        let count = Count {
+            count: done.misfits,
+            loss: true,
+            first: misfit.to_string(),
+        };
         counters.insert("scans_not_of_this_sensor", count);
     }
     if done.interrupted {
