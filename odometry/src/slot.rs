@@ -94,7 +94,7 @@ impl CellMaker {
         let reach = config.filter.range_max_m.min(config.sensor.range_max_m);
         // Points move by the distance driven in a sweep when they are de-skewed.
         let margin = config.odometry.speed_max_m_s * config.sensor.period_s;
-        let grid = Grid::new(config.ndt.cell_size_m, reach + margin, rule);
+        let grid = Grid::new(config.cell_size_m(), reach + margin, rule);
         Self {
             grid,
             levers: Vec::new(),

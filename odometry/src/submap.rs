@@ -59,8 +59,8 @@ impl Submaps {
             use_intensity: config.ndt.intensity,
         };
         // A scan at the very edge still fits; the speed may carry one interval beyond it.
-        let half_width = reach + config.submap.radius_m + 2.0 * config.ndt.cell_size_m;
-        let grid = Grid::new(config.ndt.cell_size_m, half_width, rule);
+        let half_width = reach + config.submap.radius_m + 2.0 * config.cell_size_m();
+        let grid = Grid::new(config.cell_size_m(), half_width, rule);
         let submap = Submap {
             id: 0,
             root_keyframe: 0,

@@ -55,6 +55,13 @@ macro_rules! config {
     };
 }
 
+impl Config {
+    /// Edge of an NDT cell, m: the environment's, or the sensor's smallest where that is larger.
+    pub fn cell_size_m(&self) -> f64 {
+        self.ndt.cell_size_m.max(self.sensor.cell_size_min_m)
+    }
+}
+
 config! {
     /// Beam-wise filter.
     filter: Filter,

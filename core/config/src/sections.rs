@@ -71,7 +71,7 @@ section! {
         /// The same sideways, m/s^2: wheels slip little (the paper's model has a third of the forward one).
         pub lateral_acceleration_sigma_m_s2: f64 = 0.33 => Positive,
         /// Standard deviation of the angular acceleration that the motion model allows without an IMU, rad/s^2.
-        pub angular_acceleration_sigma_rad_s2: f64 = 1.0 => Positive,
+        pub angular_acceleration_sigma_rad_s2: f64 = 0.5 => Positive,
         /// White noise of the gyro's yaw rate, rad/s per square root of Hz, with vibration.
         pub gyro_noise_rad_s_sqrt_hz: f64 = 0.0005 => Positive,
         /// Random walk of the gyro's bias, rad/s per square root of s.
@@ -133,6 +133,9 @@ section! {
         pub range_resolution_m: f64 = 0.0161 => Positive,
         /// Angle between beams, rad.
         pub azimuth_step_rad: f64 = 0.028_56 => Within(0.001, 1.0),
+        /// Smallest useful NDT cell, m; the larger of this and ndt.cell_size_m counts. Far returns lie a beam's spacing
+        /// apart: smaller cells would stay empty. 0 leaves it to the environment.
+        pub cell_size_min_m: f64 = 0.0 => NotNegative,
         /// Time of one turn, s.
         pub period_s: f64 = 0.2 => Positive,
     }

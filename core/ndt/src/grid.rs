@@ -3,10 +3,13 @@
 use crate::{Cell, CellRule, Distribution};
 
 const NONE: u32 = u32::MAX;
+/// Squares with points that room is made for at once (10 MB); no sensor's scans fill more, but tiny cells could ask
+/// for more memory than there is.
+const ROOM_MAX: usize = 65_536;
 
 /// Cells over the square from -half to +half in x and y.
 ///
-/// `add` points, then `refresh`, then ask for cells. Nothing is allocated after `new`.
+/// `add` points, then `refresh`, then ask for cells. Nothing is allocated after `new` up to 65,536 squares with points.
 #[derive(Clone, Debug)]
 pub struct Grid {
     inverse_size: f64,
@@ -31,6 +34,7 @@ impl Grid {
         let half_cells = (half_width_m / cell_size_m).ceil().max(1.0) as i64;
         let width = 2 * half_cells as usize;
         let squares = width * width;
+        let room = squares.min(ROOM_MAX);
         Self {
             inverse_size: 1.0 / cell_size_m,
             cell_size_m,
@@ -38,11 +42,11 @@ impl Grid {
             width,
             rule,
             index: vec![NONE; squares],
-            squares: Vec::with_capacity(squares),
-            sums: Vec::with_capacity(squares),
-            cells: Vec::with_capacity(squares),
-            dirty: Vec::with_capacity(squares),
-            is_dirty: Vec::with_capacity(squares),
+            squares: Vec::with_capacity(room),
+            sums: Vec::with_capacity(room),
+            cells: Vec::with_capacity(room),
+            dirty: Vec::with_capacity(room),
+            is_dirty: Vec::with_capacity(room),
         }
     }
 

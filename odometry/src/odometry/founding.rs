@@ -29,7 +29,7 @@ impl Odometry {
         let Some(dt_s) = self.slots.get(1).map(|slot| slot.dt_s) else {
             return;
         };
-        let step_m_s = START_STEP_CELLS * self.config.ndt.cell_size_m / dt_s.max(1e-3);
+        let step_m_s = START_STEP_CELLS * self.config.cell_size_m() / dt_s.max(1e-3);
         let steps = (odometry.speed_max_m_s / step_m_s)
             .floor()
             .min(START_STEPS_MAX) as i32;
