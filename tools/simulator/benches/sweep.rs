@@ -6,10 +6,10 @@ use std::time::Instant;
 fn main() {
     let mut times_ms = Vec::new();
     let mut returns = 0;
-    let mut simulation = Simulation::new(&World::building(), Robot::default(), 400, 1);
+    let simulation = Simulation::new(&World::building(), Robot::default(), 400, 1);
     let mut begin = Instant::now();
     // The sweep is computed when its truth is asked for; everything between two sweeps counts as theirs.
-    while let Some(event) = simulation.next() {
+    for event in simulation {
         if let Event::Scan(scan) = event {
             times_ms.push(begin.elapsed().as_secs_f64() * 1e3);
             returns += scan.items.len();

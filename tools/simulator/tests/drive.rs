@@ -181,8 +181,10 @@ fn plate(angle_rad: f64, range_m: f64) -> World {
 
 #[test]
 fn a_wall_on_the_left_is_seen_at_plus_90_degrees() {
-    let mut robot = Robot::default();
-    robot.radar_mounting = Pose2::IDENTITY;
+    let robot = Robot {
+        radar_mounting: Pose2::IDENTITY,
+        ..Robot::default()
+    };
     for degrees in [90.0_f64, -90.0, 30.0, -135.0, 177.0] {
         let angle = degrees.to_radians();
         // The robot stands for the first two seconds; the route begins a little inside its first corner.
@@ -270,8 +272,10 @@ fn each_beam_is_measured_from_its_own_pose() {
 
 #[test]
 fn a_mirror_shows_a_ghost_behind_itself_and_a_thin_wall_what_is_behind_it() {
-    let mut robot = Robot::default();
-    robot.radar_mounting = Pose2::IDENTITY;
+    let robot = Robot {
+        radar_mounting: Pose2::IDENTITY,
+        ..Robot::default()
+    };
     let base = plate(0.0, 5.0);
     let start = Drive::new(&base, robot.motion, 1).at(0).pose2();
     // Along the beam at +90 degrees: a thin wall at 2 m, concrete at 4 m; at -90 a metal mirror at 3 m that

@@ -46,10 +46,7 @@ const ROOM: Statistics = Statistics {
 };
 
 fn measure(scans: impl Iterator<Item = Message<RadarScan>>) -> Statistics {
-    let filter = Filter {
-        range_max_m: 12.0,
-        ..Filter::default()
-    };
+    let filter = Filter { range_max_m: 12.0 };
     let mut filter = ClusterFilter::new(&filter, &Sensor::default());
     let mut points = Message::<RadarPoints>::default();
     let (mut sweeps, mut returns, mut filtered, mut strong) = (0.0, 0.0, 0.0, 0.0);
