@@ -3,6 +3,7 @@
 use crate::{
     chain::Chain,
     heading::Turn,
+    slot::Slot,
     state::{State, StateVector},
 };
 use nalgebra::{Matrix3, RowVector3, Vector3};
@@ -29,18 +30,19 @@ pub struct GyroTerm {
     pub standstill: Option<(f64, f64)>,
 }
 
-/// Adds the motion model, the gyro and the bias between state i - 1 and state i; gives their cost.
-pub fn add(
-    chain: &mut Chain,
-    i: usize,
-    previous: &State,
-    current: &State,
-    dt_s: f64,
-    gyro: Option<&GyroTerm>,
-    config: &Odometry,
-) -> f64 {
-    let motion = motion_model(chain, i, previous, current, dt_s, gyro.is_some(), config);
-    let gyro = gyro.map_or(0.0, |gyro| {
+/// Adds the motion model, the gyro and the bias between the state before and the scan at i; gives their cost.
+pub fn add(chain: &mut Chain, i: usize, previous: &State, slot: &Slot, config: &Odometry) -> f64 {
+    let (current, dt_s) = (&slot.state, slot.dt_s);
+    let motion = motion_model(
+        chain,
+        i,
+        previous,
+        current,
+        dt_s,
+        slot.gyro.is_some(),
+        config,
+    );
+    let gyro = slot.gyro.as_ref().map_or(0.0, |gyro| {
         gyro_term(chain, i, previous, current, dt_s, gyro, config)
     });
     let bias_sigma2 = config.gyro_bias_walk * config.gyro_bias_walk * dt_s;

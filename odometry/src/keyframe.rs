@@ -1,8 +1,8 @@
 //! Keyframes: scans with their final pose, by distance and angle, none at standstill.
 
 use crate::slot::Slot;
-use nalgebra::Matrix3;
-use randt_config::{Keyframe as KeyframeConfig, Odometry};
+use nalgebra::{Matrix3, Vector3};
+use randt_config::{Config, Keyframe as KeyframeConfig};
 use randt_geometry::{Pose2, elementary::wrap};
 use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, MAX_BEAMS, Message};
 
@@ -108,19 +108,17 @@ impl KeyframeMaker {
 }
 
 /// Covariance of one step's relative pose: what the scan itself says, with the motion model where it is silent.
-pub fn step_covariance(
-    scan_information: &Matrix3<f64>,
-    slot: &Slot,
-    config: &Odometry,
-) -> Matrix3<f64> {
+pub fn step_covariance(slot: &Slot, config: &Config) -> Matrix3<f64> {
+    let odometry = &config.odometry;
     let dt = slot.dt_s.max(1e-3);
     let sigma = [
-        config.acceleration_sigma_m_s2 * dt * dt,
-        config.lateral_acceleration_sigma_m_s2 * dt * dt,
-        config.gyro_noise_rad_s_sqrt_hz * dt.sqrt(),
+        odometry.acceleration_sigma_m_s2 * dt * dt,
+        odometry.lateral_acceleration_sigma_m_s2 * dt * dt,
+        odometry.gyro_noise_rad_s_sqrt_hz * dt.sqrt(),
     ];
-    let motion = Matrix3::from_diagonal(&nalgebra::Vector3::from(sigma.map(|s| 1.0 / (s * s))));
-    (scan_information + motion)
+    // Diagonal and positive: the sum is invertible whatever the scan says.
+    let motion = Matrix3::from_diagonal(&Vector3::from(sigma.map(|s| 1.0 / (s * s))));
+    (slot.scan_information(config) + motion)
         .try_inverse()
-        .unwrap_or_else(|| motion.try_inverse().unwrap_or_default())
+        .unwrap_or_default()
 }

@@ -9,6 +9,7 @@ mod deskew;
 mod factors;
 mod heading;
 mod keyframe;
+mod ndt_term;
 mod odometry;
 mod slot;
 mod state;

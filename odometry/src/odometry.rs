@@ -12,7 +12,7 @@ use crate::{
     state::{State, StateMatrix},
     submap::Submaps,
     trust::TrustJudge,
-    window::{Prior, Solution, Solver},
+    window::{Prior, Problem, Solution, Solver},
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
@@ -246,13 +246,13 @@ impl Odometry {
             let speed_before = self.slots.first()?.state.velocity;
             let slots = self.slots.get_mut(..self.used)?;
             let predicted = slots.last()?.state;
-            solution = self.solver.solve(
-                slots,
-                &self.prior,
-                self.submaps.active(),
-                founding,
-                &self.config,
-            );
+            let problem = Problem {
+                prior: &self.prior,
+                submap: self.submaps.active(),
+                seeded: founding,
+                config: &self.config,
+            };
+            solution = self.solver.solve(slots, &problem);
             if solution.is_none() {
                 self.counters.solver_failures += 1;
                 self.slots.get_mut(newest)?.state = predicted;

@@ -4,13 +4,14 @@ use crate::{
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
     factors::GyroTerm,
     heading::Heading,
+    ndt_term,
     state::State,
     tilt::Tilt,
 };
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use randt_config::{Config, Robot};
 use randt_messages::{Message, RadarPoints};
-use randt_ndt::{Association, Cell, CellRule, Grid, ScanCell};
+use randt_ndt::{Association, Cell, CellRule, Grid, NormalEquations, ScanCell};
 
 /// A scan with its state. Reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
@@ -37,6 +38,8 @@ pub struct Slot {
     pub cells: Vec<ScanCell>,
     /// Their counterparts in the submap.
     pub associations: Vec<Association>,
+    /// What they say, as of the last solve.
+    pub ndt: NormalEquations,
 }
 
 impl Slot {
@@ -64,6 +67,11 @@ impl Slot {
         );
         deskew(&self.scan, &self.beams, &mut self.points);
         self.deskew_velocity = self.state.velocity;
+    }
+
+    /// Information that the scan itself gives about its pose, in the robot's frame.
+    pub fn scan_information(&self, config: &Config) -> Matrix3<f64> {
+        self.ndt.pose * ndt_term::weight(self, config)
     }
 
     /// How far the velocity has moved from the one that the points were de-skewed by.

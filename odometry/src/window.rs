@@ -3,7 +3,7 @@
 
 use crate::{
     chain::Chain,
-    factors,
+    factors, ndt_term,
     slot::Slot,
     state::{State, StateMatrix, StateVector},
     submap::Submap,
@@ -11,7 +11,7 @@ use crate::{
 use nalgebra::Matrix3;
 use randt_config::Config;
 use randt_geometry::Pose2;
-use randt_ndt::{AdaptiveLoss, Association, NormalEquations, evaluate};
+use randt_ndt::{AdaptiveLoss, Association};
 
 /// Gauss-Newton steps while the loss is still wide: they only need to lead into the next one's basin.
 const ITERATIONS_WIDE: u32 = 2;
@@ -64,6 +64,41 @@ pub struct Solution {
     pub iterations: u32,
 }
 
+/// What a window is solved against.
+#[derive(Clone, Copy, Debug)]
+pub struct Problem<'a> {
+    /// What lies before the window.
+    pub prior: &'a Prior,
+    /// The map.
+    pub submap: &'a Submap,
+    /// Whether the window's first scan is the map itself and has no NDT term.
+    pub seeded: bool,
+    /// Settings.
+    pub config: &'a Config,
+}
+
+impl Problem<'_> {
+    fn loss(&self, mu: f64) -> AdaptiveLoss {
+        let odometry = &self.config.odometry;
+        AdaptiveLoss::new(odometry.loss_alpha, odometry.loss_scale, mu)
+    }
+
+    /// Makes the associations of every scan that has an NDT term.
+    fn associate(&self, slots: &mut [Slot]) {
+        let neighbours = self.config.odometry.neighbours as usize;
+        for slot in slots.iter_mut().skip(usize::from(self.seeded)) {
+            let pose = self.submap.root.between(&slot.state.pose);
+            Association::find(
+                &self.submap.grid,
+                &slot.cells,
+                &pose,
+                neighbours,
+                &mut slot.associations,
+            );
+        }
+    }
+}
+
 /// The solver's memory.
 #[derive(Clone, Debug)]
 pub struct Solver {
@@ -85,74 +120,49 @@ impl Solver {
         }
     }
 
-    /// Finds the window's most likely states. `seeded`: the first scan is the map itself and has no NDT term.
-    pub fn solve(
-        &mut self,
-        slots: &mut [Slot],
-        prior: &Prior,
-        submap: &Submap,
-        seeded: bool,
-        config: &Config,
-    ) -> Option<Solution> {
-        let odometry = &config.odometry;
+    /// Finds the window's most likely states.
+    pub fn solve(&mut self, slots: &mut [Slot], problem: &Problem) -> Option<Solution> {
         let mut solution = Solution::default();
-        for &mu in &odometry.graduation {
-            let loss = AdaptiveLoss::new(odometry.loss_alpha, odometry.loss_scale, mu);
-            for slot in slots.iter_mut().skip(usize::from(seeded)) {
-                let pose = submap.root.between(&slot.state.pose);
-                Association::find(
-                    &submap.grid,
-                    &slot.cells,
-                    &pose,
-                    odometry.neighbours as usize,
-                    &mut slot.associations,
-                );
-            }
+        for &mu in &problem.config.odometry.graduation {
+            let loss = problem.loss(mu);
+            problem.associate(slots);
             let iterations = if mu > 1.0 {
                 ITERATIONS_WIDE
             } else {
                 ITERATIONS_MAX
             };
-            let mut cost = self.build(slots, prior, submap, seeded, &loss, config).0;
+            solution.cost = self.build(slots, problem, &loss);
             for _ in 0..iterations {
-                let covariance = self.chain.solve(&mut self.steps)?;
-                solution.covariance = covariance;
+                solution.covariance = self.chain.solve(&mut self.steps)?;
                 solution.iterations += 1;
-                let largest = self
+                let moved = self
                     .steps
                     .iter()
                     .map(|step| step.fixed_rows::<3>(0).amax())
                     .fold(0.0, f64::max);
-                if !largest.is_finite() {
+                if !moved.is_finite() {
                     return None;
                 }
-                cost = self.descend(slots, prior, submap, seeded, &loss, config, cost);
-                if largest < STEP_MIN {
+                solution.cost = self.descend(slots, problem, &loss, solution.cost);
+                if moved < STEP_MIN {
                     break;
                 }
             }
-            let (cost, newest) = self.build(slots, prior, submap, seeded, &loss, config);
-            solution.cost = cost;
-            if let Some(slot) = slots.last() {
-                let used: usize = slot.associations.iter().map(|a| a.count).sum();
-                solution.fit = newest.weight / used.max(1) as f64;
-                solution.scan_information = newest.pose * ndt_weight(slot, config);
-            }
         }
+        let newest = slots.last()?;
+        let used: usize = newest.associations.iter().map(|a| a.count).sum();
+        solution.fit = newest.ndt.weight / used.max(1) as f64;
+        solution.scan_information = newest.scan_information(problem.config);
         Some(solution)
     }
 
     /// Takes the step that was solved for, halved as long as it raises the cost; gives the new cost and leaves the
     /// chain built there.
-    #[allow(clippy::too_many_arguments)] // One loop's body, named; the arguments are the solve's own.
     fn descend(
         &mut self,
         slots: &mut [Slot],
-        prior: &Prior,
-        submap: &Submap,
-        seeded: bool,
+        problem: &Problem,
         loss: &AdaptiveLoss,
-        config: &Config,
         cost: f64,
     ) -> f64 {
         self.before.clear();
@@ -162,7 +172,7 @@ impl Solver {
             for ((slot, before), step) in slots.iter_mut().zip(&self.before).zip(&self.steps) {
                 slot.state = before.plus(&(step * scale));
             }
-            let new = self.build(slots, prior, submap, seeded, loss, config).0;
+            let new = self.build(slots, problem, loss);
             if new <= cost {
                 return new;
             }
@@ -172,74 +182,46 @@ impl Solver {
         for (slot, before) in slots.iter_mut().zip(&self.before) {
             slot.state = *before;
         }
-        self.build(slots, prior, submap, seeded, loss, config).0
+        self.build(slots, problem, loss)
     }
 
-    /// Builds the window's normal equations; gives the cost and the newest scan's NDT term.
-    fn build(
-        &mut self,
-        slots: &[Slot],
-        prior: &Prior,
-        submap: &Submap,
-        seeded: bool,
-        loss: &AdaptiveLoss,
-        config: &Config,
-    ) -> (f64, NormalEquations) {
+    /// Builds the window's normal equations at the present states; gives the cost.
+    fn build(&mut self, slots: &mut [Slot], problem: &Problem, loss: &AdaptiveLoss) -> f64 {
         let chain = &mut self.chain;
         chain.reset(slots.len());
         let mut cost = slots
             .first()
-            .map_or(0.0, |first| prior.add(chain, &first.state));
-        let mut newest = NormalEquations::default();
-        for (i, slot) in slots.iter().enumerate() {
-            if let Some(previous) = i.checked_sub(1).and_then(|before| slots.get(before)) {
-                cost += factors::add(
-                    chain,
-                    i,
-                    &previous.state,
-                    &slot.state,
-                    slot.dt_s,
-                    slot.gyro.as_ref(),
-                    &config.odometry,
-                );
+            .map_or(0.0, |first| problem.prior.add(chain, &first.state));
+        let mut previous: Option<State> = None;
+        for (i, slot) in slots.iter_mut().enumerate() {
+            if let Some(previous) = previous {
+                cost += factors::add(chain, i, &previous, slot, &problem.config.odometry);
             }
-            newest = NormalEquations::default();
-            if i > 0 || !seeded {
-                newest = ndt_term(slot, submap, loss);
-                cost += add_ndt(chain, i, slot, &newest, config);
+            if i > 0 || !problem.seeded {
+                slot.ndt = ndt_term::of(slot, problem.submap, loss);
+                cost += ndt_term::add(chain, i, slot, problem.config);
             }
+            previous = Some(slot.state);
         }
-        (cost, newest)
+        cost
     }
 
     /// What the oldest scan leaves behind when it goes: the prior of the second.
+    ///
+    /// The oldest scan's NDT term is the one of the last solve.
     pub fn marginalise(
         &mut self,
         oldest: &Slot,
         second: &Slot,
-        prior: &Prior,
-        submap: &Submap,
-        seeded: bool,
-        config: &Config,
+        problem: &Problem,
     ) -> Option<Prior> {
-        let odometry = &config.odometry;
-        let loss = AdaptiveLoss::new(odometry.loss_alpha, odometry.loss_scale, 1.0);
         let chain = &mut self.pair;
         chain.reset(2);
-        prior.add(chain, &oldest.state);
-        if !seeded {
-            let term = ndt_term(oldest, submap, &loss);
-            add_ndt(chain, 0, oldest, &term, config);
+        problem.prior.add(chain, &oldest.state);
+        if !problem.seeded {
+            ndt_term::add(chain, 0, oldest, problem.config);
         }
-        factors::add(
-            chain,
-            1,
-            &oldest.state,
-            &second.state,
-            second.dt_s,
-            second.gyro.as_ref(),
-            odometry,
-        );
+        factors::add(chain, 1, &oldest.state, second, &problem.config.odometry);
         let (information, gradient) = chain.marginal_of_second()?;
         let step = information.cholesky()?.solve(&-gradient);
         Some(Prior {
@@ -247,69 +229,4 @@ impl Solver {
             information,
         })
     }
-}
-
-/// Weight of one correspondence: the scan's weight, shared among cells and neighbours.
-fn ndt_weight(slot: &Slot, config: &Config) -> f64 {
-    config.odometry.ndt_weight
-        / (slot.cells.len().max(1) as f64 * f64::from(config.odometry.neighbours))
-}
-
-fn ndt_term(slot: &Slot, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
-    let pose = submap.root.between(&slot.state.pose);
-    evaluate(
-        &slot.cells,
-        &slot.associations,
-        &pose,
-        slot.velocity_change(),
-        loss,
-    )
-}
-
-fn add_ndt(
-    chain: &mut Chain,
-    i: usize,
-    slot: &Slot,
-    term: &NormalEquations,
-    config: &Config,
-) -> f64 {
-    let weight = ndt_weight(slot, config);
-    let mut information = StateMatrix::zeros();
-    let mut gradient = StateVector::zeros();
-    information
-        .fixed_view_mut::<3, 3>(0, 0)
-        .copy_from(&term.pose);
-    information
-        .fixed_view_mut::<3, 3>(0, 3)
-        .copy_from(&term.cross);
-    information
-        .fixed_view_mut::<3, 3>(3, 0)
-        .copy_from(&term.cross.transpose());
-    information
-        .fixed_view_mut::<3, 3>(3, 3)
-        .copy_from(&term.velocity);
-    gradient
-        .fixed_rows_mut::<3>(0)
-        .copy_from(&term.pose_gradient);
-    gradient
-        .fixed_rows_mut::<3>(3)
-        .copy_from(&term.velocity_gradient);
-    if slot.gyro_covers_sweep {
-        // The gyro removed the rotation: the yaw rate does not move the points.
-        information.fill_row(5, 0.0);
-        information.fill_column(5, 0.0);
-        gradient[5] = 0.0;
-    }
-    chain.add_unary(i, &(information * weight), &(gradient * weight));
-    term.cost * weight
-}
-
-/// Information of a scan's NDT term about its pose, at its present state and associations.
-pub fn scan_information(
-    slot: &Slot,
-    submap: &Submap,
-    loss: &AdaptiveLoss,
-    config: &Config,
-) -> Matrix3<f64> {
-    ndt_term(slot, submap, loss).pose * ndt_weight(slot, config)
 }

@@ -71,10 +71,9 @@ impl Grid {
     /// Column and row of a position, which may lie outside. Floors: squares at the axes are as large as others.
     #[inline]
     fn square_of(&self, x_m: f64, y_m: f64) -> (i64, i64) {
-        // `as` saturates: NaN goes to 0 and infinities to the far outside.
         (
-            (x_m * self.inverse_size).floor() as i64,
-            (y_m * self.inverse_size).floor() as i64,
+            floor(x_m * self.inverse_size),
+            floor(y_m * self.inverse_size),
         )
     }
 
@@ -187,6 +186,15 @@ impl Grid {
     }
 }
 
+/// Largest whole number at or below, without the call that `f64::floor` is on baseline x86-64.
+///
+/// `as` saturates: NaN goes to 0 and infinities to the far outside.
+#[inline]
+fn floor(value: f64) -> i64 {
+    let truncated = value as i64;
+    truncated.saturating_sub(i64::from(value < truncated as f64))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -209,6 +217,16 @@ mod tests {
             grid.add([x, 0.1, 1.0]);
         }
         assert_eq!(grid.slots(), 4);
+    }
+
+    #[test]
+    fn floor_is_the_largest_whole_number_below() {
+        let values = [-1.0, -0.5, 0.0, 0.5, -1e9 - 0.25, 7.999];
+        assert_eq!(values.map(floor), [-1, -1, 0, 0, -1_000_000_001, 7]);
+        assert_eq!(
+            [f64::NAN, f64::INFINITY, f64::NEG_INFINITY].map(floor),
+            [0, i64::MAX, i64::MIN]
+        );
     }
 
     #[test]

@@ -11,6 +11,7 @@ use nalgebra::{SVector, Vector3};
 use randt_config::Config;
 use randt_geometry::{Pose2, elementary::wrap};
 use randt_messages::{ImuUse, Message, RadarPoints};
+use randt_ndt::NormalEquations;
 
 /// The first pose is where it is by definition; a number that keeps the equations regular, m and rad.
 const ORIGIN_SIGMA: f64 = 1e-4;
@@ -55,6 +56,7 @@ impl Odometry {
         slot.gyro_covers_sweep = covered;
         slot.tilt = moment.map_or(Tilt::LEVEL, |(_, tilt)| tilt);
         slot.associations.clear();
+        slot.ndt = NormalEquations::default();
         match before {
             Some((last, last_ns)) => {
                 slot.dt_s = (end_ns - last_ns) as f64 * 1e-9;

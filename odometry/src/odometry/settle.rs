@@ -1,8 +1,7 @@
 //! Scans that leave the window: the prior they leave behind, keyframes, submaps.
 
 use super::{Odometry, Sink, predict::start_prior};
-use crate::{keyframe::step_covariance, window::scan_information};
-use randt_ndt::AdaptiveLoss;
+use crate::{keyframe::step_covariance, window::Problem};
 
 impl Odometry {
     /// Where the window is full, lets its oldest scan go: what it says stays as a prior, its points in the submap.
@@ -11,15 +10,13 @@ impl Odometry {
             return;
         }
         if let [oldest, second, ..] = self.slots.as_slice() {
-            let seeded = self.is_founding();
-            let marginal = self.solver.marginalise(
-                oldest,
-                second,
-                &self.prior,
-                self.submaps.active(),
-                seeded,
-                &self.config,
-            );
+            let problem = Problem {
+                prior: &self.prior,
+                submap: self.submaps.active(),
+                seeded: self.is_founding(),
+                config: &self.config,
+            };
+            let marginal = self.solver.marginalise(oldest, second, &problem);
             // A window without a solution starts again from where it stands.
             self.prior = marginal.unwrap_or_else(|| start_prior(&second.state, &self.config));
         }
@@ -42,16 +39,8 @@ impl Odometry {
         let state = slot.state;
         if let Some(last) = &self.settled {
             let relative = last.pose.between(&state.pose);
-            let loss = AdaptiveLoss::new(
-                self.config.odometry.loss_alpha,
-                self.config.odometry.loss_scale,
-                1.0,
-            );
-            let information = scan_information(slot, self.submaps.active(), &loss, &self.config);
-            self.keyframes.propagate(
-                &relative,
-                &step_covariance(&information, slot, &self.config.odometry),
-            );
+            let step = step_covariance(slot, &self.config);
+            self.keyframes.propagate(&relative, &step);
         } else {
             // The founding scan was the map; now it enters for good.
             self.submaps.seed(&state.pose, &[]);
