@@ -74,6 +74,12 @@ impl Chain {
         }
     }
 
+    /// Gradient of one state's terms.
+    #[cfg(test)]
+    pub fn gradient(&self, i: usize) -> StateVector {
+        self.gradient[i]
+    }
+
     /// Solves H d = -g into `steps`; gives the newest state's marginal covariance.
     ///
     /// `None` where H is not positive definite; `steps` is then not to be used.
@@ -145,10 +151,10 @@ mod tests {
         let mut chain = Chain::new(3);
         chain.reset(3);
         let (mut h, mut g) = (SMatrix::<f64, 21, 21>::zeros(), SVector::<f64, 21>::zeros());
-        for i in 0..3 {
+        for (i, value) in values.iter().take(3).enumerate() {
             let (d, e) = (
                 StateMatrix::identity() * (1.0 + i as f64),
-                StateVector::repeat(values[i]),
+                StateVector::repeat(*value),
             );
             chain.add_unary(i, &d, &e);
             h.view_mut((7 * i, 7 * i), (7, 7)).copy_from(&d);
@@ -165,7 +171,7 @@ mod tests {
             let mut j = SVector::<f64, 21>::zeros();
             j.rows_mut(7 * (i - 1), 7).copy_from(&a);
             j.rows_mut(7 * i, 7).copy_from(&b);
-            h += &j * j.transpose() * 2.0;
+            h += j * j.transpose() * 2.0;
             g += j * (row[14] * 2.0);
         }
         (chain, h, g)
@@ -177,12 +183,33 @@ mod tests {
             let (mut chain, h, g) = chain(&values);
             let mut steps = Vec::new();
             let covariance = chain.solve(&mut steps).unwrap();
-            let dense = h.clone().cholesky().unwrap();
+            let dense = h.cholesky().unwrap();
             let expected = dense.solve(&-g);
-            for i in 0..3 {
-                prop_assert!((steps[i] - expected.rows(7 * i, 7)).norm() < 1e-8 * (1.0 + expected.norm()));
+            for (i, step) in steps.iter().enumerate() {
+                prop_assert!((step - expected.fixed_rows::<7>(7 * i)).norm() < 1e-8 * (1.0 + expected.norm()));
             }
             prop_assert!((covariance - dense.inverse().view((14, 14), (7, 7))).norm() < 1e-8);
+        }
+
+        #[test]
+        fn what_is_left_of_the_first_state_is_its_part_of_the_whole(values in prop::collection::vec(-3.0..3.0f64, 75)) {
+            let (mut chain, ..) = chain(&values);
+            let mut pair = Chain::new(2);
+            pair.reset(2);
+            pair.diagonal.copy_from_slice(&chain.diagonal[..2]);
+            pair.lower.copy_from_slice(&chain.lower[..2]);
+            pair.gradient.copy_from_slice(&chain.gradient[..2]);
+            let (mut whole, mut parts) = (Vec::new(), Vec::new());
+            chain.solve(&mut whole).unwrap();
+            let (information, gradient) = pair.marginal_of_second().unwrap();
+            // The second and third state alone, with what the first left.
+            let mut rest = Chain::new(2);
+            rest.reset(2);
+            rest.diagonal.copy_from_slice(&[information, chain.diagonal[2]]);
+            rest.lower[1] = chain.lower[2];
+            rest.gradient.copy_from_slice(&[gradient, chain.gradient[2]]);
+            rest.solve(&mut parts).unwrap();
+            prop_assert!((whole[1] - parts[0]).norm() + (whole[2] - parts[1]).norm() < 1e-7);
         }
     }
 }

@@ -184,3 +184,58 @@ fn add_row(
     chain.add_row(i, a, b, residual, information);
     0.5 * residual * residual * information
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn state() -> impl Strategy<Value = State> {
+        (
+            (-5.0..5.0, -5.0..5.0, -3.1..3.1),
+            (-1.0..9.0, -0.3..0.3, -0.8..0.8),
+            -0.02..0.02,
+        )
+            .prop_map(|((x, y, yaw), (vx, vy, w), bias_rad_s)| State {
+                pose: Pose2::new(x, y, yaw),
+                velocity: Vector3::new(vx, vy, w),
+                bias_rad_s,
+            })
+    }
+
+    fn cost_and_chain(previous: &State, slot: &Slot) -> (f64, Chain) {
+        let mut chain = Chain::new(2);
+        chain.reset(2);
+        let cost = add(&mut chain, 1, previous, slot, &Odometry::default());
+        (cost, chain)
+    }
+
+    proptest! {
+        #[test]
+        fn gradients_are_the_derivatives_of_the_cost(previous in state(), error in prop::array::uniform7(-0.05..0.05f64), gyro in any::<bool>()) {
+            // The newer state is near where the older one leads, as it is in every window.
+            let dt_s = 0.2;
+            let led = State { pose: previous.pose.compose(&Pose2::exp(previous.velocity * dt_s)), ..previous };
+            let term = GyroTerm {
+                turn: Turn { angle_rad: previous.velocity.z * dt_s + 0.01, uncovered_s: 0.0 },
+                rate_rad_s: previous.velocity.z,
+                standstill: Some((0.001, 0.002)),
+            };
+            let slot = Slot { state: led.plus(&StateVector::from(error)), dt_s, gyro: gyro.then_some(term), ..Slot::default() };
+            let (_, chain) = cost_and_chain(&previous, &slot);
+            let h = 1e-6;
+            for axis in 0..7 {
+                let mut d = StateVector::zeros();
+                d[axis] = h;
+                let by_previous = (cost_and_chain(&previous.plus(&d), &slot).0 - cost_and_chain(&previous.plus(&-d), &slot).0) / (2.0 * h);
+                let moved = |d: &StateVector| Slot { state: slot.state.plus(d), ..slot.clone() };
+                let by_current = (cost_and_chain(&previous, &moved(&d)).0 - cost_and_chain(&previous, &moved(&-d)).0) / (2.0 * h);
+                for (i, slope) in [(0, by_previous), (1, by_current)] {
+                    let analytic = chain.gradient(i)[axis];
+                    let scale = 1.0 + slope.abs() + chain.gradient(i).norm();
+                    prop_assert!((analytic - slope).abs() < 1e-3 * scale, "state {i} axis {axis}: {analytic} {slope}");
+                }
+            }
+        }
+    }
+}

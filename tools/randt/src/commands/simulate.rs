@@ -88,7 +88,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut rows = String::new();
     let mut truth = TruthPose::default();
     let mut first_ns = None;
-    while let Some(event) = simulation.next() {
+    for event in simulation.by_ref() {
         first_ns.get_or_insert(event.stamp_ns());
         match event {
             Event::Scan(scan) => {
