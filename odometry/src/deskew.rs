@@ -124,3 +124,84 @@ pub fn deskew(scan: &Message<RadarPoints>, beams: &[BeamPose], out: &mut Vec<Poi
         })
     }));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use randt_geometry::elementary::{PI, atan2};
+    use randt_messages::{Beam, Return};
+
+    const BEAMS: usize = 200;
+    const PERIOD_NS: i64 = 200_000_000;
+
+    /// What a radar mounted at `radar` sees of fixed points while the robot drives an arc at a constant twist: the
+    /// points stand in the robot's frame at the sweep's end.
+    fn sweep(points: &[Vector2<f64>], twist: Vector3<f64>, radar: &Pose2) -> Message<RadarPoints> {
+        let mut scan = Message::<RadarPoints>::default();
+        let sweep = &mut scan.head.sweep;
+        (sweep.begin_ns, sweep.end_ns, sweep.beam_count) = (0, PERIOD_NS, BEAMS as u32);
+        for beam in 0..BEAMS {
+            let stamp_ns = PERIOD_NS * beam as i64 / BEAMS as i64;
+            let s = (stamp_ns - PERIOD_NS) as f64 * 1e-9;
+            let seen_from = Pose2::exp(twist * s).compose(radar);
+            // One point a beam, wherever it lies: the direction is the beam's.
+            let p = seen_from.inverse().transform(points[beam % points.len()]);
+            sweep.beams[beam] = Beam {
+                stamp_ns,
+                azimuth_rad: atan2(p.y, p.x) as f32,
+                first_return: beam as u32,
+            };
+            let range_m = p.norm() as f32;
+            scan.items.push(Return {
+                range_m,
+                intensity: 9.0,
+                beam: beam as u16,
+                bin: 0,
+            });
+        }
+        scan
+    }
+
+    proptest! {
+        #[test]
+        fn fixed_points_stand_where_they_are_at_the_sweeps_end(
+            speed in -2.0..9.0, slip in -0.3..0.3, rate in -1.0..1.0, x in -0.5..0.5, yaw in -PI..PI,
+        ) {
+            let points: Vec<_> = (0..7).map(|i| Vector2::new(4.0 - f64::from(i), f64::from(i * i) * 0.3 - 2.0)).collect();
+            let twist = Vector3::new(speed, slip, rate);
+            let robot = Robot { radar_x_m: x, radar_y_m: -0.1, radar_yaw_rad: yaw, ..Robot::default() };
+            let scan = sweep(&points, twist, &Pose2::new(x, -0.1, yaw));
+            let motion = Motion { velocity: twist, previous: Some((twist, 0.2)), gyro: None, tilt: Tilt::LEVEL };
+            let (mut beams, mut out) = (Vec::new(), Vec::new());
+            beam_poses(&scan, &robot, Some(&motion), &mut beams);
+            deskew(&scan, &beams, &mut out);
+            prop_assert_eq!(out.len(), BEAMS);
+            for (i, p) in out.iter().enumerate() {
+                let truth = points[i % points.len()];
+                // Single precision of range and azimuth, and the midpoint rule between beams.
+                prop_assert!((Vector2::new(p.x_m, p.y_m) - truth).norm() < 2e-4, "beam {i}: {p:?} {truth}");
+            }
+        }
+
+        #[test]
+        fn the_lever_is_the_derivative_by_the_velocity(speed in 0.0..9.0, before in 0.0..9.0) {
+            let points = [Vector2::new(3.0, 1.0)];
+            let scan = sweep(&points, Vector3::new(speed, 0.0, 0.0), &Pose2::IDENTITY);
+            let at = |speed: f64| {
+                let velocity = Vector3::new(speed, 0.0, 0.0);
+                let previous = Some((Vector3::new(before, 0.0, 0.0), 0.25));
+                let motion = Motion { velocity, previous, gyro: None, tilt: Tilt::LEVEL };
+                let (mut beams, mut out) = (Vec::new(), Vec::new());
+                beam_poses(&scan, &Robot::default(), Some(&motion), &mut beams);
+                deskew(&scan, &beams, &mut out);
+                out
+            };
+            let h = 1e-3;
+            let (low, middle, high) = (at(speed - h), at(speed), at(speed + h));
+            for ((a, p), b) in low.iter().zip(&middle).zip(&high) {
+                prop_assert!(((b.x_m - a.x_m) / (2.0 * h) - p.lever_s).abs() < 1e-9);
+            }
+        }
+    }
+}
