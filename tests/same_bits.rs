@@ -1,5 +1,10 @@
 //! One binary gives the same bytes in every run, whatever the folder, the core or the machine's vector units.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test says by panicking what is wrong")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
 
 mod support;
 
@@ -15,7 +20,9 @@ fn outputs(ended: &Ended, folder: &Path) -> Vec<String> {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert_eq!(names(folder), OUTPUTS);
     let text = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
-    let mut all: Vec<String> = ["odometry.tum", "trajectory.tum", "plot.svg"].map(text).into();
+    let mut all: Vec<String> = ["odometry.tum", "trajectory.tum", "plot.svg"]
+        .map(text)
+        .into();
     all.push(report(folder).to_string());
     all
 }
@@ -35,7 +42,11 @@ fn check_every_way(input: &Path) {
     let expected = outputs(&first, &at("first"));
     assert_no_date(&expected);
 
-    assert_same(&outputs(&run(input, &at("first"), &[]), &at("first")), &expected, "written over");
+    assert_same(
+        &outputs(&run(input, &at("first"), &[]), &at("first")),
+        &expected,
+        "written over",
+    );
 
     // The same file by another path, from another working folder.
     let elsewhere = at("another folder");
@@ -44,29 +55,46 @@ fn check_every_way(input: &Path) {
     std::os::unix::fs::symlink(fs::canonicalize(input).unwrap(), elsewhere.join(name)).unwrap();
     let mut command = randt(&["run", "--out", "out"]);
     command.arg(name).current_dir(&elsewhere);
-    assert_same(&outputs(&ended(command), &elsewhere.join("out")), &expected, "in another folder");
+    assert_same(
+        &outputs(&ended(command), &elsewhere.join("out")),
+        &expected,
+        "in another folder",
+    );
 
     let mut command = Command::new("taskset");
     command.args(["-c", "0", env!("CARGO_BIN_EXE_randt"), "run"]);
     command.arg(input).arg("--out").arg(at("one core"));
-    assert_same(&outputs(&ended(command), &at("one core")), &expected, "on one core");
+    assert_same(
+        &outputs(&ended(command), &at("one core")),
+        &expected,
+        "on one core",
+    );
 
     // The platform's library takes other code paths on machines without these units; ours must not care.
     let mut command = randt(&["run"]);
     command.arg(input).arg("--out").arg(at("old machine"));
     command.env("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX");
-    assert_same(&outputs(&ended(command), &at("old machine")), &expected, "without vector units");
+    assert_same(
+        &outputs(&ended(command), &at("old machine")),
+        &expected,
+        "without vector units",
+    );
 }
 
 /// No output says when it was made.
 fn assert_no_date(outputs: &[String]) {
-    let since_1970 = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap();
+    let since_1970 = SystemTime::now()
+        .duration_since(SystemTime::UNIX_EPOCH)
+        .unwrap();
     // Good to a day, and for a century.
     let year = 1970 + (since_1970.as_secs() as f64 / 86_400.0 / 365.2425) as u64;
     for separator in ["-", "/", "."] {
         for month in 1..=12 {
             let date = format!("{year}{separator}{month:02}{separator}");
-            assert!(outputs.iter().all(|text| !text.contains(&date)), "{date} in an output");
+            assert!(
+                outputs.iter().all(|text| !text.contains(&date)),
+                "{date} in an output"
+            );
         }
     }
 }
@@ -84,20 +112,32 @@ fn a_simulated_log_gives_the_same_bytes_every_way() {
     };
     let log = simulate("drive.mcap");
     let again = simulate("again.mcap");
-    assert!(fs::read(&log).unwrap() == fs::read(again).unwrap(), "one seed, one log");
+    assert!(
+        fs::read(&log).unwrap() == fs::read(again).unwrap(),
+        "one seed, one log"
+    );
     check_every_way(&log);
 }
 
 #[test]
 fn a_recording_gives_the_same_bytes_every_way() {
-    let Some(bag) = recording("bags/room.bag") else { return };
+    let Some(bag) = recording("bags/room.bag") else {
+        return;
+    };
     check_every_way(&bag);
 }
 
 #[test]
 fn the_same_bag_laid_out_otherwise_gives_the_same_trajectory() {
-    let Some(path) = recording("bags/room.bag") else { return };
-    let wide = Layout { step: 32, offsets: [16, 24, 4, 8], big_endian: true, row_padding: 5 };
+    let Some(path) = recording("bags/room.bag") else {
+        return;
+    };
+    let wide = Layout {
+        step: 32,
+        offsets: [16, 24, 4, 8],
+        big_endian: true,
+        row_padding: 5,
+    };
     let folder = tempfile::tempdir().unwrap();
     let trajectory = |name: &str, layout: &Layout| {
         let mut bag = Bag::read(&path, 60);
@@ -119,5 +159,8 @@ fn the_same_bag_laid_out_otherwise_gives_the_same_trajectory() {
     let whole = fs::read_to_string(out.join("odometry.tum")).unwrap();
     // The last scans of the copy end without the IMU sample after them.
     let lines = expected.lines().count() - 2;
-    assert!(whole.lines().take(lines).eq(expected.lines().take(lines)), "the copy differs from its original");
+    assert!(
+        whole.lines().take(lines).eq(expected.lines().take(lines)),
+        "the copy differs from its original"
+    );
 }

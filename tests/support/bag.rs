@@ -37,8 +37,12 @@ pub struct Layout {
 }
 
 /// As the published data set has it.
-pub const AS_PUBLISHED: Layout =
-    Layout { step: 16, offsets: [0, 4, 8, 12], big_endian: false, row_padding: 0 };
+pub const AS_PUBLISHED: Layout = Layout {
+    step: 16,
+    offsets: [0, 4, 8, 12],
+    big_endian: false,
+    row_padding: 0,
+};
 
 fn u32_at(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
@@ -56,7 +60,10 @@ fn field<'a>(header: &'a [u8], name: &str) -> &'a [u8] {
     while at < header.len() {
         let content = &header[at + 4..at + 4 + u32_at(header, at)];
         at += 4 + content.len();
-        if let Some(value) = content.strip_prefix(name.as_bytes()).and_then(|rest| rest.strip_prefix(b"=")) {
+        if let Some(value) = content
+            .strip_prefix(name.as_bytes())
+            .and_then(|rest| rest.strip_prefix(b"="))
+        {
             return value;
         }
     }
@@ -77,7 +84,10 @@ impl Bag {
     /// The first clouds of a bag of lz4 chunks, with everything else up to the last of them.
     pub fn read(path: &Path, clouds: usize) -> Self {
         let file = std::fs::read(path).unwrap();
-        let mut bag = Self { connections: Vec::new(), messages: Vec::new() };
+        let mut bag = Self {
+            connections: Vec::new(),
+            messages: Vec::new(),
+        };
         let (mut at, mut found) = (13, 0);
         while at < file.len() && found < clouds {
             let (header, data, next) = record(&file, at);
@@ -87,7 +97,8 @@ impl Bag {
             }
             assert_eq!(field(header, "compression"), b"lz4");
             let mut chunk = Vec::new();
-            std::io::Read::read_to_end(&mut lz4_flex::frame::FrameDecoder::new(data), &mut chunk).unwrap();
+            std::io::Read::read_to_end(&mut lz4_flex::frame::FrameDecoder::new(data), &mut chunk)
+                .unwrap();
             let mut inside = 0;
             while inside < chunk.len() && found < clouds {
                 let (header, data, next) = record(&chunk, inside);
@@ -95,10 +106,15 @@ impl Bag {
                 if field(header, "op") == [7] {
                     let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
                     let (topic, kind) = (text(field(header, "topic")), text(field(data, "type")));
-                    bag.connections.push((number, topic, kind, chunk[inside..next].to_vec()));
+                    bag.connections
+                        .push((number, topic, kind, chunk[inside..next].to_vec()));
                 } else {
                     let time = field(header, "time").try_into().unwrap();
-                    bag.messages.push(Raw { connection: number, time, bytes: data.to_vec() });
+                    bag.messages.push(Raw {
+                        connection: number,
+                        time,
+                        bytes: data.to_vec(),
+                    });
                     found += usize::from(bag.is_cloud(bag.messages.len() - 1));
                 }
                 inside = next;
@@ -110,7 +126,9 @@ impl Bag {
     /// Whether a message is a point cloud.
     pub fn is_cloud(&self, message: usize) -> bool {
         let number = self.messages[message].connection;
-        self.connections.iter().any(|(n, _, kind, _)| *n == number && kind == "sensor_msgs/PointCloud2")
+        self.connections
+            .iter()
+            .any(|(n, _, kind, _)| *n == number && kind == "sensor_msgs/PointCloud2")
     }
 
     /// Lays all clouds out anew after `change` had them, the first with number 0.
@@ -132,7 +150,15 @@ impl Bag {
         let start = |index_at: u64, chunks: u32| {
             let count = (self.connections.len() as u32).to_le_bytes();
             let (index_at, chunks) = (index_at.to_le_bytes(), chunks.to_le_bytes());
-            made(&[("op", &[3]), ("index_pos", &index_at), ("conn_count", &count), ("chunk_count", &chunks)], &[b' '; 64])
+            made(
+                &[
+                    ("op", &[3]),
+                    ("index_pos", &index_at),
+                    ("conn_count", &count),
+                    ("chunk_count", &chunks),
+                ],
+                &[b' '; 64],
+            )
         };
         let start_length = start(0, 0).len();
         file.resize(file.len() + start_length, 0);
@@ -145,24 +171,48 @@ impl Bag {
             }
             let mut counts = vec![0_u32; self.connections.len()];
             for message in messages {
-                counts[self.connections.iter().position(|c| c.0 == message.connection).unwrap()] += 1;
+                counts[self
+                    .connections
+                    .iter()
+                    .position(|c| c.0 == message.connection)
+                    .unwrap()] += 1;
                 let number = message.connection.to_le_bytes();
-                chunk.extend(made(&[("op", &[2]), ("conn", &number), ("time", &message.time)], &message.bytes));
+                chunk.extend(made(
+                    &[("op", &[2]), ("conn", &number), ("time", &message.time)],
+                    &message.bytes,
+                ));
             }
             let at = (file.len() as u64).to_le_bytes();
             let size = (chunk.len() as u32).to_le_bytes();
-            file.extend(made(&[("op", &[5]), ("compression", b"none"), ("size", &size)], &chunk));
-            for (connection, count) in self.connections.iter().zip(&counts).filter(|(_, count)| **count > 0) {
+            file.extend(made(
+                &[("op", &[5]), ("compression", b"none"), ("size", &size)],
+                &chunk,
+            ));
+            for (connection, count) in self
+                .connections
+                .iter()
+                .zip(&counts)
+                .filter(|(_, count)| **count > 0)
+            {
                 let (number, entries) = (connection.0.to_le_bytes(), vec![0; 12 * *count as usize]);
-                let fields: [(&str, &[u8]); 4] =
-                    [("op", &[4]), ("ver", &[1, 0, 0, 0]), ("conn", &number), ("count", &count.to_le_bytes())];
+                let fields: [(&str, &[u8]); 4] = [
+                    ("op", &[4]),
+                    ("ver", &[1, 0, 0, 0]),
+                    ("conn", &number),
+                    ("count", &count.to_le_bytes()),
+                ];
                 file.extend(made(&fields, &entries));
             }
-            infos.extend(made(&[("op", &[6]), ("ver", &[1, 0, 0, 0]), ("chunk_pos", &at)], &[]));
+            infos.extend(made(
+                &[("op", &[6]), ("ver", &[1, 0, 0, 0]), ("chunk_pos", &at)],
+                &[],
+            ));
             chunks += 1;
         }
         let index_at = file.len() as u64;
-        self.connections.iter().for_each(|connection| file.extend(&connection.3));
+        self.connections
+            .iter()
+            .for_each(|connection| file.extend(&connection.3));
         file.extend(infos);
         file[13..13 + start_length].copy_from_slice(&start(index_at, chunks));
         file
@@ -181,11 +231,22 @@ impl Cloud {
         for _ in 0..fields {
             at += 4 + u32_at(bytes, at) + 4 + 1 + 4;
         }
-        assert_eq!((bytes[at], u32_at(bytes, at + 1)), (0, 16), "the published layout");
+        assert_eq!(
+            (bytes[at], u32_at(bytes, at + 1)),
+            (0, 16),
+            "the published layout"
+        );
         let data = &bytes[at + 13..at + 13 + 16 * count];
-        let value = |point: &[u8], i: usize| f32::from_le_bytes(point[4 * i..4 * i + 4].try_into().unwrap());
-        let points = data.chunks_exact(16).map(|point| [0, 1, 2, 3].map(|i| value(point, i)));
-        Self { header, points: points.collect() }
+        let value = |point: &[u8], i: usize| {
+            f32::from_le_bytes(point[4 * i..4 * i + 4].try_into().unwrap())
+        };
+        let points = data
+            .chunks_exact(16)
+            .map(|point| [0, 1, 2, 3].map(|i| value(point, i)));
+        Self {
+            header,
+            points: points.collect(),
+        }
     }
 
     fn written(&self, layout: &Layout) -> Vec<u8> {
@@ -219,7 +280,11 @@ impl Cloud {
         for (i, point) in self.points.iter().enumerate() {
             for (value, offset) in point.iter().zip(layout.offsets) {
                 let at = begin + i * layout.step + offset;
-                let bytes = if layout.big_endian { value.to_be_bytes() } else { value.to_le_bytes() };
+                let bytes = if layout.big_endian {
+                    value.to_be_bytes()
+                } else {
+                    value.to_le_bytes()
+                };
                 out[at..at + 4].copy_from_slice(&bytes);
             }
         }

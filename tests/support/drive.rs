@@ -19,7 +19,11 @@ pub fn shift(event: &mut Event, by_ns: i64) {
             sweep.begin_ns += by_ns;
             sweep.end_ns += by_ns;
             let count = sweep.beam_count as usize;
-            sweep.beams.iter_mut().take(count).for_each(|beam| beam.stamp_ns += by_ns);
+            sweep
+                .beams
+                .iter_mut()
+                .take(count)
+                .for_each(|beam| beam.stamp_ns += by_ns);
         }
         Event::Imu(sample) => sample.header.stamp_ns += by_ns,
         Event::Truth(pose) => pose.header.stamp_ns += by_ns,
@@ -35,12 +39,19 @@ pub fn write(events: &[Event], path: &Path) {
         radar: Some(robot.radar_mounting.to_array()),
         imu: Some([1.0, 0.0, 0.0, 0.0]),
     };
-    log.write_metadata(ROBOT_METADATA, metadata.to_metadata()).unwrap();
+    log.write_metadata(ROBOT_METADATA, metadata.to_metadata())
+        .unwrap();
     for event in events {
         match event {
             Event::Scan(scan) => log.write(scan.as_ref()),
-            Event::Imu(sample) => log.write(MessageRef::<ImuSampleTopic> { head: sample, items: &[] }),
-            Event::Truth(pose) => log.write(MessageRef::<TruthPoseTopic> { head: pose, items: &[] }),
+            Event::Imu(sample) => log.write(MessageRef::<ImuSampleTopic> {
+                head: sample,
+                items: &[],
+            }),
+            Event::Truth(pose) => log.write(MessageRef::<TruthPoseTopic> {
+                head: pose,
+                items: &[],
+            }),
         }
         .unwrap();
     }

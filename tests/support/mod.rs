@@ -1,6 +1,14 @@
 //! What whole-program tests share: the binary with a time limit, the recordings, trajectories, hostile inputs.
-#![allow(dead_code, reason = "every test is a program of its own and uses a part of this")]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "a test says by panicking what is wrong")]
+#![allow(
+    dead_code,
+    reason = "every test is a program of its own and uses a part of this"
+)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
 
 pub mod bag;
 pub mod drive;
@@ -75,7 +83,11 @@ pub fn ended(mut command: Command) -> Ended {
         std::thread::sleep(Duration::from_millis(5));
     };
     let text = |path: &Path| String::from_utf8_lossy(&fs::read(path).unwrap()).into_owned();
-    Ended { code: status.code(), stdout: text(&out), stderr: text(&err) }
+    Ended {
+        code: status.code(),
+        stdout: text(&out),
+        stderr: text(&err),
+    }
 }
 
 /// `randt run INPUT --out OUT` with more arguments.
@@ -87,9 +99,12 @@ pub fn run(input: &Path, out: &Path, more: &[&str]) -> Ended {
 
 /// Names below a folder, sorted; empty where it is absent.
 pub fn names(folder: &Path) -> Vec<String> {
-    let Ok(entries) = fs::read_dir(folder) else { return Vec::new() };
-    let mut names: Vec<String> =
-        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
     names.sort();
     names
 }
@@ -101,7 +116,10 @@ pub const OUTPUTS: [&str; 4] = ["odometry.tum", "plot.svg", "report.json", "traj
 pub fn report(out: &Path) -> serde_json::Value {
     let mut report: serde_json::Value =
         serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
-    assert!(report.as_object_mut().unwrap().remove("timing").is_some(), "timing stands in one object");
+    assert!(
+        report.as_object_mut().unwrap().remove("timing").is_some(),
+        "timing stands in one object"
+    );
     report
 }
 
@@ -129,7 +147,8 @@ pub fn tum(path: &Path) -> Vec<Row> {
         let value = |i: usize| cells[i].parse::<f64>().unwrap();
         assert!((1..8).all(|i| value(i).is_finite()), "{line}");
         rows.push(Row {
-            stamp_ns: seconds.parse::<i64>().unwrap() * 1_000_000_000 + fraction.parse::<i64>().unwrap(),
+            stamp_ns: seconds.parse::<i64>().unwrap() * 1_000_000_000
+                + fraction.parse::<i64>().unwrap(),
             frame,
             pose: Pose2::new(value(1), value(2), 2.0 * atan2(value(6), value(7))),
         });
@@ -141,10 +160,15 @@ pub fn tum(path: &Path) -> Vec<Row> {
 pub fn pose_at(rows: &[Row], stamp_ns: i64) -> Pose2 {
     let after = rows.partition_point(|row| row.stamp_ns < stamp_ns);
     let (a, b) = (&rows[after.saturating_sub(1)], &rows[after]);
-    assert!(a.stamp_ns <= stamp_ns, "{stamp_ns} is before the first row at {}", a.stamp_ns);
+    assert!(
+        a.stamp_ns <= stamp_ns,
+        "{stamp_ns} is before the first row at {}",
+        a.stamp_ns
+    );
     assert_eq!(a.frame, b.frame);
     let span = (b.stamp_ns - a.stamp_ns).max(1);
-    a.pose.interpolate(&b.pose, (stamp_ns - a.stamp_ns) as f64 / span as f64)
+    a.pose
+        .interpolate(&b.pose, (stamp_ns - a.stamp_ns) as f64 / span as f64)
 }
 
 /// SplitMix64: the same numbers for the same seed everywhere.

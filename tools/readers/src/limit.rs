@@ -1,6 +1,35 @@
-//! The most returns that a message holds.
+//! Limits of what is believed and of what a message holds.
 
 use randt_messages::MAX_RETURNS;
+
+/// Latest instant that is believed, ns: the year 2116. Differences of two believed instants never overflow.
+const INSTANT_MAX_NS: i64 = i64::MAX / 2;
+
+/// Whether a stamp can be that of a measurement.
+pub(crate) fn is_instant(stamp_ns: i64) -> bool {
+    (0..=INSTANT_MAX_NS).contains(&stamp_ns)
+}
+
+/// Fastest turn that is believed, rad/s: gyros end at 70 (4,000 deg/s).
+const RATE_MAX_RAD_S: f64 = 100.0;
+/// Hardest push that is believed, m/s^2: more than any IMU's 100 g.
+const ACCELERATION_MAX_M_S2: f64 = 2000.0;
+
+/// The counter under which a reading of an IMU is left out; `None` where it can be one.
+pub(crate) fn misreading(
+    rate_rad_s: &[f64; 3],
+    acceleration_m_s2: &[f64; 3],
+) -> Option<&'static str> {
+    let mut values = rate_rad_s.iter().chain(acceleration_m_s2);
+    if !values.all(|value| value.is_finite()) {
+        return Some("imu_samples_not_finite");
+    }
+    let measured = rate_rad_s.iter().all(|v| v.abs() <= RATE_MAX_RAD_S)
+        && acceleration_m_s2
+            .iter()
+            .all(|v| v.abs() <= ACCELERATION_MAX_M_S2);
+    (!measured).then_some("imu_samples_out_of_range")
+}
 
 /// The strongest of the items, as many as a message holds, in their order; of equal ones the first.
 pub(crate) fn strongest<T: Copy>(items: &[T], strength: impl Fn(&T) -> f32) -> Vec<T> {

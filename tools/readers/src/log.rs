@@ -1,5 +1,6 @@
 //! Our own MCAP log as a source.
 
+use crate::limit::{is_instant, misreading};
 use crate::ros2::count_damage;
 use crate::summary::Summary;
 use crate::sweep::mend;
@@ -104,19 +105,26 @@ impl Source for LogSource {
                 Step::End => return Ok(None),
                 Step::Other => {}
                 Step::Malformed(why) => self.tally.lost("messages_malformed", 1, || why),
+                Step::Event(event) if !is_instant(event.stamp_ns()) => {
+                    self.tally.lost("messages_malformed", 1, || {
+                        let stamp_ns = event.stamp_ns();
+                        format!("stamp {stamp_ns}, which no measurement has; expected ns since 1970")
+                    });
+                }
                 Step::Event(Event::Scan(mut scan)) => {
                     if mend(&mut scan, &mut self.tally) {
                         return Ok(Some(Event::Scan(scan)));
                     }
                 }
                 Step::Event(Event::Imu(sample)) => {
-                    let mut values = sample.rate_rad_s.iter().chain(&sample.acceleration_m_s2);
-                    if values.all(|value| value.is_finite()) {
+                    let Some(name) = misreading(&sample.rate_rad_s, &sample.acceleration_m_s2)
+                    else {
                         return Ok(Some(Event::Imu(sample)));
-                    }
-                    self.tally.lost("imu_samples_not_finite", 1, || {
+                    };
+                    self.tally.lost(name, 1, || {
+                        let (rate, acceleration) = (sample.rate_rad_s, sample.acceleration_m_s2);
                         format!(
-                            "a NaN or infinite value in the sample stamped {}",
+                            "{rate:?} rad/s, {acceleration:?} m/s^2 in the sample stamped {}",
                             sample.header.stamp_ns
                         )
                     });

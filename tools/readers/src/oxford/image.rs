@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
+use crate::limit::is_instant;
 use randt_messages::MAX_BEAMS;
 
 /// Metadata before the powers.
@@ -91,6 +92,12 @@ impl PolarImage {
         let mut first_us = None;
         for (index, row) in self.rows().enumerate().filter(|(_, row)| row.valid) {
             let first_us = *first_us.get_or_insert(row.time_us);
+            if !is_instant(row.time_us.saturating_mul(1000)) {
+                return Err(format!(
+                    "row {index}: {} us, which no measurement has; expected us since 1970",
+                    row.time_us
+                ));
+            }
             if row.encoder >= ENCODER_TURN || row.time_us.abs_diff(first_us) > SWEEP_MAX_US {
                 return Err(format!(
                     "row {index}: encoder {} and {} us after the first row; a polar sweep has less than {ENCODER_TURN} and {SWEEP_MAX_US}",

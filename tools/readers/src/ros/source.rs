@@ -6,6 +6,7 @@ use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
 use super::transform::{Transform, Tree};
 use super::wire::{Encoding, Malformed};
+use crate::limit::misreading;
 use crate::sweep::{Polar, Turn};
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, tally::Tally};
 use randt_geometry::{Pose2, Quaternion, elementary::atan2};
@@ -252,11 +253,11 @@ impl RosSource {
                 Some(Event::Scan(scan))
             }
             Decoded::Imu(imu, arrival_ns) => {
-                let values = imu.rate_rad_s.iter().chain(&imu.acceleration_m_s2);
-                if !values.copied().all(f64::is_finite) {
-                    self.tally.lost("imu_samples_not_finite", 1, || {
+                if let Some(name) = misreading(&imu.rate_rad_s, &imu.acceleration_m_s2) {
+                    self.tally.lost(name, 1, || {
+                        let (rate, acceleration) = (imu.rate_rad_s, imu.acceleration_m_s2);
                         format!(
-                            "a NaN or infinite value in the sample stamped {}",
+                            "{rate:?} rad/s, {acceleration:?} m/s^2 in the sample stamped {}",
                             imu.header.stamp_ns
                         )
                     });

@@ -1,7 +1,11 @@
 //! Checks a sweep that came from a log: its table and its numbers.
 
+use crate::limit::is_instant;
 use crate::tally::Tally;
 use randt_messages::{MAX_BEAMS, Message, RadarScan};
+
+/// Longest sweep that is believed: a turn a minute.
+const SWEEP_MAX_NS: i64 = 60_000_000_000;
 
 /// Makes a sweep sound by leaving out returns that are not finite; false where its table is broken.
 pub(crate) fn mend(scan: &mut Message<RadarScan>, tally: &mut Tally) -> bool {
@@ -36,10 +40,16 @@ fn broken(scan: &Message<RadarScan>) -> Option<String> {
     if sweep.beam_count as usize > MAX_BEAMS {
         return Some(format!("{} beams, {MAX_BEAMS} at most", sweep.beam_count));
     }
-    if sweep.begin_ns > sweep.end_ns {
+    let (begin_ns, end_ns) = (sweep.begin_ns, sweep.end_ns);
+    let stamps = [begin_ns, end_ns, scan.head.header.stamp_ns];
+    if let Some(stamp_ns) = stamps.into_iter().find(|stamp_ns| !is_instant(*stamp_ns)) {
         return Some(format!(
-            "begins at {} after its end at {}",
-            sweep.begin_ns, sweep.end_ns
+            "stamp {stamp_ns}, which no measurement has; expected ns since 1970"
+        ));
+    }
+    if !(0..=SWEEP_MAX_NS).contains(&(end_ns - begin_ns)) {
+        return Some(format!(
+            "lasts from {begin_ns} to {end_ns}; expected 0 to {SWEEP_MAX_NS} ns"
         ));
     }
     if !sweep.azimuth_step_rad.is_finite() || !sweep.range_resolution_m.is_finite() {
@@ -51,10 +61,11 @@ fn broken(scan: &Message<RadarScan>) -> Option<String> {
         let own = scan.items.get(returns.clone()).unwrap_or_default();
         let fits = beam.first_return as usize == covered
             && beam.azimuth_rad.is_finite()
+            && (begin_ns..=end_ns).contains(&beam.stamp_ns)
             && own.iter().all(|r| usize::from(r.beam) == index);
         if !fits {
             return Some(format!(
-                "beam {index}: its returns or its azimuth do not fit the table"
+                "beam {index}: its returns, its azimuth or its stamp do not fit the sweep"
             ));
         }
         covered = returns.end;

@@ -1,0 +1,103 @@
+//! Steady state allocates nothing (DESIGN, invariant 12). Alone in its file: the allocator is the process's.
+#![allow(unsafe_code, reason = "a counting allocator cannot be written without")]
+
+use randt_config::Config;
+use randt_filter::ClusterFilter;
+use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, Topic};
+use randt_odometry::{Odometry, Sink};
+use randt_simulator::{Event, Robot, Simulation, World};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+struct Counting;
+
+static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
+
+// SAFETY: hands every call to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise, passed on.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller's promise, passed on.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller's promise, passed on.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// Counts what comes out, and stores nothing.
+#[derive(Default)]
+struct Outcome {
+    states: u64,
+    keyframes: u64,
+    submap_id: u64,
+}
+
+impl Sink for Outcome {
+    fn state(&mut self, state: &OdometryState) {
+        self.states += 1;
+        self.submap_id = state.submap_id;
+    }
+    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {
+        self.keyframes += 1;
+    }
+}
+
+#[test]
+fn nothing_is_allocated_in_steady_state() {
+    // The whole drive is there before the counting begins.
+    let events: Vec<Event> =
+        Simulation::new(&World::building(), Robot::default(), 250, 3).collect();
+    let config = Config::default();
+    let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
+    let mut points = Message::<RadarPoints>::default();
+    // The caller's; on the bus it is shared memory.
+    points.items.reserve(RadarPoints::MAX_ITEMS);
+    let mut odometry = Odometry::new(&config, true);
+    let mut outcome = Outcome::default();
+    let (mut steady, mut allocating) = (0, Vec::with_capacity(events.len()));
+
+    // From one sweep to the next, the IMU samples between them included.
+    let mut before = (ALLOCATIONS.load(Ordering::Relaxed), 0, 0);
+    for event in &events {
+        match event {
+            Event::Scan(scan) => {
+                filter.process(scan.as_ref(), &mut points);
+                odometry.push_points(points.as_ref(), &mut outcome);
+            }
+            Event::Imu(sample) => {
+                odometry.push_imu(sample, &mut outcome);
+                continue;
+            }
+            Event::Truth(_) => continue,
+        }
+        let now = (
+            ALLOCATIONS.load(Ordering::Relaxed),
+            outcome.keyframes,
+            outcome.submap_id,
+        );
+        // Steady state (DESIGN): after the 50th, no keyframe, no new submap.
+        if outcome.states > 50 && (now.1, now.2) == (before.1, before.2) {
+            steady += 1;
+            if now.0 > before.0 {
+                allocating.push((outcome.states, now.0 - before.0));
+            }
+        }
+        before = (ALLOCATIONS.load(Ordering::Relaxed), now.1, now.2);
+    }
+    assert!(outcome.keyframes > 10, "{} keyframes", outcome.keyframes);
+    assert!(steady > 50, "{steady} scans in steady state");
+    assert!(
+        allocating.is_empty(),
+        "of {steady} scans in steady state these allocate (scan, times): {allocating:?}"
+    );
+}
