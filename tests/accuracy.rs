@@ -12,7 +12,7 @@ use randt_geometry::{Pose2, elementary::wrap};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use support::{Row, ended, pose_at, randt, recording, run, tum};
+use support::{OUTPUTS, Row, ended, names, pose_at, randt, recording, report, run, tum};
 
 /// ATE of a bag's trajectory against its truth by `randt eval`, m.
 fn ate_m(bag: &str, truth: &str, profile: &str) -> Option<f64> {
@@ -170,4 +170,30 @@ fn two_real_scans_register() {
         assert!(json["covariance"][i][i].as_f64().unwrap() > 0.0, "{json}");
     }
     assert!(number("inliers") > 0.0);
+}
+
+#[test]
+fn the_demo_is_good_and_names_its_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("demo");
+    let mut command = randt(&["demo", "--scans", "150", "--out"]);
+    command.arg(&out);
+    let ended = ended(command);
+    assert_eq!(ended.code, Some(0), "{}{}", ended.stdout, ended.stderr);
+    for words in ["ATE", "filter", "odometry", out.to_str().unwrap()] {
+        assert!(
+            ended.stdout.contains(words),
+            "no {words} in: {}",
+            ended.stdout
+        );
+    }
+    let files = names(&out);
+    assert!(
+        OUTPUTS
+            .iter()
+            .all(|name| files.iter().any(|file| file == name)),
+        "{files:?}"
+    );
+    let ate_m = report(&out)["accuracy"]["ate_rmse_m"].as_f64().unwrap();
+    assert!(ate_m <= 0.15, "{ate_m} m");
 }

@@ -108,7 +108,9 @@ impl Source for LogSource {
                 Step::Event(event) if !is_instant(event.stamp_ns()) => {
                     self.tally.lost("messages_malformed", 1, || {
                         let stamp_ns = event.stamp_ns();
-                        format!("stamp {stamp_ns}, which no measurement has; expected ns since 1970")
+                        format!(
+                            "stamp {stamp_ns}, which no measurement has; expected ns since 1970"
+                        )
                     });
                 }
                 Step::Event(Event::Scan(mut scan)) => {
