@@ -53,8 +53,15 @@ fn a_bag_becomes_a_log_that_imports_to_the_same_bytes() {
     // It overwrites only when told to.
     let output = import(folder.path(), &[&bag, "a.mcap"]);
     assert_eq!(output.status.code(), Some(1));
-    assert!(stderr(&output).contains("a.mcap: exists already; --force"), "{}", stderr(&output));
-    let output = import(folder.path(), &[&bag, "b.mcap", "--force", "--period", "0.25"]);
+    assert!(
+        stderr(&output).contains("a.mcap: exists already; --force"),
+        "{}",
+        stderr(&output)
+    );
+    let output = import(
+        folder.path(),
+        &[&bag, "b.mcap", "--force", "--period", "0.25"],
+    );
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(read("a.mcap") != read("b.mcap"));
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
@@ -70,7 +77,10 @@ fn a_cut_bag_becomes_a_log_of_what_is_there_and_says_what_is_not() {
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
     let text = stdout(&output);
     assert!(text.starts_with("cut.mcap: 66 sweeps"), "{text}");
-    assert!(text.contains("lost 1 bag_damaged: cut.bag: at byte 9879225: "), "{text}");
+    assert!(
+        text.contains("lost 1 bag_damaged: cut.bag: at byte 9879225: "),
+        "{text}"
+    );
 }
 
 #[test]
@@ -79,8 +89,14 @@ fn what_is_no_recording_is_refused_and_leaves_nothing() {
     fs::write(folder.path().join("note.txt"), "a shopping list").unwrap();
     fs::create_dir(folder.path().join("empty")).unwrap();
     for (input, words) in [
-        ("note.txt", "note.txt: begins with a shopping list; expected an Oxford"),
-        ("empty", "empty: a folder without radar images or bag files; expected"),
+        (
+            "note.txt",
+            "note.txt: begins with a shopping list; expected an Oxford",
+        ),
+        (
+            "empty",
+            "empty: a folder without radar images or bag files; expected",
+        ),
         ("absent.bag", "absent.bag: No such file"),
     ] {
         let output = import(folder.path(), &[input, "log.mcap"]);

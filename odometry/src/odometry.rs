@@ -23,6 +23,14 @@ use std::collections::VecDeque;
 const FOUNDING_ROUNDS: u32 = 8;
 /// Change of speed below which those rounds end, m/s: 1 mm in a sweep.
 const FOUNDING_SPEED_CHANGE_M_S: f64 = 0.005;
+/// Stamps that a clock can give, ns since 1970 (or since the boot): up to the year 2116. Sums of two stay in range.
+const STAMPS_NS: core::ops::Range<i64> = 0..1 << 62;
+/// Longest sweep, ns: the slowest radars turn once in seconds.
+const SWEEP_MAX_NS: i64 = 60_000_000_000;
+/// No gyro measures more, rad/s.
+const RATE_MAX_RAD_S: f64 = 100.0;
+/// No accelerometer on a robot measures more, m/s^2 (200 g).
+const ACCELERATION_MAX_M_S2: f64 = 2000.0;
 /// Scans that may wait for the IMU; a wait of 0.1 s never holds more than one or two.
 const PENDING: usize = 4;
 
@@ -37,6 +45,8 @@ pub trait Sink {
 /// What was dropped, repaired or lacked support.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
+    /// Scans with stamps that no clock gives, or of a sweep that lasts over a minute: left out.
+    pub scans_rejected: u64,
     /// Scans whose stamp repeats the one before: left out.
     pub scans_repeated: u64,
     /// Scans that found no support in the map, or had too few cells.
@@ -99,9 +109,9 @@ impl Odometry {
             heading: use_imu
                 .then(|| Heading::new(&config.attitude, &config.robot, &config.odometry)),
             pending: VecDeque::with_capacity(PENDING),
-            spare: Vec::with_capacity(PENDING),
+            spare: (0..PENDING).map(|_| with_room()).collect(),
             standstill: None,
-            slots: vec![Slot::default(); window + 1],
+            slots: (0..=window).map(|_| Slot::with_room()).collect(),
             used: 0,
             prior: Prior {
                 mean: State::default(),
@@ -126,6 +136,10 @@ impl Odometry {
         let Some(heading) = &mut self.heading else {
             return;
         };
+        if !is_measurement(sample) {
+            self.counters.imu_rejected += 1;
+            return;
+        }
         if let Some(standstill) = heading.push(sample) {
             self.standstill = Some(standstill);
         }
@@ -134,6 +148,13 @@ impl Odometry {
 
     /// Takes a filtered scan; it is processed as soon as the IMU covers its sweep, or has kept it waiting too long.
     pub fn push_points(&mut self, scan: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
+        let sweep = &scan.head.sweep;
+        if !STAMPS_NS.contains(&sweep.end_ns)
+            || !(0..=SWEEP_MAX_NS).contains(&(sweep.end_ns.saturating_sub(sweep.begin_ns)))
+        {
+            self.counters.scans_rejected += 1;
+            return;
+        }
         let mut message = self.spare.pop().unwrap_or_default();
         copy(scan, &mut message);
         let stamp_ns = message.head.header.stamp_ns;
@@ -154,7 +175,8 @@ impl Odometry {
         let mut counters = self.counters;
         counters.points_outside = self.submaps.outside;
         if let Some(heading) = &self.heading {
-            (counters.imu_rejected, counters.imu_holes) = (heading.rejected, heading.holes);
+            counters.imu_rejected += heading.rejected;
+            counters.imu_holes = heading.holes;
         }
         counters
     }
@@ -295,6 +317,24 @@ impl Odometry {
             motion,
         );
     }
+}
+
+/// Whether a reading can be one.
+fn is_measurement(sample: &ImuSample) -> bool {
+    // NaN compares false.
+    STAMPS_NS.contains(&sample.header.stamp_ns)
+        && sample.rate_rad_s.iter().all(|v| v.abs() <= RATE_MAX_RAD_S)
+        && sample
+            .acceleration_m_s2
+            .iter()
+            .all(|v| v.abs() <= ACCELERATION_MAX_M_S2)
+}
+
+/// A message that never has to grow. What is never written costs no memory.
+fn with_room() -> Message<RadarPoints> {
+    let mut message = Message::default();
+    message.items.reserve(RadarPoints::MAX_ITEMS);
+    message
 }
 
 fn copy(from: MessageRef<'_, RadarPoints>, to: &mut Message<RadarPoints>) {

@@ -10,8 +10,11 @@ use crate::{
 };
 use nalgebra::{Matrix3, Vector3};
 use randt_config::{Config, Robot};
-use randt_messages::{Message, RadarPoints};
+use randt_messages::{MAX_BEAMS, MAX_RETURNS, Message, RadarPoints};
 use randt_ndt::{Association, Cell, CellRule, Grid, NormalEquations, ScanCell};
+
+/// Cells of a scan that there is room for from the start: a Navtech's sweep of 30,000 returns has fewer than 2,000.
+const CELLS: usize = 8192;
 
 /// A scan with its state. Reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
@@ -43,6 +46,17 @@ pub struct Slot {
 }
 
 impl Slot {
+    /// An empty one with room for every scan that there can be. What is never written costs no memory.
+    pub fn with_room() -> Self {
+        let mut slot = Self::default();
+        slot.scan.items.reserve(MAX_RETURNS);
+        slot.beams.reserve(MAX_BEAMS);
+        slot.points.reserve(MAX_RETURNS);
+        slot.cells.reserve(CELLS);
+        slot.associations.reserve(CELLS);
+        slot
+    }
+
     /// De-skews by the present state and the one before.
     pub fn deskew(
         &mut self,
@@ -105,7 +119,7 @@ impl CellMaker {
         let grid = Grid::new(config.cell_size_m(), reach + margin, rule);
         Self {
             grid,
-            levers: Vec::new(),
+            levers: Vec::with_capacity(CELLS),
         }
     }
 

@@ -60,17 +60,17 @@ impl Submaps {
         };
         // A scan at the very edge still fits; the speed may carry one interval beyond it.
         let half_width = reach + config.submap.radius_m + 2.0 * config.cell_size_m();
-        let grid = Grid::new(config.cell_size_m(), half_width, rule);
-        let submap = Submap {
+        // Made twice: a clone would have no room beyond what it holds.
+        let submap = || Submap {
             id: 0,
             root_keyframe: 0,
             root: Pose2::IDENTITY,
-            grid,
+            grid: Grid::new(config.cell_size_m(), half_width, rule),
         };
         Self {
             config: config.submap.clone(),
-            active: submap.clone(),
-            next: submap,
+            active: submap(),
+            next: submap(),
             next_is_open: false,
             ids: 0,
             outside: 0,

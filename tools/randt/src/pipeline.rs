@@ -2,7 +2,7 @@
 
 use randt_config::Config;
 use randt_filter::ClusterFilter;
-use randt_messages::{Message, RadarPoints};
+use randt_messages::{Message, RadarPoints, Topic};
 use randt_odometry::{Counters, Odometry, Sink};
 use randt_readers::Event;
 use std::time::Instant;
@@ -31,9 +31,12 @@ pub struct Timing {
 impl Pipeline {
     /// Ready for the first event.
     pub fn new(config: &Config, use_imu: bool) -> Self {
+        let mut points = Message::<RadarPoints>::default();
+        // Room for every scan from the start: nothing grows later.
+        points.items.reserve(RadarPoints::MAX_ITEMS);
         Self {
             filter: ClusterFilter::new(&config.filter, &config.sensor),
-            points: Message::default(),
+            points,
             odometry: Odometry::new(config, use_imu),
             timing: Timing::default(),
             since_scan_ns: 0,

@@ -162,6 +162,7 @@ pub fn counters(
     }
     // Whether a scan lacks its pose, or only its best one.
     for (name, count, loss) in [
+        ("odometry_scans_rejected", odometry.scans_rejected, true),
         ("odometry_scans_repeated", odometry.scans_repeated, true),
         (
             "odometry_scans_unsupported",
