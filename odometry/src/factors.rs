@@ -2,7 +2,7 @@
 
 use crate::{
     chain::Chain,
-    heading::Turn,
+    heading::GyroTerm,
     slot::Slot,
     state::{State, StateVector},
 };
@@ -18,17 +18,6 @@ const UNCOVERED_RATE_SIGMA_RAD_S: f64 = 1.0;
 const RATE_SIGMA_RAD_S: f64 = 0.02;
 /// The heading rate jerks within an interval: floor of the motion model's heading without a gyro, rad.
 const HEADING_SIGMA_FLOOR_RAD: f64 = 1e-3;
-
-/// What the gyro says between two scans.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct GyroTerm {
-    /// Turn of the heading, bias and all.
-    pub turn: Turn,
-    /// Yaw rate at the newer scan, bias and all, rad/s.
-    pub rate_rad_s: f64,
-    /// Bias that a standstill showed since the scan before, and its standard deviation, rad/s.
-    pub standstill: Option<(f64, f64)>,
-}
 
 /// Adds the motion model, the gyro and the bias between the state before and the scan at i; gives their cost.
 pub fn add(chain: &mut Chain, i: usize, previous: &State, slot: &Slot, config: &Odometry) -> f64 {
@@ -188,6 +177,7 @@ fn add_row(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::heading::Turn;
     use proptest::prelude::*;
 
     fn state() -> impl Strategy<Value = State> {

@@ -34,6 +34,17 @@ pub struct Turn {
     pub uncovered_s: f64,
 }
 
+/// What the gyro says between two scans.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GyroTerm {
+    /// Turn of the heading, bias and all.
+    pub turn: Turn,
+    /// Yaw rate at the newer scan, bias and all, rad/s.
+    pub rate_rad_s: f64,
+    /// Bias that a standstill showed since the scan before, and its standard deviation, rad/s.
+    pub standstill: Option<(f64, f64)>,
+}
+
 /// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter (DESIGN: odometry owns the bias).
 #[derive(Debug)]
 pub struct Heading {

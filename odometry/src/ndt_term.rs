@@ -9,12 +9,6 @@ use crate::{
 use randt_config::Config;
 use randt_ndt::{AdaptiveLoss, NormalEquations, evaluate};
 
-/// Information of one correspondence: the scan's, shared among cells and neighbours.
-pub fn weight(slot: &Slot, config: &Config) -> f64 {
-    let correspondences = slot.cells.len().max(1) as f64 * f64::from(config.odometry.neighbours);
-    config.odometry.ndt_weight / correspondences
-}
-
 /// The term at the scan's present state and associations, not yet weighted.
 pub fn of(slot: &Slot, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
     let pose = submap.root.between(&slot.state.pose);
@@ -29,7 +23,7 @@ pub fn of(slot: &Slot, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations 
 
 /// Adds the scan's term to a chain; gives its cost.
 pub fn add(chain: &mut Chain, i: usize, slot: &Slot, config: &Config) -> f64 {
-    let (term, weight) = (&slot.ndt, weight(slot, config));
+    let (term, weight) = (&slot.ndt, slot.correspondence_information(config));
     let mut information = StateMatrix::zeros();
     let mut gradient = StateVector::zeros();
     information

@@ -2,9 +2,7 @@
 
 use crate::{
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
-    factors::GyroTerm,
-    heading::Heading,
-    ndt_term,
+    heading::{GyroTerm, Heading},
     state::State,
     tilt::Tilt,
 };
@@ -83,9 +81,15 @@ impl Slot {
         self.deskew_velocity = self.state.velocity;
     }
 
+    /// Information of one correspondence: the scan's, shared among cells and neighbours.
+    pub fn correspondence_information(&self, config: &Config) -> f64 {
+        let shares = self.cells.len().max(1) as f64 * f64::from(config.odometry.neighbours);
+        config.odometry.ndt_weight / shares
+    }
+
     /// Information that the scan itself gives about its pose, in the robot's frame.
     pub fn scan_information(&self, config: &Config) -> Matrix3<f64> {
-        self.ndt.pose * ndt_term::weight(self, config)
+        self.ndt.pose * self.correspondence_information(config)
     }
 
     /// How far the velocity has moved from the one that the points were de-skewed by.

@@ -3,6 +3,7 @@
 use crate::chunk::{Chunk, FRAME, LOOK, SIZE_MAX, looks_like_chunk};
 use crate::damage::{Damage, DamageKind, note};
 use crate::entry::{Channel, Entry};
+use crate::lengths::lengths_fit;
 use crate::{Error, ROBOT_METADATA, Robot};
 use mcap::records::{Record, op};
 use std::collections::BTreeMap;
@@ -286,6 +287,12 @@ impl<R: Read + Seek> LogReader<R> {
 
     /// Keeps what a record other than a message says.
     fn take_in(&mut self, opcode: u8, offset: u64) {
+        if !lengths_fit(opcode, &self.record) {
+            self.note(DamageKind::Record, offset, || {
+                format!("record of kind {opcode:#04x}: a length inside it is beyond its end")
+            });
+            return;
+        }
         match mcap::parse_record(opcode, &self.record) {
             Ok(Record::Header(header)) => self.written_by = header.library,
             Ok(Record::Metadata(record)) => {

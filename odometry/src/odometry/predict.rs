@@ -2,7 +2,7 @@
 
 use super::{Odometry, copy};
 use crate::{
-    factors::GyroTerm,
+    heading::GyroTerm,
     state::{State, StateMatrix},
     tilt::Tilt,
     window::Prior,

@@ -1,13 +1,47 @@
 //! The summary at the end of an MCAP file: what is in it, and where.
 
+use mcap::records::op;
 use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+use randt_log::lengths_fit;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Largest record or chunk that is believed; it bounds what a hostile length can make us allocate.
 const SIZE_MAX: usize = 256 << 20;
+
+/// Bytes of a footer record and the magic behind it, which end every file that was closed.
+const FOOTER: u64 = 1 + 8 + 8 + 8 + 4 + 8;
+
+/// Whether the records of the summary can be parsed without asking for more memory than they have.
+fn is_sound(file: &mut File, length: u64) -> Option<bool> {
+    let end = length.checked_sub(FOOTER)?;
+    file.seek(SeekFrom::Start(end)).ok()?;
+    let mut footer = [0; FOOTER as usize];
+    file.read_exact(&mut footer).ok()?;
+    let start = u64::from_le_bytes(*footer.get(9..)?.first_chunk()?);
+    let size = end
+        .checked_sub(start)
+        .filter(|size| start > 0 && *size <= SIZE_MAX as u64)?;
+    file.seek(SeekFrom::Start(start)).ok()?;
+    let mut section = Vec::new();
+    file.take(size).read_to_end(&mut section).ok()?;
+    file.seek(SeekFrom::Start(0)).ok()?;
+
+    let mut rest = section.as_slice();
+    while let Some((opcode, behind)) = rest.split_first() {
+        let (size, behind) = behind.split_first_chunk::<8>()?;
+        let size = usize::try_from(u64::from_le_bytes(*size)).ok()?;
+        let (content, behind) = behind.split_at_checked(size)?;
+        let out_of_place = matches!(*opcode, op::CHUNK | op::ATTACHMENT | op::FOOTER);
+        if out_of_place || !lengths_fit(*opcode, content) {
+            return Some(false);
+        }
+        rest = behind;
+    }
+    Some(true)
+}
 
 /// The summary of a file that was closed properly.
 pub(crate) struct Summary {
@@ -21,6 +55,9 @@ impl Summary {
     pub fn read(path: &Path) -> Option<Self> {
         let mut file = File::open(path).ok()?;
         let length = file.metadata().ok()?.len();
+        if !is_sound(&mut file, length)? {
+            return None;
+        }
         let options = SummaryReaderOptions::default()
             .with_file_size(length)
             .with_record_length_limit(SIZE_MAX);
