@@ -5,6 +5,9 @@ use crate::{heading::Heading, state::StateMatrix, trust::position_information, w
 use nalgebra::{Matrix3, Vector3};
 use randt_messages::{ImuUse, OdometryState, Trust};
 
+/// Stands for "anywhere" where there is no solution, m^2 and rad^2.
+const UNKNOWN_VARIANCE: f64 = 1e6;
+
 impl Odometry {
     /// Publishes the newest state.
     pub(super) fn publish(
@@ -16,9 +19,13 @@ impl Odometry {
         let Some(slot) = self.used.checked_sub(1).and_then(|i| self.slots.get(i)) else {
             return;
         };
-        let covariance = solution
-            .as_ref()
-            .map_or_else(StateMatrix::zeros, |s| s.covariance);
+        let first_of_frame = self.used == 1 && self.settled.is_none();
+        let covariance = match solution {
+            Some(solution) => solution.covariance,
+            // The origin is where the first scan stands.
+            None if first_of_frame => StateMatrix::zeros(),
+            None => StateMatrix::identity() * UNKNOWN_VARIANCE,
+        };
         let trust = match solution {
             Some(solution) => {
                 let speed = slot.state.velocity.xy().norm();
@@ -27,7 +34,7 @@ impl Odometry {
             }
             None => Trust::Degraded,
         };
-        if trust != Trust::Good && self.used + usize::from(self.settled.is_some()) > 1 {
+        if trust != Trust::Good && !first_of_frame {
             self.counters.scans_unsupported += 1;
         }
         self.frame.lost = trust == Trust::Lost;
