@@ -6,7 +6,7 @@ use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
 use super::transform::{Transform, Tree};
 use super::wire::{Encoding, Malformed};
-use crate::limit::misreading;
+use crate::limit::{is_instant, misreading};
 use crate::sweep::{Polar, Turn};
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, tally::Tally};
 use randt_geometry::{Pose2, Quaternion, elementary::atan2};
@@ -194,20 +194,21 @@ impl RosSource {
             };
             match decoded {
                 Ok(mut decoded) => {
-                    self.stamp(&mut decoded, arrival_ns);
-                    return Ok(Some(decoded));
+                    if self.stamp(&mut decoded, arrival_ns) {
+                        return Ok(Some(decoded));
+                    }
                 }
                 Err(malformed) => self.count_malformed(index, offset, &malformed),
             }
         }
     }
 
-    /// A publisher that leaves the stamp at zero is stamped on arrival.
-    fn stamp(&mut self, decoded: &mut Decoded, arrival_ns: i64) {
+    /// A publisher that leaves the stamp at zero is stamped on arrival; false where no measurement has the stamp.
+    fn stamp(&mut self, decoded: &mut Decoded, arrival_ns: i64) -> bool {
         let header = match decoded {
             Decoded::Cloud(cloud) => &mut cloud.header,
             Decoded::Imu(imu, _) => &mut imu.header,
-            Decoded::Transforms(_) => return,
+            Decoded::Transforms(_) => return true,
         };
         if header.stamp_ns == 0 {
             header.stamp_ns = arrival_ns;
@@ -215,6 +216,15 @@ impl RosSource {
                 format!("a message of frame {} without a stamp", header.frame)
             });
         }
+        let (stamp_ns, path) = (header.stamp_ns, &self.path);
+        if !is_instant(stamp_ns) {
+            self.tally.lost("stamps_out_of_range", 1, || {
+                format!(
+                    "{path}: stamp {stamp_ns}, which no measurement has; expected ns since 1970"
+                )
+            });
+        }
+        is_instant(stamp_ns)
     }
 
     fn count_malformed(&mut self, channel: usize, offset: u64, malformed: &Malformed) {

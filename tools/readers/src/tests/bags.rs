@@ -488,3 +488,25 @@ fn a_part_of_a_split_bag_that_cannot_be_read_is_counted() {
         "{missing:?}"
     );
 }
+
+#[test]
+fn a_stamp_before_1970_is_left_out() {
+    let layout = CloudLayout::AS_PUBLISHED;
+    let mut messages = recording(Style::CdrLittle, &layout, 9);
+    // ROS 2 has signed seconds.
+    let sample = imu(
+        Style::CdrLittle,
+        0xf000_0000_i64 * 1_000_000_000,
+        [0.0; 3],
+        [0.0; 3],
+    );
+    messages[5].bytes = sample;
+    let (_folder, path) = file("a.mcap", &mcap_bag(&messages, 40_000));
+    let (events, source) = read_all(&path);
+    assert_eq!(events.len(), 9 * 51 - 1);
+    let counters = source.counters();
+    assert_eq!(
+        (counters[0].name, counters[0].count),
+        ("stamps_out_of_range", 1)
+    );
+}
