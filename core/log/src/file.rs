@@ -10,12 +10,29 @@ use std::path::{Path, PathBuf};
 
 /// A log file in the making: `NAME.active` until [`LogFile::finish`] gives it its name.
 ///
-/// A process that is killed leaves the `.active` file, which [`crate::LogReader`] reads up to the cut.
+/// Dropped before that, it takes the `.active` file with it. A process that is killed leaves it, and
+/// [`crate::LogReader`] reads it up to the cut.
 #[derive(Debug)]
 pub struct LogFile {
     writer: LogWriter<BufWriter<File>>,
-    active: PathBuf,
+    active: Active,
     path: PathBuf,
+}
+
+/// The file under its temporary name; removed with this unless it has got its own.
+#[derive(Debug)]
+struct Active {
+    path: PathBuf,
+    renamed: bool,
+}
+
+impl Drop for Active {
+    fn drop(&mut self) {
+        if !self.renamed {
+            // Best effort: whatever ended the log early is the error that counts.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
 }
 
 impl LogFile {
@@ -31,7 +48,10 @@ impl LogFile {
         })?;
         Ok(Self {
             writer: LogWriter::new(BufWriter::with_capacity(1 << 18, file), shown, options)?,
-            active,
+            active: Active {
+                path: active,
+                renamed: false,
+            },
             path: path.to_owned(),
         })
     }
@@ -54,7 +74,7 @@ impl LogFile {
     pub fn finish(self) -> Result<u64, Error> {
         let Self {
             writer,
-            active,
+            mut active,
             path,
         } = self;
         let shown = |cause| Error::Io {
@@ -67,7 +87,8 @@ impl LogFile {
             .map_err(|error| shown(error.into_error()))?;
         file.sync_data().map_err(shown)?;
         let size = file.metadata().map_err(shown)?.len();
-        std::fs::rename(&active, &path).map_err(shown)?;
+        std::fs::rename(&active.path, &path).map_err(shown)?;
+        active.renamed = true;
         Ok(size)
     }
 }

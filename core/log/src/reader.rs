@@ -201,7 +201,14 @@ impl<R: Read + Seek> LogReader<R> {
                         let record =
                             self.read_at(offset, rest.min(SIZE_MAX as u64) + FRAME as u64)?;
                         self.note(DamageKind::Cut, offset, || {
-                            format!("chunk of {length} bytes, the file has {rest} more")
+                            if length == u64::MAX {
+                                // The writer sets the length when the chunk is full.
+                                format!(
+                                    "an unfinished chunk of {rest} bytes: its writer was stopped"
+                                )
+                            } else {
+                                format!("chunk of {length} bytes, the file has {rest} more")
+                            }
                         });
                         self.ended = true;
                         self.open_chunk(record, true, offset);

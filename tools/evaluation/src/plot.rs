@@ -142,7 +142,7 @@ fn legend(plot: &Plot<'_>, root: &Root<'_>) -> Drawn {
         ),
         ("truth", TRUTH.stroke_width(5), !plot.truth.is_empty()),
         ("loops", LOOP.stroke_width(2), !plot.loops.is_empty()),
-        ("map", MAP.stroke_width(7), !plot.map.is_empty()),
+        ("returns", MAP.stroke_width(7), !plot.map.is_empty()),
     ];
     let label = ("sans-serif", 19).into_font().color(&INK);
     let mut x = left;

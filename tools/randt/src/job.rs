@@ -38,6 +38,11 @@ pub fn catch_interrupts() {
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
 }
 
+/// Whether the user has asked for the end.
+pub fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
 /// Takes the mounting from the input where nobody has configured one.
 pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
     let mut config = loaded.config.clone();
@@ -107,7 +112,7 @@ pub fn run(
             }
         }
         done.pipeline.push(&event, &mut done.results);
-        if INTERRUPTED.load(Ordering::Relaxed) {
+        if interrupted() {
             done.interrupted = true;
             break;
         }

@@ -5,6 +5,17 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+/// Refuses a file that exists unless it may be replaced, and anything that is no plain file whatever may be.
+pub fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
+    match fs::metadata(path) {
+        Ok(found) if !found.is_file() => anyhow::bail!("{}: is not a plain file", path.display()),
+        Ok(_) if !force => {
+            anyhow::bail!("{}: exists already; --force overwrites it", path.display())
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Writes a file whole or not at all: under a temporary name in the same folder, then renamed.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
     let temporary = temporary_name(path);

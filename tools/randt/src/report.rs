@@ -61,10 +61,6 @@ pub struct Accuracy {
     /// See `randt eval`.
     pub ate_rmse_m: Option<f64>,
     /// See `randt eval`.
-    pub rpe_translation_mean_m: Option<f64>,
-    /// See `randt eval`.
-    pub rpe_rotation_mean_deg: Option<f64>,
-    /// See `randt eval`.
     pub coverage: f64,
 }
 

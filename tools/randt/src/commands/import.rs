@@ -2,7 +2,8 @@
 
 use crate::exit::Outcome;
 use crate::input::InputOptions;
-use crate::output::print;
+use crate::job;
+use crate::output::{may_write, print};
 use crate::progress;
 use anyhow::{Context, bail};
 use randt_log::{LogFile, Options, ROBOT_METADATA, Robot};
@@ -41,9 +42,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         force,
         options,
     } = arguments;
-    if log.exists() && !force {
-        bail!("{}: exists already; --force overwrites it", log.display());
-    }
+    may_write(&log, force)?;
+    job::catch_interrupts();
     let mut source = randt_readers::open(&input, &options.options())?;
     let info = source.info().clone();
     let bar = progress::bar(info.scans, "sweeps");
@@ -59,6 +59,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     file.write_metadata(ROBOT_METADATA, robot(&info).to_metadata())?;
     let mut written = Written::default();
     while let Some(event) = source.next_event()? {
+        if job::interrupted() {
+            bail!("interrupted; nothing was written");
+        }
         match event {
             Event::Scan(scan) => {
                 file.write(scan.as_ref())?;

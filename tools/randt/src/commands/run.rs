@@ -162,8 +162,6 @@ fn finish(
         trust: results.trust(),
         accuracy: evaluation.as_ref().map(|e| Accuracy {
             ate_rmse_m: e.ate_rmse_m,
-            rpe_translation_mean_m: e.rpe_translation_mean_m,
-            rpe_rotation_mean_deg: e.rpe_rotation_mean_deg,
             coverage: e.coverage,
         }),
         counters,

@@ -1,7 +1,8 @@
 //! `randt simulate`: a simulated drive as a log.
 
 use crate::exit::Outcome;
-use crate::output::{print, write_whole};
+use crate::job;
+use crate::output::{may_write, print, write_whole};
 use crate::progress;
 use anyhow::bail;
 use randt_geometry::Pose2;
@@ -61,10 +62,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         .into_iter()
         .flatten()
     {
-        if path.exists() && !arguments.force {
-            bail!("{}: exists already; --force overwrites it", path.display());
-        }
+        may_write(path, arguments.force)?;
     }
+    job::catch_interrupts();
     let robot = Robot::default();
     let written_by = concat!("randt ", env!("CARGO_PKG_VERSION")).to_owned();
     let mut log = LogFile::create(
@@ -89,6 +89,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut truth = TruthPose::default();
     let mut first_ns = None;
     for event in simulation.by_ref() {
+        if job::interrupted() {
+            bail!("interrupted; nothing was written");
+        }
         first_ns.get_or_insert(event.stamp_ns());
         match event {
             Event::Scan(scan) => {

@@ -47,7 +47,7 @@ enum Decoded {
 impl RosSource {
     /// Chooses the topics, reads the first sweeps and learns from them.
     pub fn open(
-        recording: Box<dyn Recording>,
+        mut recording: Box<dyn Recording>,
         path: &Path,
         options: &Options,
     ) -> Result<Self, Error> {
@@ -62,9 +62,16 @@ impl RosSource {
         let radar = choose(&channels, Kind::Cloud, radar_topic, path, &mut tally)?;
         let imu = choose(&channels, Kind::Imu, imu_topic, path, &mut tally)?;
         if radar.is_none() && options.radar_required {
+            // It may be the damage that hides the radar: read on to tell it.
+            while recording.next_message(&mut tally)?.is_some() {}
+            recording.close(&mut tally);
+            let damage = tally.counters().into_iter().find(|counter| counter.loss);
+            let damage = damage
+                .map(|counter| format!("; {}", counter.first))
+                .unwrap_or_default();
             return Err(Error::NoRadar {
                 path: path.display().to_string(),
-                topics: list(&channels),
+                topics: list(&channels) + &damage,
             });
         }
         let scans = radar
