@@ -274,7 +274,7 @@ mod tests {
             ("odometry.window", "section.key=value"),
             (
                 "submap.overlap_m=50",
-                "submap.overlap_m = 50.0 (--set), it must be below submap.radius_m = 10.0 (default)",
+                "submap.overlap_m = 50.0 (--set), it must be below submap.radius_m = 15.0 (default)",
             ),
         ] {
             let text = refusal(set);
