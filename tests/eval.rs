@@ -1,9 +1,13 @@
 //! `randt eval` as a user calls it.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+#[path = "support/recordings.rs"]
+mod recordings;
+
+use recordings::recording;
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 fn eval(folder: &Path, arguments: &[&str]) -> Output {
@@ -29,25 +33,11 @@ fn drive(seconds: std::ops::Range<u32>) -> String {
     seconds.map(row).collect()
 }
 
-/// The folder of the recordings; `None` where there is none (an error under CI).
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("RANDT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    assert!(!ci, "no data at {}: set RANDT_DATA", folder.display());
-    println!("skipped: no data");
-    None
-}
-
 #[test]
 fn a_published_run_gives_its_published_figures() {
-    let Some(data) = data() else { return };
-    let folder = data.join("trajectories/randt/16-13-09/slam");
+    let Some(folder) = recording("trajectories/randt/16-13-09/slam") else {
+        return;
+    };
     let output = eval(&folder, &["est.txt", "gt.txt", "--json"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let figures = json(&output);

@@ -1,8 +1,12 @@
 //! `randt import` as a user calls it.
 #![allow(clippy::unwrap_used)]
 
+#[path = "support/recordings.rs"]
+mod recordings;
+
+use recordings::recording;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 fn import(folder: &Path, arguments: &[&str]) -> Output {
@@ -22,26 +26,13 @@ fn stderr(output: &Output) -> &str {
     str::from_utf8(&output.stderr).unwrap()
 }
 
-/// The folder of the recordings; `None` where there is none (an error under CI).
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("RANDT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    assert!(!ci, "no data at {}: set RANDT_DATA", folder.display());
-    println!("skipped: no data");
-    None
-}
-
 #[test]
 fn a_bag_becomes_a_log_that_imports_to_the_same_bytes() {
-    let Some(data) = data() else { return };
+    let Some(bag) = recording("bags/room.bag") else {
+        return;
+    };
     let folder = tempfile::tempdir().unwrap();
-    let bag = data.join("bags/room.bag").display().to_string();
+    let bag = bag.display().to_string();
     let output = import(folder.path(), &[&bag, "a.mcap"]);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(stdout(&output).starts_with("a.mcap: 200 sweeps, 10000 IMU samples, 0 true poses"));
@@ -69,9 +60,11 @@ fn a_bag_becomes_a_log_that_imports_to_the_same_bytes() {
 
 #[test]
 fn a_cut_bag_becomes_a_log_of_what_is_there_and_says_what_is_not() {
-    let Some(data) = data() else { return };
+    let Some(bag) = recording("bags/room.bag") else {
+        return;
+    };
     let folder = tempfile::tempdir().unwrap();
-    let whole = fs::read(data.join("bags/room.bag")).unwrap();
+    let whole = fs::read(bag).unwrap();
     fs::write(folder.path().join("cut.bag"), &whole[..10_000_000]).unwrap();
     let output = import(folder.path(), &["cut.bag", "cut.mcap"]);
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));

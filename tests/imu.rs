@@ -1,31 +1,15 @@
 //! `randt imu` on real recordings: a Phidgets Spatial hung upside down, and an IMU with optical truth (BROAD).
 #![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
+#[path = "support/recordings.rs"]
+mod recordings;
+
 use randt_geometry::{Quaternion, elementary};
+use recordings::recording;
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
-
-/// A recording, or `None` where there are no recordings; CI must have them.
-fn recording(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("RANDT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = folder.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    assert_ne!(
-        std::env::var("CI").as_deref(),
-        Ok("true"),
-        "{} is absent",
-        path.display()
-    );
-    eprintln!("skipped: no data");
-    None
-}
 
 fn randt_imu(arguments: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_randt"));

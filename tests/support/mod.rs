@@ -12,32 +12,19 @@
 
 pub mod bag;
 pub mod drive;
+mod recordings;
+
+pub use recordings::recording;
 
 use randt_geometry::Pose2;
 use randt_geometry::elementary::atan2;
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// No run may take longer, whatever it is given.
 const TIME_MAX: Duration = Duration::from_secs(30);
-
-/// A recording, or `None` where there are none; CI must have them.
-pub fn recording(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("RANDT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let path = folder.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
-    assert!(!ci, "{} is absent: set RANDT_DATA", path.display());
-    println!("skipped: no data");
-    None
-}
 
 /// How a run of the program ended.
 #[derive(Debug)]

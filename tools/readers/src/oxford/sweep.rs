@@ -7,7 +7,7 @@ use randt_geometry::elementary::PI;
 use randt_messages::{Beam, MAX_RETURNS, Message, RadarScan, Return, SensorKind};
 
 /// Width of a range bin, m: "4.38 cm in range resolution" in the data set's documentation.
-/// Its software kit computes with 0.0432, which makes every distance driven 1.4 % short.
+/// Its software kit computes with 0.0432; ARCHITECTURE.md says why we do not.
 const RESOLUTION_M: f64 = 0.0438;
 
 /// Time against angle: what a turntable of constant speed would have, by least squares.
