@@ -42,6 +42,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("bzip2", &["randt-readers"]),
     ("clap", &["randt"]),
     ("ctrlc", &["randt"]),
+    ("faer", &["randt-mapper"]),
     ("indicatif", &["randt"]),
     ("lz4_flex", &["randt-readers"]),
     ("mcap", &["randt-log", "randt-readers"]),

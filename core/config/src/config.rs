@@ -1,7 +1,9 @@
 //! All sections together, and what must hold between them.
 
 use crate::section::Refusal;
-use crate::sections::{Attitude, Filter, Keyframe, Ndt, Odometry, Robot, Sensor, Submap};
+use crate::sections::{
+    Attitude, Filter, Grid, Keyframe, Loops, Ndt, Odometry, Robot, Sensor, Submap,
+};
 use crate::{Error, Key, Origins};
 use toml::de::DeValue;
 
@@ -75,6 +77,10 @@ config! {
     keyframe: Keyframe,
     /// Submaps.
     submap: Submap,
+    /// Loop closure.
+    loops: Loops,
+    /// Occupancy grid.
+    grid: Grid,
     /// The radar.
     sensor: Sensor,
     /// Mounting.

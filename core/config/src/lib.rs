@@ -35,4 +35,4 @@ pub use load::{Loaded, Selection, check_file};
 pub use place::Place;
 pub use rule::Rule;
 pub use section::Key;
-pub use sections::{Attitude, Filter, Keyframe, Ndt, Odometry, Robot, Sensor, Submap};
+pub use sections::{Attitude, Filter, Grid, Keyframe, Loops, Ndt, Odometry, Robot, Sensor, Submap};

@@ -117,6 +117,25 @@ section! {
 }
 
 section! {
+    /// Loop closure (paper, III-D): which keyframes stand where the robot was before.
+    pub struct Loops {
+        /// Search for loops.
+        pub enabled: bool = true,
+        /// Verify each candidate before it enters the graph. Without it the best candidate is believed as it is: for
+        /// experiments only, one false loop breaks a map.
+        pub verify: bool = true,
+    }
+}
+
+section! {
+    /// Occupancy grid.
+    pub struct Grid {
+        /// Edge of a cell, m: half a door's frame, and what planners for indoor robots use.
+        pub cell_size_m: f64 = 0.1 => Within(0.01, 10.0),
+    }
+}
+
+section! {
     /// What is particular to one radar.
     pub struct Sensor {
         /// Name of the sensor.
