@@ -124,6 +124,24 @@ section! {
         /// Verify each candidate before it enters the graph. Without it the best candidate is believed as it is: for
         /// experiments only, one false loop breaks a map.
         pub verify: bool = true,
+        /// Factor on the covariance of odometry's steps, which takes their errors for independent. They are not: scans
+        /// of one submap share its errors.
+        pub odometry_covariance_factor: f64 = 9.0 => Positive,
+        /// Path after which meeting a place again is a loop, m; before it odometry's own submaps hold it.
+        pub path_min_m: f64 = 15.0 => Positive,
+        /// ScanContext: rings (paper: 20, Oxford 30).
+        pub rings: u32 = 20 => Within(1.0, 200.0),
+        /// ScanContext: sectors (paper: 45 indoor, 60 elsewhere, 120 Oxford).
+        pub sectors: u32 = 60 => Within(4.0, 720.0),
+        /// ScanContext: radius, m (paper: 15, Oxford 90).
+        pub radius_m: f64 = 15.0 => Positive,
+        /// Keyframes of nearest ring key that are compared sector by sector (paper: 10).
+        pub candidates: u32 = 10 => Within(1.0, 100.0),
+        /// Share of each place's surroundings that the other's must explain.
+        pub fit_min: f64 = 0.4 => Within(0.0, 1.0),
+        /// Largest Cauchy-Schwarz divergence of a loop. The paper's 3.6 to 4.0 belong to its code's sums, which lack a
+        /// factor.
+        pub divergence_max: f64 = 2.0 => Positive,
     }
 }
 

@@ -15,7 +15,6 @@ const MISFITS_MAX: u64 = 5;
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// What a computation gave.
-#[derive(Debug)]
 pub struct Done {
     /// Poses and map.
     pub results: Results,

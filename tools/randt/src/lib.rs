@@ -5,8 +5,10 @@
 pub mod commands;
 pub mod digest;
 pub mod exit;
+pub mod final_poses;
 pub mod input;
 pub mod job;
+pub mod loops;
 pub mod output;
 pub mod pipeline;
 pub mod progress;

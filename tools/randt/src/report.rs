@@ -1,6 +1,7 @@
 //! `report.json`: what was computed, from what, how fast, and all that was dropped or repaired.
 
 use crate::{
+    loops::Loops,
     pipeline::Timing,
     results::{FrameSpan, TrustCount},
 };
@@ -28,6 +29,8 @@ pub struct Report<'a> {
     pub frames: Vec<FrameSpan>,
     /// How far the poses can be trusted.
     pub trust: TrustCount,
+    /// Loop candidates.
+    pub loops: Loops,
     /// Errors against the truth, where the log has it.
     pub accuracy: Option<Accuracy>,
     /// Everything that was dropped, repaired or assumed.
@@ -58,8 +61,10 @@ pub struct Input {
 /// Errors against the truth.
 #[derive(Debug, Serialize)]
 pub struct Accuracy {
-    /// See `randt eval`.
+    /// Of `trajectory.tum`; see `randt eval`.
     pub ate_rmse_m: Option<f64>,
+    /// Of `odometry.tum`.
+    pub odometry_ate_rmse_m: Option<f64>,
     /// See `randt eval`.
     pub coverage: f64,
 }
@@ -120,6 +125,7 @@ pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> BTreeMap<&'sta
         ("filter", Cost::of(&timing.filter_ns)),
         ("odometry", Cost::of(&timing.odometry_ns)),
         ("filter_and_odometry", Cost::of(&both)),
+        ("mapper_per_keyframe", Cost::of(&timing.mapper_ns)),
         ("read", Cost::of(read_ns)),
         ("run", Cost::of(&[whole_ns])),
     ])

@@ -6,6 +6,7 @@ use randt_evaluation::{
     Evaluation, Plot, Trajectory, evaluate, plot_trajectories, truth_on_estimate,
 };
 use randt_geometry::Pose2;
+use randt_mapper::Mapper;
 use randt_messages::{Keyframe, MessageRef, OdometryState, Trust, TruthPose};
 use randt_odometry::Sink;
 use std::path::Path;
@@ -20,10 +21,6 @@ const PICTURE_STRIDE: usize = 4;
 pub struct Results {
     /// The live state of every scan.
     pub states: Vec<OdometryState>,
-    /// Number of keyframes.
-    pub keyframes: u64,
-    /// Points of the keyframes of the first frame, in `odom`.
-    map: Vec<[f64; 2]>,
     /// The truth, where the log has it; never given to the pipeline.
     truth: Trajectory,
 }
@@ -33,18 +30,7 @@ impl Sink for Results {
         self.states.push(*state);
     }
 
-    fn keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) {
-        self.keyframes += 1;
-        if keyframe.head.odom_frame_id != 0 || self.map.len() >= PICTURE_POINTS_MAX {
-            return;
-        }
-        let pose = Pose2::from_array(keyframe.head.pose);
-        self.map
-            .extend(keyframe.items.iter().step_by(PICTURE_STRIDE).map(|point| {
-                let p = pose.transform([f64::from(point.x_m), f64::from(point.y_m)].into());
-                [p.x, p.y]
-            }));
-    }
+    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
 }
 
 /// Scans of one odometry frame.
@@ -94,12 +80,12 @@ impl Results {
         trajectory
     }
 
-    /// How exact the trajectory is, where the log has the truth.
-    pub fn evaluation(&self) -> Option<Evaluation> {
+    /// How exact a trajectory is, where the log has the truth.
+    pub fn evaluation(&self, trajectory: &Trajectory) -> Option<Evaluation> {
         if self.truth.poses().is_empty() {
             return None;
         }
-        evaluate(&self.odometry(), &self.truth).ok()
+        evaluate(trajectory, &self.truth).ok()
     }
 
     /// The odometry frames, in order.
@@ -144,37 +130,89 @@ impl Results {
         count
     }
 
-    /// Writes `odometry.tum`, `trajectory.tum` and `plot.svg`; gives the trajectory's text.
-    pub fn write(&self, folder: &Path, title: &str) -> anyhow::Result<String> {
-        let trajectory = self.odometry();
+    /// Writes `odometry.tum`, `trajectory.tum`, `keyframes.tum` and `plot.svg`; gives the final trajectory's text.
+    pub fn write(
+        &self,
+        folder: &Path,
+        title: &str,
+        trajectory: &Trajectory,
+        mapper: &Mapper,
+    ) -> anyhow::Result<String> {
         let rows = trajectory.to_tum();
-        write_whole(&folder.join("odometry.tum"), rows.as_bytes())?;
-        // Until loops are closed the final pose of a scan is its live one.
-        write_whole(&folder.join("trajectory.tum"), rows.as_bytes())?;
-        let picture = self.picture(&trajectory, title).context("plot.svg")?;
-        write_whole(&folder.join("plot.svg"), picture.as_bytes())?;
+        let picture = self
+            .picture(trajectory, title, mapper)
+            .context("plot.svg")?;
+        for (name, text) in [
+            ("odometry.tum", &self.odometry().to_tum()),
+            ("trajectory.tum", &rows),
+            ("keyframes.tum", &keyframes(mapper).to_tum()),
+            ("plot.svg", &picture),
+        ] {
+            write_whole(&folder.join(name), text.as_bytes())?;
+        }
         Ok(rows)
     }
 
-    fn picture(&self, trajectory: &Trajectory, title: &str) -> anyhow::Result<String> {
-        let same = |a: &OdometryState, b: &OdometryState| a.odom_frame_id == b.odom_frame_id;
-        let position = |state: &OdometryState| [state.pose[0], state.pose[1]];
-        // Frames have nothing in common but the picture; the first one is the map's.
-        let estimate: Vec<Vec<[f64; 2]>> = self
-            .states
-            .chunk_by(same)
-            .map(|frame| frame.iter().map(position).collect())
+    /// The picture: what stands in the map's largest part is drawn with its returns and loops, other parts as lines.
+    fn picture(
+        &self,
+        trajectory: &Trajectory,
+        title: &str,
+        mapper: &Mapper,
+    ) -> anyhow::Result<String> {
+        let estimate: Vec<Vec<[f64; 2]>> = trajectory
+            .poses()
+            .chunk_by(|a, b| a.frame == b.frame)
+            .map(|part| {
+                part.iter()
+                    .map(|pose| [pose.transform.x_m, pose.transform.y_m])
+                    .collect()
+            })
             .collect();
         let truth = match self.truth.poses() {
             [] => Vec::new(),
             _ => truth_on_estimate(trajectory, &self.truth)?,
         };
+        let position = |place: usize| mapper.poses().get(place).map(|pose| [pose.x_m, pose.y_m]);
+        let loops: Vec<[[f64; 2]; 2]> = mapper
+            .loops()
+            .filter_map(|l| Some([position(l.from)?, position(l.to)?]))
+            .collect();
         Ok(plot_trajectories(&Plot {
             title,
             estimate: &estimate,
             truth: &truth,
-            map: &self.map,
-            loops: &[],
+            map: &returns(mapper),
+            loops: &loops,
         })?)
     }
+}
+
+/// The keyframes as the graph has them.
+fn keyframes(mapper: &Mapper) -> Trajectory {
+    let mut trajectory = Trajectory::stamped();
+    for (index, (place, pose)) in mapper.places().iter().zip(mapper.poses()).enumerate() {
+        trajectory.push(place.stamp_ns, mapper.part_of(index) as u64, *pose);
+    }
+    trajectory
+}
+
+/// Returns of the map's largest part, thinned out.
+fn returns(mapper: &Mapper) -> Vec<[f64; 2]> {
+    let part = mapper.largest_part();
+    let places = || {
+        let all = mapper.places().iter().zip(mapper.poses()).enumerate();
+        all.filter(|(index, _)| mapper.part_of(*index) == part)
+            .map(|(_, place)| place)
+    };
+    let total: usize = places().map(|(place, _)| place.points.len()).sum();
+    let stride = (total / PICTURE_POINTS_MAX).max(PICTURE_STRIDE);
+    places()
+        .flat_map(|(place, pose)| {
+            place.points.iter().step_by(stride).map(|point| {
+                let p = pose.transform([f64::from(point.x_m), f64::from(point.y_m)].into());
+                [p.x, p.y]
+            })
+        })
+        .collect()
 }

@@ -3,8 +3,10 @@
 use crate::{
     digest,
     exit::Outcome,
+    final_poses::final_poses,
     input::InputOptions,
     job::{self, Done},
+    loops::Loops,
     output::{print, write_whole},
     progress,
     report::{self, Accuracy, Cost, Count, Report},
@@ -30,6 +32,9 @@ pub struct Arguments {
     /// Do not use the IMU
     #[arg(long)]
     no_imu: bool,
+    /// Do not close loops: the map is odometry's
+    #[arg(long)]
+    no_loops: bool,
     #[command(flatten)]
     selection: SelectionArguments,
     #[command(flatten)]
@@ -43,6 +48,7 @@ impl Arguments {
             input,
             out,
             no_imu: false,
+            no_loops: false,
             selection: SelectionArguments::default(),
             options: InputOptions::default(),
         }
@@ -77,7 +83,8 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     let begin = Instant::now();
     let mut source = randt_readers::open(&arguments.input, &arguments.options.options())?;
     let loaded = arguments.selection.load(source.info().sensor)?;
-    let config = job::with_mounting(&loaded, source.as_ref());
+    let mut config = job::with_mounting(&loaded, source.as_ref());
+    config.loops.enabled &= !arguments.no_loops;
     prepare_folder(&arguments.out)?;
 
     let bar = progress::bar(source.info().scans, "scans");
@@ -121,7 +128,9 @@ fn finish(
         .unwrap_or(input.as_os_str())
         .to_string_lossy()
         .into_owned();
-    let rows = results.write(out, &name)?;
+    let mapper = done.pipeline.mapper();
+    let trajectory = final_poses(&results.states, mapper);
+    let rows = results.write(out, &name, &trajectory, mapper)?;
     let odometry = done.pipeline.counters();
     let mut counters = report::counters(input, &source.counters(), &odometry);
     if let Some(misfit) = &done.first_misfit {
@@ -144,7 +153,8 @@ fn finish(
         );
     }
     let lost = counters.values().any(|c| c.loss);
-    let evaluation = results.evaluation();
+    let evaluation = results.evaluation(&trajectory);
+    let of_odometry = results.evaluation(&results.odometry());
     let sha256 = digest::of_path(input)?;
     let report = Report {
         randt: env!("CARGO_PKG_VERSION"),
@@ -156,12 +166,14 @@ fn finish(
             done.imu_samples,
         ),
         scans: results.states.len() as u64,
-        keyframes: results.keyframes,
+        keyframes: mapper.places().len() as u64,
         path_m: results.path_m(),
         frames: results.frames(),
         trust: results.trust(),
+        loops: Loops::of(mapper),
         accuracy: evaluation.as_ref().map(|e| Accuracy {
             ate_rmse_m: e.ate_rmse_m,
+            odometry_ate_rmse_m: of_odometry.and_then(|e| e.ate_rmse_m),
             coverage: e.coverage,
         }),
         counters,

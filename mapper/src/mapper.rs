@@ -1,0 +1,178 @@
+//! The mapper: keyframes in, the global map out (paper, III-D).
+
+mod close;
+mod confirm;
+mod settle;
+
+use crate::{
+    Candidate, Fate, Place,
+    graph::{Edge, LoopId, PoseGraph},
+    registration::Registrar,
+    search::Search,
+    submap::{Submaps, Trail},
+};
+use nalgebra::Matrix3;
+use randt_config::Config;
+use randt_geometry::Pose2;
+use randt_messages::{Keyframe, MessageRef};
+
+/// Least standard deviations of a step of odometry, m and rad: a covariance of nothing would make the graph stiff.
+const STEP_SIGMA_MIN: [f64; 3] = [1e-3, 1e-3, 1e-4];
+
+/// What was dropped or failed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Keyframes left out: numbers that do not rise, values that are not finite.
+    pub keyframes_rejected: u64,
+    /// Optimisations without a result; the estimate stayed where it was.
+    pub solver_failures: u64,
+}
+
+/// The global map.
+pub struct Mapper {
+    config: Config,
+    places: Vec<Place>,
+    graph: PoseGraph,
+    submaps: Submaps,
+    search: Search,
+    trail: Trail,
+    registrar: Registrar,
+    candidates: Vec<Candidate>,
+    /// Loops of the graph: name there, index of the candidate.
+    loops: Vec<(LoopId, usize)>,
+    /// Path at which loops were last searched for, m.
+    searched_m: f64,
+    counters: Counters,
+}
+
+impl Mapper {
+    /// Empty.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            places: Vec::new(),
+            graph: PoseGraph::default(),
+            submaps: Submaps::new(config),
+            search: Search::new(config),
+            trail: Trail::new(config),
+            registrar: Registrar::new(config),
+            candidates: Vec::new(),
+            loops: Vec::new(),
+            searched_m: f64::NEG_INFINITY,
+            counters: Counters::default(),
+            config: config.clone(),
+        }
+    }
+
+    /// Takes the next keyframe: it enters graph and submaps, and where it closes loops the map follows.
+    pub fn push(&mut self, keyframe: MessageRef<'_, Keyframe>) {
+        if !self.add(keyframe) {
+            self.counters.keyframes_rejected += 1;
+            return;
+        }
+        self.submaps.push(&self.places);
+        let Some(place) = self.places.last() else {
+            return;
+        };
+        if !self.config.loops.enabled {
+            return;
+        }
+        self.search.push(place);
+        // Turning on the spot shows nothing new.
+        if place.path_m - self.searched_m < self.config.keyframe.distance_m {
+            return;
+        }
+        self.searched_m = place.path_m;
+        self.close_loops();
+    }
+
+    /// The drive is over: the map is judged as a whole once more.
+    pub fn finish(&mut self) {
+        self.settle();
+    }
+
+    /// Adds place and node; `false` where the keyframe cannot be one.
+    fn add(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
+        let before = self.places.last();
+        let head = keyframe.head;
+        let rises = before.is_none_or(|before| {
+            head.id > before.keyframe_id && head.header.stamp_ns > before.stamp_ns
+        });
+        if !rises || !head.pose.iter().all(|value| value.is_finite()) {
+            return false;
+        }
+        let place = Place::new(keyframe, before);
+        let joined = before.filter(|before| before.odom_frame_id == place.odom_frame_id);
+        let node = match (joined, self.places.len().checked_sub(1)) {
+            (Some(before), Some(from)) => {
+                let edge = Edge {
+                    from,
+                    to: from + 1,
+                    measured: before.odom.between(&place.odom),
+                    information: step_information(
+                        &(place.step_covariance * self.config.loops.odometry_covariance_factor),
+                    ),
+                };
+                self.graph.append(edge)
+            }
+            // A frame's own coordinates, until a loop joins it.
+            _ => self.graph.add_node(place.odom),
+        };
+        if node.is_ok() {
+            self.places.push(place);
+        }
+        node.is_ok()
+    }
+
+    /// All keyframes, in order.
+    pub fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// Where they stand; poses of different parts have nothing in common.
+    pub fn poses(&self) -> &[Pose2] {
+        self.graph.poses()
+    }
+
+    /// The part of the map that a keyframe belongs to, named by the part's first keyframe.
+    pub fn part_of(&self, place: usize) -> usize {
+        self.graph.component_of(place).unwrap_or(place)
+    }
+
+    /// The part with most keyframes, the older one of equals.
+    pub fn largest_part(&self) -> usize {
+        let mut sizes = vec![0_usize; self.places.len()];
+        for place in 0..self.places.len() {
+            if let Some(size) = sizes.get_mut(self.part_of(place)) {
+                *size += 1;
+            }
+        }
+        let largest = sizes.iter().copied().max().unwrap_or(0);
+        sizes.iter().position(|size| *size == largest).unwrap_or(0)
+    }
+
+    /// All candidates so far, in order.
+    pub fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    /// Loops in the graph.
+    pub fn loops(&self) -> impl Iterator<Item = &Candidate> {
+        self.candidates
+            .iter()
+            .filter(|candidate| candidate.fate == Fate::Accepted)
+    }
+
+    /// What was dropped or failed.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+}
+
+/// Information of a step from its covariance, with floors; not finite ones count as unknown.
+fn step_information(covariance: &Matrix3<f64>) -> Matrix3<f64> {
+    let floor = Matrix3::from_diagonal(&STEP_SIGMA_MIN.map(|sigma| sigma * sigma).into());
+    let symmetric = (covariance + covariance.transpose()) * 0.5 + floor;
+    let information = symmetric.cholesky().map(|cholesky| cholesky.inverse());
+    let information = information.filter(|i| i.iter().all(|value| value.is_finite()));
+    information.map_or_else(Matrix3::identity, |i| (i + i.transpose()) * 0.5)
+}

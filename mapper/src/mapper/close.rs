@@ -1,0 +1,215 @@
+//! From leads to candidates: registration against the old place's submap, from every start that is possible.
+
+use super::Mapper;
+use crate::{
+    Candidate, Fate,
+    candidate::Scores,
+    divergence::divergence,
+    registration::Registration,
+    search::{Lead, Source},
+    verify::{Prior, deviation, judge},
+};
+use nalgebra::Matrix3;
+use randt_geometry::{Pose2, elementary::PI};
+
+/// Places are looked for within so many standard deviations of the estimate, and at least and at most so many metres.
+const NEAR_DEVIATIONS: f64 = 3.0;
+const NEAR_MIN_M: f64 = 2.0;
+const NEAR_MAX_M: f64 = 8.0;
+/// Below these the estimate is a better start than what a place looks like: half a cell, half a sector.
+const START_SIGMA_RAD: f64 = 0.1;
+/// Headings within so many standard deviations, and one sector, of the estimate's are the same.
+const HEADING_DEVIATIONS: f64 = 4.0;
+/// Part of the sight in which the mixtures are compared: beyond it they were seen from too far apart.
+const DIVERGENCE_SIGHT: f64 = 0.6;
+
+impl Mapper {
+    /// Searches for loops of the newest place and takes those that hold.
+    pub(super) fn close_loops(&mut self) {
+        let leads = self.leads();
+        if leads.is_empty() {
+            return;
+        }
+        self.trail.follow(&self.places);
+        let mut tried: Vec<usize> = Vec::new();
+        let first = self.candidates.len();
+        for lead in leads {
+            let Some(place) = self.places.get(lead.place) else {
+                continue;
+            };
+            let Some(root) = self
+                .submaps
+                .of(place, &self.places)
+                .map(|submap| submap.root)
+            else {
+                continue;
+            };
+            if !tried.contains(&root) {
+                tried.push(root);
+                if let Some(candidate) = self.follow(&lead, root) {
+                    self.candidates.push(candidate);
+                }
+            }
+        }
+        self.confirm(first);
+    }
+
+    /// Leads from both sources.
+    fn leads(&mut self) -> Vec<Lead> {
+        let newest = self.places.len() - 1;
+        let poses = self.graph.poses().to_vec();
+        let here = poses[newest];
+        // One covariance for all: that of the place against the start of its part.
+        let start = self.part_of(newest);
+        let sigma_m = self
+            .prior(start, newest)
+            .map_or(f64::INFINITY, |prior| prior.sigma_m());
+        let verify = self.config.loops.verify;
+        let mut leads = self.search.look_alikes(&self.places, |place| {
+            let same = self.graph.component_of(place) == self.graph.component_of(newest);
+            let away_m = here.between(&poses[place]).translation().norm();
+            (same && verify).then(|| (away_m - NEAR_MIN_M).max(0.0) / sigma_m.max(0.1))
+        });
+        if verify {
+            let radius_m = (NEAR_DEVIATIONS * sigma_m).clamp(NEAR_MIN_M, NEAR_MAX_M);
+            let same: Vec<Pose2> = poses;
+            leads.extend(self.search.neighbours(&self.places, &same, radius_m));
+        } else {
+            leads.truncate(1);
+        }
+        leads
+    }
+
+    /// What the graph says of `to` seen from `from`, where it joins them.
+    pub(super) fn prior(&mut self, from: usize, to: usize) -> Option<Prior> {
+        if self.graph.component_of(from) != self.graph.component_of(to) {
+            return None;
+        }
+        let covariance = if from == to {
+            Matrix3::zeros()
+        } else {
+            self.graph.relative_covariance(from, to).ok()?
+        };
+        let poses = self.graph.poses();
+        let pose = poses.get(from)?.between(poses.get(to)?);
+        Some(Prior { pose, covariance })
+    }
+
+    /// Registers the newest place to the submap of a lead and judges the result.
+    fn follow(&mut self, lead: &Lead, root: usize) -> Option<Candidate> {
+        let newest = self.places.len() - 1;
+        let verify = self.config.loops.verify;
+        let prior = self.prior(root, newest).filter(|_| verify);
+        let mut candidate = Candidate {
+            from: root,
+            to: newest,
+            source: lead.source,
+            relative: prior.map_or(Pose2::IDENTITY, |prior| prior.pose),
+            information: Matrix3::zeros(),
+            scores: Scores {
+                prior_sigma_m: prior.map(|prior| prior.sigma_m()),
+                ..Scores::default()
+            },
+            fate: Fate::Unregistered,
+        };
+        if lead.source == Source::Estimate && prior.is_none() {
+            return None;
+        }
+        let starts = self.starts(lead, root, prior.as_ref());
+        if starts.is_empty() {
+            candidate.fate = Fate::AgainstOdometry;
+            return Some(candidate);
+        }
+        let Some((registration, heading)) = self.register(root, &starts) else {
+            return Some(candidate);
+        };
+        candidate.relative = registration.pose;
+        candidate.information = registration.information;
+        let scores = &mut candidate.scores;
+        scores.forward = Some(registration.forward);
+        scores.backward = Some(registration.backward);
+        scores.sigma_m = Some(registration.sigmas_m()[0]);
+        let _ = heading;
+        if prior.is_none_or(|prior| prior.sigma_rad() > START_SIGMA_RAD) && verify {
+            let pose = registration.pose;
+            let flipped = Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad + PI);
+            let flipped = self.register(root, &[flipped]);
+            candidate.scores.flipped = Some(flipped.map_or(0.0, |(flipped, _)| flipped.fit()));
+        }
+        if let Some(prior) = prior {
+            let covariance = registration.information.try_inverse();
+            candidate.scores.chi2 =
+                Some(covariance.map_or(f64::INFINITY, |c| prior.chi2(&registration.pose, &c)));
+        }
+        let grid = self
+            .submaps
+            .all()
+            .iter()
+            .find(|submap| submap.root == root)
+            .map(|s| &s.grid);
+        let sight_m = DIVERGENCE_SIGHT
+            * self
+                .config
+                .filter
+                .range_max_m
+                .min(self.config.sensor.range_max_m);
+        candidate.scores.divergence =
+            grid.map(|grid| divergence(grid, &self.trail.grid, &registration.pose, sight_m));
+        candidate.fate = match judge(&candidate.scores, &self.config.loops) {
+            Err(fate) if verify => fate,
+            _ => Fate::Unconfirmed,
+        };
+        Some(candidate)
+    }
+
+    /// Where a registration may start: the estimate where it is sharp, else what the place looks like, where odometry
+    /// allows that.
+    fn starts(&self, lead: &Lead, root: usize, prior: Option<&Prior>) -> Vec<Pose2> {
+        let mut starts = Vec::new();
+        if let Some(prior) = prior {
+            starts.push(prior.pose);
+        }
+        if let (Source::Appearance { yaw_rad, .. }, Some(place), Some(root)) = (
+            lead.source,
+            self.places.get(lead.place),
+            self.places.get(root),
+        ) {
+            let look = root
+                .odom
+                .between(&place.odom)
+                .compose(&Pose2::new(0.0, 0.0, yaw_rad));
+            let Some(prior) = prior else {
+                return vec![look];
+            };
+            let off = deviation(&prior.pose, &look);
+            let sector = 2.0 * PI / f64::from(self.config.loops.sectors);
+            let away_m = HEADING_DEVIATIONS * prior.sigma_m() + NEAR_MAX_M;
+            if off.z.abs() > HEADING_DEVIATIONS * prior.sigma_rad() + 2.0 * sector
+                || off.xy().norm() > away_m
+            {
+                return Vec::new();
+            }
+            if prior.sigma_m() > 0.5 * self.config.cell_size_m() {
+                starts.push(look);
+            }
+        }
+        starts
+    }
+
+    /// The best of several registrations to one submap.
+    fn register(&mut self, root: usize, starts: &[Pose2]) -> Option<(Registration, usize)> {
+        let index = self
+            .submaps
+            .all()
+            .binary_search_by_key(&root, |submap| submap.root)
+            .ok()?;
+        let grid = &self.submaps.all().get(index)?.grid;
+        let registrar = &mut self.registrar;
+        let trail = &self.trail;
+        starts
+            .iter()
+            .enumerate()
+            .filter_map(|(i, start)| Some((registrar.register(grid, trail, start)?, i)))
+            .max_by(|a, b| a.0.fit().total_cmp(&b.0.fit()))
+    }
+}

@@ -1,0 +1,43 @@
+//! The graph after new loops: optimised, and rid of loops that proved wrong.
+
+use super::Mapper;
+use crate::Fate;
+
+/// Weight below which a loop has proved wrong: the rest of the map disagrees with it.
+const WEIGHT_MIN: f64 = 0.3;
+
+impl Mapper {
+    /// Optimises; takes out loops that proved wrong and optimises again.
+    pub(super) fn settle(&mut self) {
+        loop {
+            if self.graph.optimise().is_err() {
+                self.counters.solver_failures += 1;
+                return;
+            }
+            if !self.config.loops.verify || !self.withdraw() {
+                return;
+            }
+        }
+    }
+
+    /// Takes out the loops that the graph has switched off; whether there were any.
+    fn withdraw(&mut self) -> bool {
+        let wrong: Vec<_> = self
+            .graph
+            .loops()
+            .iter()
+            .filter(|l| l.weight < WEIGHT_MIN)
+            .map(|l| l.id)
+            .collect();
+        for id in &wrong {
+            self.graph.remove_loop(*id);
+            if let Some(at) = self.loops.iter().position(|(name, _)| name == id) {
+                let (_, candidate) = self.loops.remove(at);
+                if let Some(candidate) = self.candidates.get_mut(candidate) {
+                    candidate.fate = Fate::Withdrawn;
+                }
+            }
+        }
+        !wrong.is_empty()
+    }
+}

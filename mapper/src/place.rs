@@ -1,0 +1,50 @@
+//! A place: a keyframe as the mapper keeps it.
+
+use nalgebra::Matrix3;
+use randt_geometry::Pose2;
+use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, MessageRef};
+
+/// A keyframe, its points in its own `base_link` at the sweep's end.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// Number that odometry gave it.
+    pub keyframe_id: u64,
+    /// End of the sweep.
+    pub stamp_ns: i64,
+    /// Frame of `odom`.
+    pub odom_frame_id: u64,
+    /// Pose in that frame, final.
+    pub odom: Pose2,
+    /// Covariance relative to the place before, in this one's frame.
+    pub step_covariance: Matrix3<f64>,
+    /// Path driven since the start, m; frames of odometry count on.
+    pub path_m: f64,
+    /// Where the beams began, for the rays of the grid.
+    pub beams: Vec<KeyframeBeam>,
+    /// De-skewed returns, by beam, then range.
+    pub points: Vec<KeyframePoint>,
+}
+
+impl Place {
+    /// The place of a message; `before` is the last one, in whatever frame.
+    pub fn new(keyframe: MessageRef<'_, Keyframe>, before: Option<&Self>) -> Self {
+        let head = keyframe.head;
+        let odom = Pose2::from_array(head.pose);
+        let step_m = before
+            .filter(|before| before.odom_frame_id == head.odom_frame_id)
+            .map_or(0.0, |before| {
+                before.odom.between(&odom).translation().norm()
+            });
+        let beams = head.beams.get(..head.beam_count as usize);
+        Self {
+            keyframe_id: head.id,
+            stamp_ns: head.header.stamp_ns,
+            odom_frame_id: head.odom_frame_id,
+            odom,
+            step_covariance: Matrix3::from_row_slice(&head.covariance),
+            path_m: before.map_or(0.0, |before| before.path_m) + step_m,
+            beams: beams.unwrap_or(&head.beams).to_vec(),
+            points: keyframe.items.to_vec(),
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Where a trail stands in a submap: NDT registration under an adaptive loss whose scale is graduated.
+//!
+//! The paper's refinement of a loop candidate (III-D): the residual is that of odometry, r^2 = d^T (R S R^T + S')^-1 d,
+//! and associations are made again before every step.
+
+use crate::submap::Trail;
+use nalgebra::{Matrix3, Vector3};
+use randt_config::Config;
+use randt_geometry::Pose2;
+use randt_ndt::{AdaptiveLoss, Association, Grid, ScanCell};
+
+/// Factors on c^2, one solve each: a loop starts farther from its end than a scan does, so the basin begins wider.
+const GRADUATION: [f64; 3] = [16.0, 4.0, 1.0];
+/// Steps at the wide scales, which only lead into the next one's basin, and at the last.
+const STEPS_WIDE: u32 = 3;
+const STEPS_MAX: u32 = 8;
+/// A step below this (m, rad) ends a scale: a tenth of the centimetre that a registration is good for.
+const STEP_MIN: f64 = 1e-3;
+/// Longest step, m and rad: associations reach one cell.
+const STEP_MAX: f64 = 0.5;
+/// Added to the diagonal of the normal equations, per unit of it, so that a bare corridor does not run away.
+const DAMPING: f64 = 1e-3;
+
+/// A trail's pose in a submap, and how well it fits there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Registration {
+    /// Pose of the trail's newest keyframe in the frame of the submap's root.
+    pub pose: Pose2,
+    /// Information about x, y, yaw in the trail's frame.
+    pub information: Matrix3<f64>,
+    /// Share of the trail that the submap explains, 0..1.
+    pub forward: f64,
+    /// Share of the submap, as far as the trail sees it, that the trail explains, 0..1.
+    pub backward: f64,
+}
+
+impl Registration {
+    /// The smaller share: both must agree.
+    pub fn fit(&self) -> f64 {
+        self.forward.min(self.backward)
+    }
+
+    /// Standard deviations along the least and most certain direction of the position, m, with the heading free.
+    pub fn sigmas_m(&self) -> [f64; 2] {
+        let h = &self.information;
+        let yaw = h.m33.max(f64::MIN_POSITIVE);
+        let (a, b, c) = (
+            h.m11 - h.m13 * h.m13 / yaw,
+            h.m12 - h.m13 * h.m23 / yaw,
+            h.m22 - h.m23 * h.m23 / yaw,
+        );
+        let middle = 0.5 * (a + c);
+        let radius = (0.25 * (a - c) * (a - c) + b * b).sqrt();
+        [middle - radius, middle + radius].map(|l| 1.0 / l.max(f64::MIN_POSITIVE).sqrt())
+    }
+}
+
+/// Registers trails; reuses its memory.
+#[derive(Clone, Debug)]
+pub struct Registrar {
+    alpha: f64,
+    scale: f64,
+    neighbours: usize,
+    weight: f64,
+    sight_m: f64,
+    associations: Vec<Association>,
+    seen: Vec<ScanCell>,
+}
+
+impl Registrar {
+    /// Settings as odometry has them.
+    pub fn new(config: &Config) -> Self {
+        let odometry = &config.odometry;
+        Self {
+            alpha: odometry.loss_alpha,
+            scale: odometry.loss_scale,
+            neighbours: odometry.neighbours as usize,
+            weight: odometry.ndt_weight,
+            sight_m: config.filter.range_max_m.min(config.sensor.range_max_m),
+            associations: Vec::new(),
+            seen: Vec::new(),
+        }
+    }
+
+    /// Finds the pose near `start`; `None` where nothing is alike.
+    pub fn register(&mut self, map: &Grid, trail: &Trail, start: &Pose2) -> Option<Registration> {
+        let mut pose = *start;
+        let mut hessian = Matrix3::zeros();
+        for mu in GRADUATION {
+            let loss = AdaptiveLoss::new(self.alpha, self.scale, mu);
+            let steps = if mu > 1.0 { STEPS_WIDE } else { STEPS_MAX };
+            for _ in 0..steps {
+                Association::find(
+                    map,
+                    &trail.cells,
+                    &pose,
+                    self.neighbours,
+                    &mut self.associations,
+                );
+                let normal =
+                    randt_ndt::evaluate(&trail.cells, &self.associations, &pose, [0.0; 3], &loss);
+                hessian = normal.pose;
+                let mut damped = hessian;
+                for i in 0..3 {
+                    damped[(i, i)] *= 1.0 + DAMPING;
+                }
+                let step: Vector3<f64> = damped.cholesky()?.solve(&-normal.pose_gradient);
+                let longest = step.amax();
+                if !longest.is_finite() {
+                    return None;
+                }
+                pose = pose.compose(&Pose2::exp(step * (STEP_MAX / longest).min(1.0)));
+                if longest < STEP_MIN {
+                    break;
+                }
+            }
+        }
+        let loss = AdaptiveLoss::new(self.alpha, self.scale, 1.0);
+        Association::find(map, &trail.cells, &pose, 1, &mut self.associations);
+        let forward = explained(&self.associations, &loss);
+        let shares = (trail.cells.len() * self.neighbours).max(1) as f64;
+        let mut registration = Registration {
+            pose,
+            information: hessian * (self.weight / shares),
+            forward,
+            backward: 0.0,
+        };
+        registration.backward = self.backward(map, trail, &pose, &loss);
+        Some(registration)
+    }
+
+    /// Share of the submap around the trail's end that the trail explains.
+    fn backward(&mut self, map: &Grid, trail: &Trail, pose: &Pose2, loss: &AdaptiveLoss) -> f64 {
+        // What the trail's end does not see says nothing against it.
+        let near = |x: f64, y: f64| {
+            let (dx, dy) = (x - pose.x_m, y - pose.y_m);
+            dx * dx + dy * dy <= 0.25 * self.sight_m * self.sight_m
+        };
+        self.seen.clear();
+        self.seen.extend(
+            map.cells()
+                .filter(|cell| near(cell.mean[0], cell.mean[1]))
+                .map(|cell| ScanCell::new(cell, 0.0)),
+        );
+        Association::find(
+            &trail.grid,
+            &self.seen,
+            &pose.inverse(),
+            1,
+            &mut self.associations,
+        );
+        explained(&self.associations, loss)
+    }
+}
+
+/// Mean robust weight of the nearest counterparts; a cell without one counts as 0.
+fn explained(associations: &[Association], loss: &AdaptiveLoss) -> f64 {
+    let sum: f64 = associations
+        .iter()
+        .filter(|association| association.count > 0)
+        .map(|association| loss.weight(association.nearest))
+        .sum();
+    sum / associations.len().max(1) as f64
+}

@@ -1,0 +1,138 @@
+//! Where a keyframe could have been before: leads from what it looks like and from where it is believed to be.
+
+use crate::{Place, ScanContext, submap::REACH_KEYFRAMES};
+use randt_config::{Config, Loops};
+use randt_geometry::{Pose2, elementary::exp};
+
+/// Leads that are followed from each source; each costs a registration.
+const LEADS_MAX: usize = 3;
+
+/// Where a lead comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Source {
+    /// The places look alike under this turn.
+    Appearance {
+        /// ScanContext distance, with odometry's part.
+        distance: f64,
+        /// Heading of the newest place in the frame of the old one, rad.
+        yaw_rad: f64,
+    },
+    /// The estimate says that the robot is there again.
+    Estimate,
+}
+
+/// An old place that the newest one may be at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lead {
+    /// Index of the old place.
+    pub place: usize,
+    /// Why.
+    pub source: Source,
+}
+
+/// The descriptors of all places.
+#[derive(Clone, Debug)]
+pub struct Search {
+    config: Loops,
+    apart_m: f64,
+    descriptors: Vec<ScanContext>,
+}
+
+impl Search {
+    /// None yet.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            config: config.loops.clone(),
+            apart_m: REACH_KEYFRAMES * config.keyframe.distance_m,
+            descriptors: Vec::new(),
+        }
+    }
+
+    /// Takes the newest place.
+    pub fn push(&mut self, place: &Place) {
+        self.descriptors
+            .push(ScanContext::new(&place.points, &self.config));
+    }
+
+    /// Places so long ago that meeting them again is a loop: an earlier part of the path, or another frame.
+    fn old<'a>(&self, places: &'a [Place]) -> impl Iterator<Item = (usize, &'a Place)> + use<'a> {
+        let path_min_m = self.config.path_min_m;
+        let newest = places.last();
+        places.iter().enumerate().filter(move |(_, place)| {
+            newest.is_some_and(|newest| {
+                place.odom_frame_id != newest.odom_frame_id
+                    || newest.path_m - place.path_m >= path_min_m
+            })
+        })
+    }
+
+    /// The places that look most like the newest one, best first, one of each neighbourhood.
+    ///
+    /// `deviations(place)`: how many standard deviations away from there odometry believes the robot to be, where it
+    /// says anything. It adds 1 - exp(-d^2 / 2) to the distance (facts from TBV SLAM: odometry similarity).
+    pub fn look_alikes(
+        &self,
+        places: &[Place],
+        mut deviations: impl FnMut(usize) -> Option<f64>,
+    ) -> Vec<Lead> {
+        let Some(newest) = self.descriptors.last() else {
+            return Vec::new();
+        };
+        let mut sieve: Vec<(f32, usize)> = self
+            .old(places)
+            .filter_map(|(i, _)| Some((newest.key_distance(self.descriptors.get(i)?), i)))
+            .collect();
+        let keep = self.config.candidates as usize;
+        if sieve.len() > keep {
+            sieve.select_nth_unstable_by(keep, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            sieve.truncate(keep);
+        }
+        let leads = sieve.iter().filter_map(|&(_, place)| {
+            let likeness = self.descriptors.get(place)?.compare(newest);
+            let odometry = deviations(place).map_or(0.0, |d| 1.0 - exp(-0.5 * d * d));
+            let distance = likeness.distance + odometry;
+            let source = Source::Appearance {
+                distance,
+                yaw_rad: likeness.yaw_rad,
+            };
+            Some((distance, Lead { place, source }))
+        });
+        self.best(places, leads.collect())
+    }
+
+    /// The places nearest to where the newest one is believed to be, within `radius_m`, one of each neighbourhood.
+    pub fn neighbours(&self, places: &[Place], poses: &[Pose2], radius_m: f64) -> Vec<Lead> {
+        let Some(here) = poses.last() else {
+            return Vec::new();
+        };
+        let leads = self.old(places).filter_map(|(place, _)| {
+            let distance = here.between(poses.get(place)?).translation().norm();
+            (distance <= radius_m).then_some((
+                distance,
+                Lead {
+                    place,
+                    source: Source::Estimate,
+                },
+            ))
+        });
+        self.best(places, leads.collect())
+    }
+
+    /// The best leads, no two of them of one neighbourhood of the path.
+    fn best(&self, places: &[Place], mut leads: Vec<(f64, Lead)>) -> Vec<Lead> {
+        leads.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.place.cmp(&b.1.place)));
+        let near = |a: &Lead, b: &Lead| match (places.get(a.place), places.get(b.place)) {
+            (Some(a), Some(b)) => {
+                a.odom_frame_id == b.odom_frame_id && (a.path_m - b.path_m).abs() < self.apart_m
+            }
+            _ => true,
+        };
+        let mut best: Vec<Lead> = Vec::new();
+        for (_, lead) in leads {
+            if best.len() < LEADS_MAX && !best.iter().any(|other| near(other, &lead)) {
+                best.push(lead);
+            }
+        }
+        best
+    }
+}

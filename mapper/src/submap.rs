@@ -1,0 +1,170 @@
+//! Submaps: the NDT cells around a root keyframe, made of the keyframes before and after it.
+//!
+//! A submap stands in its root's frame and uses odometry's relative poses only, which are exact over its few metres:
+//! the graph can move without touching it.
+
+use crate::Place;
+use nalgebra::Vector2;
+use randt_config::Config;
+use randt_geometry::Pose2;
+use randt_ndt::{CellRule, Grid, ScanCell};
+
+/// A submap reaches this many keyframe distances of path to each side of its root: enough to hold what a robot at the
+/// root sees, little enough that odometry has not drifted.
+pub const REACH_KEYFRAMES: f64 = 8.0;
+/// A root every so many keyframe distances of path: each place has one within two keyframes.
+const SPACING_KEYFRAMES: f64 = 4.0;
+
+/// NDT cells in the frame of a root keyframe.
+#[derive(Clone, Debug)]
+pub struct Submap {
+    /// Index of the root place.
+    pub root: usize,
+    /// The cells.
+    pub grid: Grid,
+}
+
+/// All submaps, and the rule by which places enter them.
+#[derive(Clone, Debug)]
+pub struct Submaps {
+    submaps: Vec<Submap>,
+    reach_m: f64,
+    spacing_m: f64,
+    empty: Grid,
+}
+
+impl Submaps {
+    /// None yet.
+    pub fn new(config: &Config) -> Self {
+        let reach_m = REACH_KEYFRAMES * config.keyframe.distance_m;
+        Self {
+            submaps: Vec::new(),
+            reach_m,
+            spacing_m: SPACING_KEYFRAMES * config.keyframe.distance_m,
+            empty: local_grid(config, reach_m),
+        }
+    }
+
+    /// Takes the newest place: it enters the submaps that reach it, and becomes a root where the last one is far.
+    pub fn push(&mut self, places: &[Place]) {
+        let Some((newest, place)) = places.len().checked_sub(1).zip(places.last()) else {
+            return;
+        };
+        for submap in self.submaps.iter_mut().rev() {
+            let Some(root) = places.get(submap.root) else {
+                break;
+            };
+            if !connected(root, place, self.reach_m) {
+                break;
+            }
+            insert(&mut submap.grid, root, place);
+            submap.grid.refresh();
+        }
+        let last_root = self
+            .submaps
+            .last()
+            .and_then(|submap| places.get(submap.root));
+        if last_root.is_some_and(|root| connected(root, place, self.spacing_m)) {
+            return;
+        }
+        let mut grid = self.empty.clone();
+        for before in places.iter().rev() {
+            if !connected(place, before, self.reach_m) {
+                break;
+            }
+            insert(&mut grid, place, before);
+        }
+        grid.refresh();
+        self.submaps.push(Submap { root: newest, grid });
+    }
+
+    /// The submap whose root is nearest along the path to a place of the same frame.
+    pub fn of(&self, place: &Place, places: &[Place]) -> Option<&Submap> {
+        let after = self.submaps.partition_point(|submap| {
+            places
+                .get(submap.root)
+                .is_some_and(|root| root.path_m <= place.path_m)
+        });
+        let near = self
+            .submaps
+            .get(after.saturating_sub(1)..(after + 1).min(self.submaps.len()))?;
+        let distance = |submap: &&Submap| {
+            places
+                .get(submap.root)
+                .filter(|root| root.odom_frame_id == place.odom_frame_id)
+                .map_or(f64::INFINITY, |root| (root.path_m - place.path_m).abs())
+        };
+        near.iter()
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .filter(|submap| distance(submap).is_finite())
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &[Submap] {
+        &self.submaps
+    }
+}
+
+/// What a robot has just driven through, in the frame of the newest keyframe: the scan that is compared with submaps.
+///
+/// A single scan of a sparse radar looks like many places; the last metres look like one.
+#[derive(Clone, Debug)]
+pub struct Trail {
+    /// The cells, for the comparison backwards.
+    pub grid: Grid,
+    /// The same cells, for the comparison forwards.
+    pub cells: Vec<ScanCell>,
+    reach_m: f64,
+}
+
+impl Trail {
+    /// Empty.
+    pub fn new(config: &Config) -> Self {
+        let reach_m = REACH_KEYFRAMES * config.keyframe.distance_m;
+        Self {
+            grid: local_grid(config, reach_m),
+            cells: Vec::new(),
+            reach_m,
+        }
+    }
+
+    /// The trail that ends at the last of `places`.
+    pub fn follow(&mut self, places: &[Place]) {
+        self.grid.clear();
+        if let Some(newest) = places.last() {
+            for place in places.iter().rev() {
+                if !connected(newest, place, self.reach_m) {
+                    break;
+                }
+                insert(&mut self.grid, newest, place);
+            }
+        }
+        self.grid.refresh();
+        self.cells.clear();
+        self.cells
+            .extend(self.grid.cells().map(|cell| ScanCell::new(cell, 0.0)));
+    }
+}
+
+/// An empty grid for what is seen within a reach of path.
+fn local_grid(config: &Config, reach_m: f64) -> Grid {
+    let rule = CellRule {
+        points_min: config.ndt.points_min,
+        use_intensity: config.ndt.intensity,
+    };
+    let sight_m = config.filter.range_max_m.min(config.sensor.range_max_m);
+    Grid::new(config.cell_size_m(), sight_m + reach_m, rule)
+}
+
+/// Whether odometry joins two places within so much path.
+fn connected(a: &Place, b: &Place, reach_m: f64) -> bool {
+    a.odom_frame_id == b.odom_frame_id && (a.path_m - b.path_m).abs() <= reach_m
+}
+
+fn insert(grid: &mut Grid, root: &Place, place: &Place) {
+    let relative: Pose2 = root.odom.between(&place.odom);
+    for point in &place.points {
+        let p = relative.transform(Vector2::new(f64::from(point.x_m), f64::from(point.y_m)));
+        grid.add([p.x, p.y, f64::from(point.intensity)]);
+    }
+}
