@@ -1,11 +1,8 @@
 //! A MEMS IMU on a driving robot: noise, drifting bias, gravity, vibration, its own clock.
 
-use crate::{MotionState, Random};
+use crate::{MotionState, Random, Stance};
 use randt_geometry::elementary::{PI, sin};
 use randt_messages::{Header, ImuSample};
-
-/// Standard gravity.
-const GRAVITY_M_S2: f64 = 9.806_65;
 
 /// What an IMU is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,14 +82,11 @@ impl Imu {
         self.next_ns
     }
 
-    /// The sample of [`Imu::next_ns`]; `state` is the robot's then. Stamps count from the start.
-    pub fn sample(&mut self, state: &MotionState) -> ImuSample {
+    /// The sample of [`Imu::next_ns`]; `state` and `stance` are the robot's then. Stamps count from the start.
+    pub fn sample(&mut self, state: &MotionState, stance: &Stance) -> ImuSample {
         let profile = self.profile;
         let time_s = self.next_ns as f64 * 1e-9;
         let walk = profile.rate_bias_walk * (profile.period_ns as f64 * 1e-9).sqrt();
-        let [forward, left, _] = state.acceleration;
-        let true_rate = [0.0, 0.0, state.velocity[2]];
-        let true_acceleration = [forward, left, GRAVITY_M_S2];
         // Wheels and floor: lines that do not fit each other, growing with speed.
         let shaking =
             |hertz: f64, phase: f64| state.velocity[0] * sin(2.0 * PI * hertz * time_s + phase);
@@ -107,11 +101,11 @@ impl Imu {
         for axis in 0..3 {
             let (a, b) = self.random.normal_pair();
             self.rate_bias[axis] += walk * self.random.normal();
-            rate_rad_s[axis] = true_rate[axis]
+            rate_rad_s[axis] = stance.rate_rad_s[axis]
                 + self.rate_bias[axis]
                 + profile.rate_noise_rad_s * a
                 + profile.vibration_rad_s * rate_lines[axis];
-            acceleration_m_s2[axis] = true_acceleration[axis]
+            acceleration_m_s2[axis] = stance.force_m_s2[axis]
                 + self.acceleration_bias[axis]
                 + profile.acceleration_noise_m_s2 * b
                 + profile.vibration_m_s2 * acceleration_lines[axis];

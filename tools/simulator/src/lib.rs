@@ -4,19 +4,24 @@
 //! files, no clock, no threads; the same seed gives the same bits on every machine. Not responsible for
 //! writing logs.
 
-mod building;
 mod caster;
 mod echo;
+mod error;
+mod format;
+mod ground;
 mod inertial;
 mod material;
 mod motion;
 mod radar;
 mod random;
 mod route;
+mod shape;
 mod simulation;
 mod world;
 
 pub use caster::{Caster, Hit};
+pub use error::WorldError;
+pub use ground::{Ground, Lie, Relief, Stance};
 pub use inertial::ImuProfile;
 pub use material::{Material, Response};
 pub use motion::{Drive, MotionProfile, MotionState};

@@ -45,6 +45,17 @@ impl Material {
         Self::Metal,
     ];
 
+    /// As worlds name it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Concrete => "concrete",
+            Self::Plaster => "plaster",
+            Self::Wood => "wood",
+            Self::Glass => "glass",
+            Self::Metal => "metal",
+        }
+    }
+
     /// Its response.
     pub fn response(self) -> Response {
         // Diffuse dB, specular dB, specular width, loss of one passage in dB, loss of the mirror in dB.

@@ -134,6 +134,11 @@ impl Drive {
         between(&from, to.twist, (time_ns - index * KNOT_NS) as f64 * 1e-9)
     }
 
+    /// Times that the driver has passed the route's end.
+    pub fn laps(&self) -> u32 {
+        self.route.laps()
+    }
+
     fn extend(&mut self) {
         let Some(&last) = self.knots.back() else {
             return;
@@ -154,8 +159,9 @@ impl Drive {
 
     /// The twist 10 ms later: pure pursuit of the route within the robot's limits.
     fn steer(&mut self, knot: &Knot, time_s: f64) -> [f64; 3] {
-        // Shorter and it weaves, longer and it cuts corners through door frames.
+        // Shorter and it weaves, longer and it cuts corners through door frames; a fast robot looks farther.
         const LOOKAHEAD_M: f64 = 0.6;
+        const LOOKAHEAD_S: f64 = 0.5;
         const SPEED_TIME_S: f64 = 0.4;
         const TURN_TIME_S: f64 = 0.15;
         let limits = self.profile;
@@ -166,7 +172,7 @@ impl Drive {
         let [speed, _, turn] = knot.twist;
         let curvature = self
             .route
-            .ahead(Vector2::new(x, y), LOOKAHEAD_M)
+            .ahead(Vector2::new(x, y), LOOKAHEAD_M.max(LOOKAHEAD_S * speed))
             .map_or(0.0, |target| {
                 let (sin, cos) = sin_cos(yaw);
                 let offset = target - Vector2::new(x, y);

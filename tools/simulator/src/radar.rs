@@ -2,13 +2,13 @@
 //!
 //! Every beam is measured from the robot's own pose at its instant. A beam is a fan of rays weighted by the
 //! antenna pattern; each ray returns an echo from every wall that it meets or passes, and one by way of its
-//! first mirror. Echoes add as complex amplitudes with random phases, so that speckle is exponential as on
+//! first mirror. A beam that meets rising ground returns clutter from there. Echoes add as complex amplitudes with random phases, so that speckle is exponential as on
 //! a real radar, and noise is complex with power 1 a bin: intensities are dB above noise.
 
 use crate::caster::{Caster, Hit};
 use crate::echo::Echo;
 use crate::material::{Response, amplitude};
-use crate::{Drive, Material, Random};
+use crate::{Drive, Ground, Material, Random, Stance};
 use nalgebra::Vector2;
 use randt_geometry::Pose2;
 use randt_geometry::elementary::{PI, exp, sin_cos};
@@ -18,6 +18,19 @@ use randt_messages::{Beam, Message, RadarScan, Return, SensorKind};
 const RAYS: usize = 13;
 /// The fan's half width in beam widths; the pattern has fallen by 33 dB there.
 const FAN: f64 = 1.67;
+
+/// Height of the radar over the ground under it.
+const HEIGHT_M: f64 = 0.4;
+/// Level of the ground under a grazing beam, against a perfect rough wall, dB: gravel and grass.
+const GROUND_DB: f64 = -16.0;
+/// The beam is high as well as wide: the ground's echo comes from so much before and behind the point where
+/// its middle meets it, as factors on the range, and what stands behind is seen by its upper half only.
+const GROUND_SPREAD: [f64; 2] = [0.8, 1.3];
+const BEHIND_GROUND: f64 = 0.5;
+/// The ground's echo is a sum of so many.
+const GROUND_ECHOES: u32 = 8;
+/// Step of the search for the ground: relief is smoother than that.
+const GROUND_STEP_M: f64 = 0.5;
 
 /// What a radar is like.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +97,7 @@ pub(crate) struct Radar {
     profile: RadarProfile,
     mounting: Pose2,
     caster: Caster,
+    ground: Ground,
     random: Random,
     echo: Echo,
     fan: [(f64, f64); RAYS],
@@ -95,7 +109,13 @@ pub(crate) struct Radar {
 }
 
 impl Radar {
-    pub fn new(profile: RadarProfile, mounting: Pose2, caster: Caster, seed: u64) -> Self {
+    pub fn new(
+        profile: RadarProfile,
+        mounting: Pose2,
+        caster: Caster,
+        ground: Ground,
+        seed: u64,
+    ) -> Self {
         // Offsets in angle with the pattern's amplitude there; powers add up to 1.
         let fan = core::array::from_fn(|ray| {
             let offset = FAN * (2.0 * ray as f64 / (RAYS - 1) as f64 - 1.0);
@@ -112,6 +132,7 @@ impl Radar {
         Self {
             mounting,
             caster,
+            ground,
             random: Random::new(seed, 3),
             echo: Echo::new(&profile),
             fan: fan.map(|(offset, weight)| (offset, weight / power.sqrt())),
@@ -158,8 +179,11 @@ impl Radar {
                 azimuth_rad: azimuth_rad as f32,
                 first_return: scan.items.len() as u32,
             };
-            let radar = drive.at(time_ns).pose2().compose(&self.mounting);
-            self.illuminate(&radar, azimuth_rad);
+            let state = drive.at(time_ns);
+            let stance = self.ground.stance(&state);
+            let seat = stance.level(self.mounting.translation());
+            let mounting = Pose2::new(seat.x, seat.y, self.mounting.yaw_rad);
+            self.illuminate(&state.pose2().compose(&mounting), &stance, azimuth_rad);
             let bin_m = profile.bin_m;
             self.echo.detect(&mut self.random, |bin, intensity| {
                 scan.items.push(Return {
@@ -174,32 +198,55 @@ impl Radar {
         scan
     }
 
-    /// Adds the echoes of one beam.
-    fn illuminate(&mut self, radar: &Pose2, azimuth_rad: f64) {
+    /// A ray of a robot that stands so: its direction in the level plane, cosine and sine of its elevation.
+    fn ray(&self, radar: &Pose2, stance: &Stance, azimuth_rad: f64) -> (Vector2<f64>, f64, f64) {
+        let mounted_rad = self.mounting.yaw_rad;
+        let (azimuth_rad, cos_elevation, sin_elevation) = if stance.is_level() {
+            (azimuth_rad, 1.0, 0.0)
+        } else {
+            let (level_rad, cos, sin) = stance.ray(mounted_rad + azimuth_rad);
+            (level_rad - mounted_rad, cos, sin)
+        };
+        let (sin, cos) = sin_cos(radar.yaw_rad + azimuth_rad);
+        (Vector2::new(cos, sin), cos_elevation, sin_elevation)
+    }
+
+    /// Adds the echoes of one beam. Ranges along the level plane are `hit.range_m`, the radar's own are longer.
+    fn illuminate(&mut self, radar: &Pose2, stance: &Stance, azimuth_rad: f64) {
         let origin = radar.translation();
         let range_max_m = f64::from(self.profile.bins) * self.profile.bin_m;
+        let ground_m = self.clutter(radar, stance, azimuth_rad);
         for (offset_rad, weight) in self.fan {
-            let (sin, cos) = sin_cos(radar.yaw_rad + azimuth_rad + offset_rad);
-            let direction = Vector2::new(cos, sin);
-            self.caster
-                .cast(origin, direction, range_max_m, &mut self.hits);
+            let (direction, cos_elevation, _) = self.ray(radar, stance, azimuth_rad + offset_rad);
+            self.caster.cast(
+                origin,
+                direction,
+                range_max_m * cos_elevation,
+                &mut self.hits,
+            );
             let mut amplitude = weight * self.level;
             for index in 0..self.hits.len() {
                 let Some(hit) = self.hits.get(index).copied() else {
                     break;
                 };
                 let response = self.response(hit.material);
+                let seen = if hit.range_m > ground_m {
+                    BEHIND_GROUND
+                } else {
+                    1.0
+                };
                 self.echo.add(
                     &mut self.random,
-                    hit.range_m,
-                    amplitude * reflect(&response, hit.cos_incidence),
+                    hit.range_m / cos_elevation,
+                    seen * amplitude * reflect(&response, hit.cos_incidence),
                 );
                 if index == 0 {
                     self.mirror(
                         origin + direction * hit.range_m,
                         direction,
                         &hit,
-                        amplitude * response.mirror,
+                        seen * amplitude * response.mirror,
+                        cos_elevation,
                     );
                 }
                 amplitude *= response.through;
@@ -207,12 +254,56 @@ impl Radar {
         }
     }
 
+    /// Adds the ground's echo where the beam's middle meets it; how far off that is in the level plane,
+    /// infinite where the beam stays above.
+    fn clutter(&mut self, radar: &Pose2, stance: &Stance, azimuth_rad: f64) -> f64 {
+        if stance.is_level() {
+            return f64::INFINITY;
+        }
+        let (direction, cos_elevation, sin_elevation) = self.ray(radar, stance, azimuth_rad);
+        let range_max_m = f64::from(self.profile.bins) * self.profile.bin_m;
+        let origin = radar.translation();
+        let height_m = |place: Vector2<f64>| self.ground.at(place).height_m;
+        let start_m = height_m(origin) + HEIGHT_M;
+        let above_m = |range_m: f64| {
+            start_m + range_m * sin_elevation / cos_elevation
+                - height_m(origin + direction * range_m)
+        };
+        let (mut near_m, mut clear_m) = (0.0, HEIGHT_M);
+        let ground_m = loop {
+            let far_m = near_m + GROUND_STEP_M;
+            if far_m > range_max_m {
+                return f64::INFINITY;
+            }
+            let above = above_m(far_m);
+            if above < 0.0 {
+                break near_m + GROUND_STEP_M * clear_m / (clear_m - above);
+            }
+            (near_m, clear_m) = (far_m, above);
+        };
+        let strength = self.level * amplitude(GROUND_DB) / f64::from(GROUND_ECHOES).sqrt();
+        let [nearest, farthest] = GROUND_SPREAD;
+        for _ in 0..GROUND_ECHOES {
+            let range_m = ground_m / cos_elevation * self.random.between(nearest, farthest);
+            self.echo.add(&mut self.random, range_m, strength);
+        }
+        ground_m
+    }
+
     /// Adds what a ray sees in its first wall as in a mirror: there and back by the same way.
-    fn mirror(&mut self, point: Vector2<f64>, direction: Vector2<f64>, hit: &Hit, amplitude: f64) {
+    fn mirror(
+        &mut self,
+        point: Vector2<f64>,
+        direction: Vector2<f64>,
+        hit: &Hit,
+        amplitude: f64,
+        cos_elevation: f64,
+    ) {
         let response = self.response(hit.material);
         // Twice over the mirror; and the nearest echo, 10 dB down for the missing share of the fan.
         let onward = direction + hit.normal * (2.0 * hit.cos_incidence);
-        let rest_m = f64::from(self.profile.bins) * self.profile.bin_m - hit.range_m;
+        let range_max_m = f64::from(self.profile.bins) * self.profile.bin_m;
+        let rest_m = range_max_m * cos_elevation - hit.range_m;
         if rest_m <= 0.0 {
             return;
         }
@@ -221,8 +312,8 @@ impl Radar {
             let strength = amplitude
                 * response.mirror
                 * reflect(&self.response(second.material), second.cos_incidence);
-            self.echo
-                .add(&mut self.random, hit.range_m + second.range_m, strength);
+            let range_m = (hit.range_m + second.range_m) / cos_elevation;
+            self.echo.add(&mut self.random, range_m, strength);
         }
     }
 

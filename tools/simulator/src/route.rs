@@ -8,6 +8,7 @@ pub(crate) struct Route {
     points: Vec<Vector2<f64>>,
     // Index of the point that the robot steers towards.
     target: usize,
+    laps: u32,
 }
 
 impl Route {
@@ -25,7 +26,11 @@ impl Route {
         if corners.len() < 3 {
             points.clear();
         }
-        Self { points, target: 0 }
+        Self {
+            points,
+            target: 0,
+            laps: 0,
+        }
     }
 
     /// Where the route begins and which way it goes; the origin, along x, where there is none.
@@ -36,6 +41,11 @@ impl Route {
         }
     }
 
+    /// Times that the driver has passed its end.
+    pub fn laps(&self) -> u32 {
+        self.laps
+    }
+
     /// The first point ahead that is at least `distance_m` away; it only ever moves forward.
     pub fn ahead(&mut self, from: Vector2<f64>, distance_m: f64) -> Option<Vector2<f64>> {
         for _ in 0..self.points.len() {
@@ -43,7 +53,11 @@ impl Route {
             if (point - from).norm() >= distance_m {
                 return Some(point);
             }
-            self.target = (self.target + 1) % self.points.len();
+            self.target += 1;
+            if self.target == self.points.len() {
+                self.target = 0;
+                self.laps += 1;
+            }
         }
         None
     }

@@ -3,7 +3,7 @@
 use crate::caster::Caster;
 use crate::inertial::Imu;
 use crate::radar::Radar;
-use crate::{Drive, ImuProfile, MotionProfile, RadarProfile, World};
+use crate::{Drive, Ground, ImuProfile, MotionProfile, RadarProfile, World};
 use randt_geometry::Pose2;
 use randt_messages::{Header, ImuSample, Message, RadarScan, SensorKind, TruthPose};
 
@@ -40,6 +40,13 @@ impl Default for Robot {
 }
 
 impl Robot {
+    /// The robot that drives as fast as a world lets it.
+    pub fn of(world: &World) -> Self {
+        let mut robot = Self::default();
+        robot.motion.speed_max_m_s = world.speed_max_m_s;
+        robot
+    }
+
     /// The radar's kind.
     pub fn sensor(&self) -> SensorKind {
         self.radar.sensor
@@ -86,6 +93,7 @@ pub struct Simulation {
     drive: Drive,
     radar: Radar,
     imu: Imu,
+    ground: Ground,
     scans_left: u64,
     end_ns: i64,
     next_truth_ns: i64,
@@ -100,8 +108,15 @@ impl Simulation {
         let caster = Caster::new(&world.walls);
         Self {
             drive: Drive::new(world, robot.motion, seed),
-            radar: Radar::new(robot.radar, robot.radar_mounting, caster, seed),
+            radar: Radar::new(
+                robot.radar,
+                robot.radar_mounting,
+                caster,
+                world.ground.clone(),
+                seed,
+            ),
             imu: Imu::new(robot.imu, seed),
+            ground: world.ground.clone(),
             scans_left: scans,
             end_ns: i64::MAX,
             next_truth_ns: 0,
@@ -173,7 +188,7 @@ impl Iterator for Simulation {
             self.sweep()
         } else if next_ns == imu_ns {
             let state = self.drive.at(imu_ns);
-            let mut sample = self.imu.sample(&state);
+            let mut sample = self.imu.sample(&state, &self.ground.stance(&state));
             sample.header.stamp_ns += START_NS;
             sample.arrival_ns += START_NS;
             Event::Imu(sample)

@@ -1,9 +1,9 @@
-//! A world: walls as line segments, and a route through them. Plain data.
+//! A world: walls as line segments, ground, and a route through them. Plain data.
 
-use crate::Material;
+use crate::{Drive, Ground, Material, Robot};
 use nalgebra::Vector2;
 
-/// A straight piece of wall, seen from above; has no thickness.
+/// A straight piece of wall, seen from above; has no thickness and stands upright.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
     /// One end, m.
@@ -14,7 +14,7 @@ pub struct Wall {
     pub material: Material,
 }
 
-/// Walls, and a closed route that a robot can drive for ever.
+/// Walls, ground, and a closed route that a robot can drive for ever.
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
     /// Short name.
@@ -23,71 +23,80 @@ pub struct World {
     pub walls: Vec<Wall>,
     /// Corners of the route, m; the last is followed by the first.
     pub route_m: Vec<Vector2<f64>>,
+    /// Relief under it all.
+    pub ground: Ground,
+    /// How fast a robot drives here at most.
+    pub speed_max_m_s: f64,
 }
 
+impl Default for World {
+    /// Nothing on level ground, and a robot at walking pace.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            walls: Vec::new(),
+            route_m: Vec::new(),
+            ground: Ground::default(),
+            speed_max_m_s: 1.0,
+        }
+    }
+}
+
+/// Names and texts of the worlds that come with the program.
+const BUILT_IN: [(&str, &str); 3] = [
+    ("building", include_str!("../worlds/building.world")),
+    ("yard", include_str!("../worlds/yard.world")),
+    ("tunnel", include_str!("../worlds/tunnel.world")),
+];
+
 impl World {
-    /// Adds a wall.
-    pub fn wall(&mut self, from_m: [f64; 2], to_m: [f64; 2], material: Material) {
-        self.walls.push(Wall {
-            from_m: from_m.into(),
-            to_m: to_m.into(),
-            material,
-        });
-    }
-
-    /// Adds a wall with openings, each with its distances from `from_m`, m, in order; each opening gets a
-    /// metal frame as deep as a partition.
-    pub fn wall_with_doors(
-        &mut self,
-        from_m: [f64; 2],
-        to_m: [f64; 2],
-        material: Material,
-        openings_m: &[(f64, f64)],
-    ) {
-        const FRAME_DEPTH_M: f64 = 0.12;
-        let (from, to) = (Vector2::from(from_m), Vector2::from(to_m));
-        let length = (to - from).norm();
-        let along = (to - from) / length;
-        let across = Vector2::new(-along.y, along.x) * (0.5 * FRAME_DEPTH_M);
-        let mut begin = 0.0;
-        for &(open, close) in openings_m {
-            self.walls.push(Wall {
-                from_m: from + along * begin,
-                to_m: from + along * open,
-                material,
-            });
-            for edge in [from + along * open, from + along * close] {
-                let (from_m, to_m) = (edge - across, edge + across);
-                self.walls.push(Wall {
-                    from_m,
-                    to_m,
-                    material: Material::Metal,
-                });
-            }
-            begin = close;
-        }
-        self.walls.push(Wall {
-            from_m: from + along * begin,
-            to_m: to,
-            material,
-        });
-    }
-
-    /// Adds a box (furniture, pillar) by its corner of smallest coordinates and its size.
-    pub fn block(&mut self, corner_m: [f64; 2], size_m: [f64; 2], material: Material) {
-        let [x, y] = corner_m;
-        let [w, h] = size_m;
-        let corners = [[x, y], [x + w, y], [x + w, y + h], [x, y + h], [x, y]];
-        for (from, to) in corners.iter().zip(corners.iter().skip(1)) {
-            self.wall(*from, *to, material);
-        }
-    }
+    /// The names that [`World::named`] knows.
+    pub const NAMES: [&'static str; 3] = [BUILT_IN[0].0, BUILT_IN[1].0, BUILT_IN[2].0];
 
     /// The world of a name; `None` for any other.
     pub fn named(name: &str) -> Option<Self> {
-        (name == "building").then(Self::building)
+        let (name, text) = BUILT_IN.iter().find(|(known, _)| *known == name)?;
+        // A test reads every one of them.
+        Self::parse(name, text).ok()
     }
 
-    /// The names that [`World::named`] knows.
-    pub const NAMES: [&'static str; 1] = ["building"];
+    /// Sweeps of a drive that goes round twice and a little farther.
+    pub fn sweeps(&self) -> u64 {
+        /// Any seed will do: drivers differ by a few per cent, which the share on top covers.
+        const SEED: u64 = 1;
+        const SHARE: f64 = 1.06;
+        const LAPS: u32 = 2;
+        /// Of a driver who never comes round, an hour.
+        const SECONDS_MAX: i64 = 3600;
+        let robot = Robot::of(self);
+        let mut drive = Drive::new(self, robot.motion, SEED);
+        let mut seconds = 0;
+        while drive.laps() < LAPS && seconds < SECONDS_MAX {
+            seconds += 1;
+            drive.at(seconds * 1_000_000_000);
+        }
+        let sweeps = seconds as f64 * 1e9 / robot.radar.period_ns as f64 * SHARE;
+        // Round figures are easier to remember.
+        (sweeps / 50.0).ceil() as u64 * 50
+    }
+
+    /// The world `building`.
+    pub fn building() -> Self {
+        Self::named("building").unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_world_that_comes_with_the_program_can_be_read() {
+        for (name, text) in BUILT_IN {
+            let world = World::parse(name, text).unwrap_or_else(|error| panic!("{name}: {error}"));
+            assert_eq!(World::named(name), Some(world));
+        }
+        assert_eq!(World::named("castle"), None);
+        assert!(!World::building().walls.is_empty());
+    }
 }

@@ -176,6 +176,7 @@ fn plate(angle_rad: f64, range_m: f64) -> World {
         name: "plate".to_owned(),
         walls: vec![wall],
         route_m: route,
+        ..World::default()
     }
 }
 

@@ -4,29 +4,35 @@ use crate::exit::Outcome;
 use crate::job;
 use crate::output::{may_write, print, write_whole};
 use crate::progress;
-use anyhow::bail;
+use anyhow::{Context as _, bail};
 use randt_geometry::Pose2;
 use randt_log::{LogFile, Options, ROBOT_METADATA};
 use randt_messages::{ImuSampleTopic, MessageRef, TruthPose, TruthPoseTopic};
 use randt_simulator::{Event, Robot, Simulation, World};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::fs;
 use std::path::PathBuf;
 
 /// Arguments of `randt simulate`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The world to drive through: building
-    world: String,
+    /// The world to drive through: building, yard (sloping ground) or tunnel
+    #[arg(required_unless_present = "file")]
+    world: Option<String>,
+    /// A world of your own, as docs/worlds.md says
+    #[arg(long = "world", value_name = "FILE", conflicts_with = "world")]
+    file: Option<PathBuf>,
     /// Log to write
     #[arg(long, value_name = "LOG.mcap")]
     out: PathBuf,
     /// Seed of everything random: the same seed gives the same bytes
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Number of radar sweeps, five a second; the route is driven again and again
-    #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..))]
-    scans: u64,
+    /// Number of radar sweeps, five a second; the route is driven again and again. As many as two laps and a
+    /// little take where nothing is said
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    scans: Option<u64>,
     /// Also write the true poses at the sweeps' ends, as TUM rows
     #[arg(long, value_name = "FILE.tum")]
     truth: Option<PathBuf>,
@@ -39,10 +45,11 @@ impl Arguments {
     /// A drive through a world; files that exist are overwritten.
     pub fn new(world: &str, out: PathBuf, seed: u64, scans: u64) -> Self {
         Self {
-            world: world.to_owned(),
+            world: Some(world.to_owned()),
+            file: None,
             out,
             seed,
-            scans,
+            scans: Some(scans),
             truth: None,
             force: true,
         }
@@ -51,13 +58,7 @@ impl Arguments {
 
 /// Simulates the drive and writes it.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    let Some(world) = World::named(&arguments.world) else {
-        bail!(
-            "unknown world {:?}: there is {}",
-            arguments.world,
-            World::NAMES.join(", ")
-        );
-    };
+    let world = world(&arguments)?;
     for path in [Some(&arguments.out), arguments.truth.as_ref()]
         .into_iter()
         .flatten()
@@ -65,7 +66,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         may_write(path, arguments.force)?;
     }
     job::catch_interrupts();
-    let robot = Robot::default();
+    let robot = Robot::of(&world);
+    let scans = arguments.scans.unwrap_or_else(|| world.sweeps());
     let written_by = concat!("randt ", env!("CARGO_PKG_VERSION")).to_owned();
     let mut log = LogFile::create(
         &arguments.out,
@@ -78,13 +80,13 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let about = [
         ("world", world.name.clone()),
         ("seed", arguments.seed.to_string()),
-        ("scans", arguments.scans.to_string()),
+        ("scans", scans.to_string()),
     ];
     let about = about.map(|(key, value)| (key.to_owned(), value));
     log.write_metadata("randt/simulation", BTreeMap::from(about))?;
 
-    let bar = progress::bar(Some(arguments.scans), "sweeps");
-    let mut simulation = Simulation::new(&world, robot, arguments.scans, arguments.seed);
+    let bar = progress::bar(Some(scans), "sweeps");
+    let mut simulation = Simulation::new(&world, robot, scans, arguments.seed);
     let mut rows = String::new();
     let mut truth = TruthPose::default();
     let mut first_ns = None;
@@ -125,11 +127,28 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     print(&format!(
         "{}: {} sweeps, {duration_s:.1} s, {:.1} m driven, {:.1} MB\n",
         arguments.out.display(),
-        arguments.scans,
+        scans,
         simulation.path_m(),
         bytes as f64 * 1e-6,
     ))?;
     Ok(Outcome::Good)
+}
+
+/// The world that was asked for, by name or by file.
+fn world(arguments: &Arguments) -> anyhow::Result<World> {
+    if let Some(path) = &arguments.file {
+        let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        return World::parse(&name, &text).with_context(|| path.display().to_string());
+    }
+    let name = arguments.world.as_deref().unwrap_or_default();
+    let Some(world) = World::named(name) else {
+        bail!(
+            "unknown world {name:?}: there is {}; a file's goes to --world",
+            World::NAMES.join(", ")
+        );
+    };
+    Ok(world)
 }
 
 /// What the log says of its robot.
