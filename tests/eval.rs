@@ -157,3 +157,86 @@ fn what_is_no_trajectory_ends_with_1_and_is_named() {
     }
     assert_eq!(eval(folder.path(), &["good.tum"]).status.code(), Some(2));
 }
+
+/// TUM rows of two rounds of 40 m on a circle, a quarter of a metre each quarter of a second.
+fn two_rounds() -> String {
+    let row = |n: u32| {
+        let (sin, cos) = (f64::from(n) * std::f64::consts::TAU / 160.0).sin_cos();
+        let (z, w) = (f64::from(n) * std::f64::consts::PI / 160.0).sin_cos();
+        let (t, r) = (0.25 * f64::from(n), 40.0 / std::f64::consts::TAU);
+        format!(
+            "{t:.2} {:.6} {:.6} 0 0 0 {z:.9} {w:.9}\n",
+            r * sin,
+            r - r * cos
+        )
+    };
+    (0..320).map(row).collect()
+}
+
+#[test]
+fn loops_of_a_report_are_judged() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.tum"), two_rounds()).unwrap();
+    let candidate = |fate: &str, to_s: f64, x_m: f64| {
+        let (from_ns, to_ns) = (((to_s - 40.0) * 1e9) as i64, (to_s * 1e9) as i64);
+        format!(r#"{{"from_ns":{from_ns},"to_ns":{to_ns},"relative":[{x_m},0,0],"fate":"{fate}"}}"#)
+    };
+    let report = format!(
+        r#"{{"scans":320,"loops":{{"candidates":[{},{},{}]}}}}"#,
+        candidate("accepted", 60.0, 0.1),
+        candidate("accepted", 70.0, 3.0),
+        candidate("inconsistent", 50.0, 9.0),
+    );
+    fs::write(folder.path().join("report.json"), report).unwrap();
+    let arguments = ["a.tum", "a.tum", "--loops", "report.json"];
+    let output = eval(folder.path(), &[&arguments[..], &["--json"]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let figures = json(&output);
+    assert_eq!(figures["lost_track"], false);
+    assert!(figures["worst_1s_translation_m"].as_f64().unwrap() < 1e-5);
+    let loops = &figures["loops"];
+    assert_eq!(loops["loops"], 2);
+    assert_eq!(loops["false_loops"][0]["to_ns"], 70_000_000_000_i64);
+    assert_eq!(loops["false_loops"].as_array().unwrap().len(), 1);
+    // One true loop recalls 2 m of path either way, 17 poses of the second round.
+    assert_eq!(
+        (&loops["revisits"], &loops["recalled"]),
+        (&164.into(), &17.into())
+    );
+
+    let output = eval(folder.path(), &arguments);
+    let table = str::from_utf8(&output.stdout).unwrap();
+    for words in [
+        "track held",
+        "1 false of 2",
+        "17 of 164 revisits",
+        "false loop: 30.000 s to 70.000 s is off by 3.00 m, 0.0 deg",
+    ] {
+        assert!(table.contains(words), "{table}");
+    }
+    let output = eval(
+        folder.path(),
+        &[&arguments[..], &["--false-loop-m", "4"]].concat(),
+    );
+    assert!(
+        str::from_utf8(&output.stdout)
+            .unwrap()
+            .contains("0 false of 2")
+    );
+}
+
+#[test]
+fn what_is_no_report_ends_with_1_and_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.tum"), two_rounds()).unwrap();
+    fs::write(folder.path().join("old.json"), r#"{"randt": "0.1.0"}"#).unwrap();
+    for (report, words) in [
+        ("absent.json", "absent.json: No such file"),
+        ("old.json", "missing field `loops`"),
+        ("a.tum", "a.tum: no report of a run"),
+    ] {
+        let output = eval(folder.path(), &["a.tum", "a.tum", "--loops", report]);
+        assert_eq!(output.status.code(), Some(1), "{report}");
+        assert!(stderr(&output).contains(words), "{}", stderr(&output));
+    }
+}

@@ -53,6 +53,14 @@ pub enum Error {
         /// Rows of the truth.
         truth: usize,
     },
+    /// Loops, which are told by stamps, of a trajectory without.
+    #[error(
+        "the {name} has no stamps: loops are judged by stamp, so give TUM rows (stamp x y z qx qy qz qw)"
+    )]
+    NoStamps {
+        /// `estimate` or `truth`.
+        name: &'static str,
+    },
     /// A drawing that cannot be made.
     #[error("plot: {0}")]
     Plot(String),

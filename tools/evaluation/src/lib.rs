@@ -1,4 +1,4 @@
-//! Trajectory errors (ATE, RPE, KITTI drift) and plots.
+//! Trajectory errors (ATE, RPE, KITTI drift, lost track), loops against the truth, and plots.
 //!
 //! Responsible for trajectory files, for what belongs together in two of them, for the figures as
 //! they are published elsewhere, and for the picture. Not responsible for what is done with them.
@@ -20,10 +20,13 @@ mod absolute;
 mod axis;
 mod error;
 mod evaluation;
+mod loops;
 mod pairs;
 mod plot;
 mod read;
 mod relative;
+mod timeline;
+mod track;
 mod trajectory;
 mod transform;
 mod view;
@@ -31,6 +34,8 @@ mod write;
 
 pub use error::Error;
 pub use evaluation::{Evaluation, evaluate, truth_on_estimate};
+pub use loops::{FalseLoop, LoopEdge, LoopEvaluation, LoopLimits, evaluate_loops};
 pub use plot::{Plot, plot_trajectories};
+pub use track::{Track, Worst, track};
 pub use trajectory::{Trajectory, TrajectoryPose};
 pub use transform::Transform;

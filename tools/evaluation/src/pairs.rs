@@ -82,8 +82,12 @@ pub(crate) fn gap_max_ns(estimate: &Trajectory) -> i64 {
     GAP_MAX_NS.max(usual_ns.saturating_mul(GAP_MAX_STEPS))
 }
 
-/// Frame and pose at an instant; `None` outside the estimate, in its gaps and between its frames.
-fn at(poses: &[TrajectoryPose], stamp_ns: i64, gap_max_ns: i64) -> Option<(u64, Transform)> {
+/// Frame and pose at an instant; `None` outside the poses, in their gaps and between their frames.
+pub(crate) fn at(
+    poses: &[TrajectoryPose],
+    stamp_ns: i64,
+    gap_max_ns: i64,
+) -> Option<(u64, Transform)> {
     let next = poses.partition_point(|pose| pose.stamp_ns <= stamp_ns);
     let before = next.checked_sub(1).and_then(|index| poses.get(index));
     let after = poses.get(next);

@@ -2,6 +2,7 @@
 //!
 //! Responsible for commands, options, progress, files and reports. Not responsible for any algorithm.
 
+pub mod accepted;
 pub mod commands;
 pub mod digest;
 pub mod exit;

@@ -1,10 +1,15 @@
 //! `randt eval`: how exact a trajectory is.
 
+use crate::accepted;
 use crate::exit::Outcome;
 use crate::output::print;
-use randt_evaluation::{Evaluation, Trajectory, evaluate};
+use randt_evaluation::{
+    Evaluation, LoopEvaluation, LoopLimits, Track, Trajectory, Worst, evaluate, evaluate_loops,
+    track,
+};
 use serde::Serialize;
 use std::fmt::Write;
+use std::path::PathBuf;
 
 /// Below this share of the truth the figures speak of another drive.
 const COVERAGE_MIN: f64 = 0.95;
@@ -18,9 +23,22 @@ pub struct Arguments {
     /// The truth, in the same format
     #[arg(value_name = "TRUTH")]
     truth: String,
+    /// Judge the accepted loops of a run by its report.json
+    #[arg(long, value_name = "REPORT")]
+    loops: Option<PathBuf>,
+    /// A loop is false when it is off by more, m (a Navtech's: 2)
+    #[arg(long, value_name = "M", default_value_t = LoopLimits::default().translation_m)]
+    false_loop_m: f64,
     /// Print JSON
     #[arg(long)]
     json: bool,
+}
+
+/// All that was found.
+struct Found {
+    evaluation: Evaluation,
+    track: Track,
+    loops: Option<LoopEvaluation>,
 }
 
 /// The figures under the names that other programs read; null where one is not defined.
@@ -36,19 +54,59 @@ struct Figures {
     covered_poses: usize,
     frames: usize,
     path_m: f64,
+    lost_track: bool,
+    worst_1s_translation_m: Option<f64>,
+    worst_1s_rotation_deg: Option<f64>,
+    worst_10m_translation_percent: Option<f64>,
+    worst_10m_rotation_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    loops: Option<LoopFigures>,
+}
+
+/// The same of loops.
+#[derive(Debug, Serialize)]
+struct LoopFigures {
+    loops: usize,
+    unjudged: usize,
+    false_loops: Vec<FalseLoopFigures>,
+    revisits: usize,
+    recalled: usize,
+    recall: Option<f64>,
+}
+
+/// The same of one false loop.
+#[derive(Debug, Serialize)]
+struct FalseLoopFigures {
+    from_ns: i64,
+    to_ns: i64,
+    error_m: f64,
+    error_deg: f64,
 }
 
 /// Reads both, compares, prints. Ends with "data lost" where too little of the truth is covered.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let estimate = Trajectory::read(&arguments.estimate)?;
     let truth = Trajectory::read(&arguments.truth)?;
-    let evaluation = evaluate(&estimate, &truth)?;
+    let limits = LoopLimits {
+        translation_m: arguments.false_loop_m,
+        ..LoopLimits::default()
+    };
+    let judge = |path: &PathBuf| -> anyhow::Result<LoopEvaluation> {
+        let loops = accepted::read(path)?;
+        Ok(evaluate_loops(&loops, &estimate, &truth, &limits)?)
+    };
+    let found = Found {
+        evaluation: evaluate(&estimate, &truth)?,
+        track: track(&estimate, &truth),
+        loops: arguments.loops.as_ref().map(judge).transpose()?,
+    };
     let text = if arguments.json {
-        format!("{}\n", serde_json::to_string_pretty(&figures(&evaluation))?)
+        format!("{}\n", serde_json::to_string_pretty(&figures(&found))?)
     } else {
-        table(&evaluation)
+        table(&found)
     };
     print(&text)?;
+    let evaluation = &found.evaluation;
     if evaluation.frames > 1 {
         eprintln!(
             "note: the estimate is in {} frames; they are never spliced: each is aligned by itself, \
@@ -64,7 +122,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
          whole drive; {}",
         100.0 * evaluation.coverage,
         100.0 * COVERAGE_MIN,
-        reason(&evaluation, &estimate, &truth)
+        reason(evaluation, &estimate, &truth)
     );
     Ok(Outcome::DataLost)
 }
@@ -89,7 +147,10 @@ fn reason(evaluation: &Evaluation, estimate: &Trajectory, truth: &Trajectory) ->
     )
 }
 
-fn figures(evaluation: &Evaluation) -> Figures {
+fn figures(found: &Found) -> Figures {
+    let Found {
+        evaluation, track, ..
+    } = found;
     Figures {
         ate_rmse_m: evaluation.ate_rmse_m,
         rpe_translation_mean_m: evaluation.rpe_translation_mean_m,
@@ -101,11 +162,40 @@ fn figures(evaluation: &Evaluation) -> Figures {
         covered_poses: evaluation.covered_poses,
         frames: evaluation.frames,
         path_m: evaluation.path_m,
+        lost_track: track.lost,
+        worst_1s_translation_m: track.second.map(|worst| worst.translation),
+        worst_1s_rotation_deg: track.second.map(|worst| worst.rotation_deg),
+        worst_10m_translation_percent: track.ten_metres.map(|worst| worst.translation),
+        worst_10m_rotation_deg: track.ten_metres.map(|worst| worst.rotation_deg),
+        loops: found.loops.as_ref().map(loop_figures),
+    }
+}
+
+fn loop_figures(loops: &LoopEvaluation) -> LoopFigures {
+    LoopFigures {
+        loops: loops.loops,
+        unjudged: loops.unjudged,
+        false_loops: loops
+            .false_loops
+            .iter()
+            .map(|false_loop| FalseLoopFigures {
+                from_ns: false_loop.edge.from_ns,
+                to_ns: false_loop.edge.to_ns,
+                error_m: false_loop.error_m,
+                error_deg: false_loop.error_deg,
+            })
+            .collect(),
+        revisits: loops.revisits,
+        recalled: loops.recalled,
+        recall: loops.recall,
     }
 }
 
 /// The figures for people.
-fn table(evaluation: &Evaluation) -> String {
+fn table(found: &Found) -> String {
+    let Found {
+        evaluation, track, ..
+    } = found;
     let figure = |value: Option<f64>, decimals: usize, unit: &str| match value {
         Some(value) => format!("{value:.decimals$} {unit}"),
         None => "-".to_owned(),
@@ -149,5 +239,51 @@ fn table(evaluation: &Evaluation) -> String {
             None => "not defined: no stretch of 100 m",
         },
     );
+    let worst = |worst: Option<Worst>, unit: &str| {
+        format!(
+            "{}, {}",
+            figure(worst.map(|w| w.translation), 3, unit),
+            figure(worst.map(|w| w.rotation_deg), 2, "deg")
+        )
+    };
+    row(
+        "worst 1 s",
+        worst(track.second, "m"),
+        match (track.second, track.lost) {
+            (None, _) => "not defined: no second is covered",
+            (_, true) => "TRACK LOST: over 0.3 m or 8 deg",
+            (_, false) => "track held: none over 0.3 m or 8 deg",
+        },
+    );
+    row(
+        "worst 10 m",
+        worst(track.ten_metres, "%"),
+        "of the path, over 10 m of it",
+    );
+    if let Some(loops) = &found.loops {
+        row(
+            "loops",
+            format!("{} false of {}", loops.false_loops.len(), loops.loops),
+            &match loops.unjudged {
+                0 => "accepted loops against the truth".to_owned(),
+                unjudged => format!("{unjudged} of them where the truth says nothing"),
+            },
+        );
+        row(
+            "recall",
+            figure(loops.recall.map(|share| 100.0 * share), 1, "%"),
+            &format!("{} of {} revisits", loops.recalled, loops.revisits),
+        );
+        for false_loop in &loops.false_loops {
+            let _ = writeln!(
+                text,
+                "false loop: {:.3} s to {:.3} s is off by {:.2} m, {:.1} deg",
+                false_loop.edge.from_ns as f64 * 1e-9,
+                false_loop.edge.to_ns as f64 * 1e-9,
+                false_loop.error_m,
+                false_loop.error_deg
+            );
+        }
+    }
     text
 }

@@ -1,0 +1,71 @@
+//! A trajectory that is asked by stamp: where the robot stood then, and how far it had come.
+
+use crate::pairs::{at, gap_max_ns};
+use crate::{Trajectory, Transform};
+
+/// A trajectory with the path up to each of its poses.
+pub(crate) struct Timeline<'a> {
+    trajectory: &'a Trajectory,
+    path_m: Vec<f64>,
+    gap_max_ns: i64,
+}
+
+/// A robot at one instant.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Instant {
+    /// Poses of two frames say nothing of each other.
+    pub frame: u64,
+    /// Where it stood.
+    pub transform: Transform,
+    /// Path from the trajectory's begin, m.
+    pub path_m: f64,
+}
+
+impl Instant {
+    /// Distance of two positions, m; `None` where the frames differ.
+    pub fn distance_m(&self, other: &Self) -> Option<f64> {
+        let (dx, dy) = (
+            self.transform.x_m - other.transform.x_m,
+            self.transform.y_m - other.transform.y_m,
+        );
+        (self.frame == other.frame).then(|| (dx * dx + dy * dy).sqrt())
+    }
+}
+
+impl<'a> Timeline<'a> {
+    /// Of a trajectory; of one without stamps nothing is ever found.
+    pub fn new(trajectory: &'a Trajectory) -> Self {
+        Self {
+            trajectory,
+            path_m: trajectory.path_m(),
+            gap_max_ns: gap_max_ns(trajectory),
+        }
+    }
+
+    /// The robot at a stamp, interpolated; `None` outside, in gaps and between frames.
+    pub fn at(&self, stamp_ns: i64) -> Option<Instant> {
+        if !self.trajectory.is_stamped() {
+            return None;
+        }
+        let poses = self.trajectory.poses();
+        let (frame, transform) = at(poses, stamp_ns, self.gap_max_ns)?;
+        let next = poses.partition_point(|pose| pose.stamp_ns <= stamp_ns);
+        let before = next.saturating_sub(1);
+        let step_m = poses.get(before).map_or(0.0, |pose| {
+            let (dx, dy) = (
+                transform.x_m - pose.transform.x_m,
+                transform.y_m - pose.transform.y_m,
+            );
+            if pose.frame == frame {
+                (dx * dx + dy * dy).sqrt()
+            } else {
+                0.0
+            }
+        });
+        Some(Instant {
+            frame,
+            transform,
+            path_m: self.path_m.get(before).copied().unwrap_or_default() + step_m,
+        })
+    }
+}

@@ -1,0 +1,90 @@
+//! The accepted loops of a run, out of its `report.json`.
+
+use anyhow::Context;
+use randt_evaluation::LoopEdge;
+use randt_geometry::Pose2;
+use serde::Deserialize;
+use std::path::Path;
+
+/// The fate of a candidate that entered the graph.
+const ACCEPTED: &str = "accepted";
+
+/// What is read of a report; it holds much else.
+#[derive(Deserialize)]
+struct Report {
+    loops: Loops,
+}
+
+#[derive(Deserialize)]
+struct Loops {
+    candidates: Vec<Candidate>,
+}
+
+#[derive(Deserialize)]
+struct Candidate {
+    from_ns: i64,
+    to_ns: i64,
+    /// x m, y m, yaw rad.
+    relative: [f64; 3],
+    fate: String,
+}
+
+/// Reads the loops of a report that were accepted, in its order.
+pub fn read(path: &Path) -> anyhow::Result<Vec<LoopEdge>> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    parse(&bytes).with_context(|| {
+        format!(
+            "{}: no report of a run that says what became of its loops",
+            path.display()
+        )
+    })
+}
+
+fn parse(bytes: &[u8]) -> serde_json::Result<Vec<LoopEdge>> {
+    let report: Report = serde_json::from_slice(bytes)?;
+    let accepted = report.loops.candidates.into_iter();
+    Ok(accepted
+        .filter(|candidate| candidate.fate == ACCEPTED)
+        .map(|candidate| LoopEdge {
+            from_ns: candidate.from_ns,
+            to_ns: candidate.to_ns,
+            relative: Pose2::from_array(candidate.relative),
+        })
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_was_accepted_counts_and_other_fields_do_not_matter() {
+        let json = br#"{"randt": "0.1.0", "loops": {"enabled": true, "candidates": [
+            {"from_ns": 1, "to_ns": 2, "relative": [1, 2.5, -0.5], "fate": "accepted", "score": 3.1},
+            {"from_ns": 3, "to_ns": 4, "relative": [0, 0, 0], "fate": "inconsistent"}]}}"#;
+        let loops = parse(json).unwrap();
+        assert_eq!(loops.len(), 1);
+        assert_eq!((loops[0].from_ns, loops[0].to_ns), (1, 2));
+        assert_eq!(loops[0].relative.to_array(), [1.0, 2.5, -0.5]);
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        for (json, words) in [
+            ("{}", "missing field `loops`"),
+            (r#"{"loops": {}}"#, "missing field `candidates`"),
+            (
+                r#"{"loops": {"candidates": [{"from_ns": 1.5}]}}"#,
+                "invalid type: floating point `1.5`, expected i64",
+            ),
+            (
+                r#"{"loops": {"candidates": [{"from_ns": 1, "to_ns": 2, "relative": [1, 2]}]}}"#,
+                "invalid length 2, expected an array of length 3",
+            ),
+            ("# stamp x y z", "expected value at line 1"),
+        ] {
+            let text = parse(json.as_bytes()).unwrap_err().to_string();
+            assert!(text.contains(words), "{text}");
+        }
+    }
+}
