@@ -3,6 +3,7 @@
 
 use randt_log::LogReader;
 use randt_messages::{RadarScan, TruthPoseTopic};
+use randt_simulator::World;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -89,6 +90,54 @@ fn it_says_what_it_wrote_and_the_log_holds_it() {
 }
 
 #[test]
+fn a_world_of_ones_own_is_driven_or_its_mistake_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hall.world");
+    let hall = "wall concrete 0,0 9,0 9,6 0,6 0,0\nroute 2,2 7,2 7,4 2,4\n";
+    fs::write(&path, hall).unwrap();
+    let arguments = ["--world", "hall.world", "--out", "a.mcap", "--scans", "3"];
+    let output = simulate(folder.path(), &arguments);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(LogReader::open(&folder.path().join("a.mcap")).is_ok());
+
+    fs::write(&path, format!("{hall}post wool 1,1 0.2\n")).unwrap();
+    let output = simulate(folder.path(), &[&arguments[..], &["--force"]].concat());
+    assert_eq!(output.status.code(), Some(1));
+    let said =
+        "hall.world: line 3: \"wool\": expected one of concrete, plaster, wood, glass, metal";
+    assert!(stderr(&output).contains(said), "{}", stderr(&output));
+}
+
+#[test]
+fn the_help_says_how_many_sweeps_two_laps_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = simulate(folder.path(), &["--help"]);
+    let help = str::from_utf8(&output.stdout).unwrap();
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    for name in World::NAMES {
+        let sweeps = World::named(name).unwrap().sweeps();
+        assert!(help.contains(&format!("{name} {sweeps}")), "{help}");
+    }
+}
+
+#[test]
+fn without_a_number_of_sweeps_a_drive_goes_round_twice() {
+    let folder = tempfile::tempdir().unwrap();
+    let hall = "wall concrete 0,0 9,0 9,6 0,6 0,0\nroute 2,2 7,2 7,4 2,4\n";
+    fs::write(folder.path().join("hall.world"), hall).unwrap();
+    let output = simulate(folder.path(), &["--world", "hall.world", "--out", "a.mcap"]);
+    let said = str::from_utf8(&output.stdout).unwrap();
+    let driven_m = said
+        .split(", ")
+        .nth(2)
+        .unwrap()
+        .trim_end_matches(" m driven");
+    let driven_m: f64 = driven_m.parse().unwrap();
+    // A lap is 14 m, less its rounded corners.
+    assert!((22.0..40.0).contains(&driven_m), "{said}");
+}
+
+#[test]
 fn a_file_that_exists_is_kept_unless_forced() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("drive.mcap"), "precious").unwrap();
@@ -116,8 +165,15 @@ fn wrong_arguments_are_named() {
         (
             &["castle", "--out", "a.mcap"][..],
             1,
-            "unknown world \"castle\": there is building",
+            "unknown world \"castle\": there is building, yard, tunnel; a file's goes to --world",
         ),
+        (&["--world", "no.world", "--out", "a.mcap"], 1, "no.world"),
+        (
+            &["building", "--world", "no.world", "--out", "a.mcap"],
+            2,
+            "cannot be used with",
+        ),
+        (&["--out", "a.mcap"], 2, "<WORLD|--world <FILE>>"),
         (
             &["building", "--out", "no/such/a.mcap"],
             1,

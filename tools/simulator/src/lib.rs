@@ -17,6 +17,7 @@ mod random;
 mod route;
 mod shape;
 mod simulation;
+mod words;
 mod world;
 
 pub use caster::{Caster, Hit};

@@ -21,14 +21,15 @@ const FAN: f64 = 1.67;
 
 /// Height of the radar over the ground under it.
 const HEIGHT_M: f64 = 0.4;
-/// Level of the ground under a grazing beam, against a perfect rough wall, dB: gravel and grass.
-const GROUND_DB: f64 = -16.0;
+/// Level of the ground under a grazing beam, against a perfect rough wall, dB: gravel and grass. With its
+/// spread over many bins, single returns rise above the threshold up to some 7 m.
+const GROUND_DB: f64 = -6.0;
 /// The beam is high as well as wide: the ground's echo comes from so much before and behind the point where
 /// its middle meets it, as factors on the range, and what stands behind is seen by its upper half only.
 const GROUND_SPREAD: [f64; 2] = [0.8, 1.3];
 const BEHIND_GROUND: f64 = 0.5;
 /// The ground's echo is a sum of so many.
-const GROUND_ECHOES: u32 = 8;
+const GROUND_ECHOES: u32 = 6;
 /// Step of the search for the ground: relief is smoother than that.
 const GROUND_STEP_M: f64 = 0.5;
 

@@ -206,7 +206,7 @@ mod tests {
         let spread = |step: usize| {
             let squares = points
                 .windows(step + 1)
-                .map(|w| (w[step].y - w[0].y).powi(2));
+                .map(|w| (w[step].y - w[0].y) * (w[step].y - w[0].y));
             (squares.sum::<f64>() / (401 - step) as f64).sqrt()
         };
         let (fine, coarse) = (spread(1), spread(12));
