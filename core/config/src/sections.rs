@@ -132,6 +132,12 @@ section! {
     pub struct Grid {
         /// Edge of a cell, m: half a door's frame, and what planners for indoor robots use.
         pub cell_size_m: f64 = 0.1 => Within(0.01, 10.0),
+        /// Keyframes that must have had a return from a cell before it is occupied.
+        pub hits_min: u32 = 2 => AtLeast(1.0),
+        /// Keyframes that must have looked through a cell before it is free.
+        pub misses_min: u32 = 1 => AtLeast(1.0),
+        /// Share of the keyframes that speak of a cell which must have had a return from it before it is occupied.
+        pub occupied_share: f64 = 0.3 => Within(0.0, 1.0),
     }
 }
 
