@@ -6,6 +6,9 @@ use super::GridKeyframe;
 const CELLS_MAX: f64 = 1024.0;
 /// Free ends this far before the first return, cells: a return stands anywhere in its cell.
 const MARGIN: f64 = 1.0;
+/// A return this far behind those of both neighbouring beams is no opening that one beam found, m: beams are wider
+/// than the angle between them, so that an opening shows in two. It is an echo through the wall, or of a mirror.
+const LONE_M: f64 = 0.5;
 
 /// One beam with returns, in cells, in the keyframe's `base_link`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,8 +17,20 @@ pub(crate) struct Ray {
     pub origin: [f64; 2],
     /// Up to here nothing came back.
     pub free_end: [f64; 2],
-    /// The strongest return; `None` beyond the farthest that counts.
+    /// Where something stands; `None` where that is not to be believed.
     pub hit: Option<[f64; 2]>,
+}
+
+/// A beam's cluster of returns, in cells.
+#[derive(Clone, Copy)]
+struct Echo {
+    origin: [f64; 2],
+    first: [f64; 2],
+    strongest: [f64; 2],
+    /// Range of the first return.
+    clear: f64,
+    /// Range of the strongest.
+    reach: f64,
 }
 
 /// The rays of all beams that have returns. A beam without says nothing: a radar may be blind there.
@@ -26,43 +41,60 @@ pub(crate) fn rays<'a>(
     keyframe: &'a GridKeyframe<'_>,
     cell_size_m: f64,
 ) -> impl Iterator<Item = Ray> + 'a {
-    let total = keyframe.points.len();
-    let end_of = move |beam: usize| {
-        let next = keyframe.beams.get(beam + 1);
-        next.map_or(total, |next| next.first_point as usize)
-            .min(total)
-    };
-    let cells = move |x_m: f32, y_m: f32| [x_m, y_m].map(|c| f64::from(c) / cell_size_m);
-    let beams = keyframe.beams.iter().enumerate();
-    beams.filter_map(move |(index, beam)| {
-        let points = keyframe
-            .points
-            .get(beam.first_point as usize..end_of(index))?;
-        let first = points.first()?;
-        let strongest = points.iter().fold(first, |best, point| {
-            if point.intensity > best.intensity {
-                point
-            } else {
-                best
-            }
-        });
-        let origin = cells(beam.x_m, beam.y_m);
-        let hit = cells(strongest.x_m, strongest.y_m);
-        let first = cells(first.x_m, first.y_m);
-        let reach = distance(origin, hit);
-        let clear = distance(origin, first);
-        if !(reach.is_finite() && clear.is_finite() && distance([0.0; 2], origin) <= CELLS_MAX) {
-            return None;
-        }
-        let share = (clear - MARGIN).clamp(0.0, CELLS_MAX) / clear.max(MARGIN);
-        let toward =
-            |axis: fn([f64; 2]) -> f64| axis(origin) + (axis(first) - axis(origin)) * share;
+    let count = keyframe.beams.len();
+    (0..count).filter_map(move |beam| {
+        let echo = Echo::of(keyframe, beam, cell_size_m)?;
+        // The sweep is a turn: its last beam is the first one's neighbour.
+        let beside = [(beam + count - 1) % count, (beam + 1) % count]
+            .map(|beam| Echo::of(keyframe, beam, cell_size_m).map(|echo| echo.reach));
+        let farther = match beside {
+            [Some(a), Some(b)] => a.max(b),
+            [one, other] => one.or(other).unwrap_or(f64::INFINITY),
+        };
+        let is_lone = echo.reach > farther + LONE_M / cell_size_m;
+        let free = (echo.clear.min(farther) - MARGIN).clamp(0.0, CELLS_MAX);
+        let share = free / echo.clear.max(MARGIN);
+        let toward = |from: f64, to: f64| from + (to - from) * share;
         Some(Ray {
-            origin,
-            free_end: [toward(|p| p[0]), toward(|p| p[1])],
-            hit: (reach <= CELLS_MAX).then_some(hit),
+            origin: echo.origin,
+            free_end: [
+                toward(echo.origin[0], echo.first[0]),
+                toward(echo.origin[1], echo.first[1]),
+            ],
+            hit: (!is_lone && echo.reach <= CELLS_MAX).then_some(echo.strongest),
         })
     })
+}
+
+impl Echo {
+    /// Of one beam; `None` where it has no returns, or nonsense.
+    fn of(keyframe: &GridKeyframe<'_>, beam: usize, cell_size_m: f64) -> Option<Self> {
+        let (beams, total) = (keyframe.beams, keyframe.points.len());
+        let next = beams.get(beam + 1);
+        let end = next.map_or(total, |next| next.first_point as usize);
+        let beam = beams.get(beam)?;
+        let points = keyframe.points.get(beam.first_point as usize..end.min(total))?;
+        let first = points.first()?;
+        let strongest = points.iter().fold(first, |best, point| {
+            if point.intensity > best.intensity { point } else { best }
+        });
+        let cells = |x_m: f32, y_m: f32| [x_m, y_m].map(|c| f64::from(c) / cell_size_m);
+        let origin = cells(beam.x_m, beam.y_m);
+        let first = cells(first.x_m, first.y_m);
+        let strongest = cells(strongest.x_m, strongest.y_m);
+        let echo = Self {
+            origin,
+            first,
+            strongest,
+            clear: distance(origin, first),
+            reach: distance(origin, strongest),
+        };
+        // What is not a number is not below either.
+        let is_sound = distance([0.0; 2], origin) <= CELLS_MAX
+            && echo.clear < f64::INFINITY
+            && echo.reach < f64::INFINITY;
+        is_sound.then_some(echo)
+    }
 }
 
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
