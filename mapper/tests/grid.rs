@@ -16,13 +16,14 @@ use randt_messages::{
 use randt_odometry::{Odometry, Sink};
 use randt_simulator::{Event, Robot, Simulation, Wall, World};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Once around the route.
 const SCANS: u64 = 450;
 /// Cells this near to a wall are right, m.
 const NEAR_M: f64 = 0.2;
-/// Walls are looked for up to here, m: beams are 0.23 m apart there.
-const SEEN_M: f64 = 8.0;
+/// Walls count as seen from here to there, m: behind the radar's nearest range; beams are 0.23 m apart at the farthest.
+const SEEN_M: Range<f64> = 0.7..8.0;
 
 /// A keyframe as the mapper keeps it, at its true pose.
 struct Kept {
@@ -131,73 +132,91 @@ fn cells(grid: &Grid, state: CellState) -> Vec<Vector2<f64>> {
     found
 }
 
+/// Points on the walls that at least three keyframes saw, every 10 cm.
+fn seen_walls(world: &World, keyframes: &[Kept]) -> Vec<Vector2<f64>> {
+    let mut points = Vec::new();
+    for wall in &world.walls {
+        let along = wall.to_m - wall.from_m;
+        let count = (along.norm() / 0.1).ceil().max(1.0) as usize;
+        points.extend((0..count).map(|n| wall.from_m + along * ((n as f64 + 0.5) / count as f64)));
+    }
+    let is_seen = |point: &Vector2<f64>| {
+        let sees = |kept: &&Kept| {
+            let from = kept.pose.translation();
+            SEEN_M.contains(&(from - point).norm()) && !is_hidden(&world.walls, from, *point)
+        };
+        keyframes.iter().filter(sees).count() >= 3
+    };
+    points.retain(is_seen);
+    points
+}
+
+fn share<T>(all: &[T], holds: impl Fn(&T) -> bool) -> f64 {
+    all.iter().filter(|one| holds(one)).count() as f64 / all.len().max(1) as f64
+}
+
 #[test]
 fn walls_are_where_they_are_and_nowhere_else() {
     let world = World::building();
-    let mut keyframes = drive(&world, 7);
-    if let Ok(extra) = std::env::var("GRID_SEEDS") {
-        for seed in 0..extra.parse().unwrap() {
-            let base = keyframes.len() as u64;
-            keyframes.extend(drive(&world, 100 + seed).into_iter().map(|k| Kept {
-                id: base + k.id,
-                ..k
-            }));
-        }
-    }
-    let mut config = randt_config::Grid::default();
-    let env =
-        |name: &str, default: f64| std::env::var(name).map_or(default, |v| v.parse().unwrap());
-    config.hits_min = env("HITS", 2.0) as u32;
-    config.misses_min = env("MISSES", 1.0) as u32;
-    config.occupied_share = env("SHARE", 0.3);
-    let mut grid = Grid::new(&config);
-    grid.update(keyframes.iter().map(Kept::view));
+    let keyframes = drive(&world, 7);
+    let mut grid = Grid::new(&randt_config::Grid::default());
+    grid.update(&keyframes.iter().map(Kept::view).collect::<Vec<_>>());
+    let (occupied, free) = (
+        cells(&grid, CellState::Occupied),
+        cells(&grid, CellState::Free),
+    );
+    let wall_m = |point: &Vector2<f64>| {
+        let distances = world.walls.iter().map(|wall| distance_m(wall, *point));
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let seen = seen_walls(&world, &keyframes);
+    let has = |cells: &[Vector2<f64>], point: &Vector2<f64>, within_m: f64| {
+        cells.iter().any(|cell| (cell - point).norm() <= within_m)
+    };
 
-    let occupied = cells(&grid, CellState::Occupied);
-    let free = cells(&grid, CellState::Free);
-    let wall_m = |p: &Vector2<f64>| {
+    let near = share(&occupied, |cell| wall_m(cell) <= NEAR_M);
+    let ys = || {
         world
             .walls
             .iter()
-            .map(|w| distance_m(w, *p))
-            .fold(f64::INFINITY, f64::min)
+            .flat_map(|wall| [wall.from_m.y, wall.to_m.y])
     };
-    let true_cells = occupied.iter().filter(|p| wall_m(p) <= NEAR_M).count();
-    let mut seen = 0;
-    let mut found = 0;
-    for wall in &world.walls {
-        let count = ((wall.to_m - wall.from_m).norm() / 0.1).ceil().max(1.0) as usize;
-        for n in 0..count {
-            let at = wall.from_m + (wall.to_m - wall.from_m) * ((n as f64 + 0.5) / count as f64);
-            let visible = keyframes.iter().filter(|k| {
-                let from = k.pose.translation();
-                let d = (from - at).norm();
-                d < SEEN_M && d > 0.7 && !is_hidden(&world.walls, from, at)
-            });
-            if visible.count() >= 3 {
-                seen += 1;
-                found += usize::from(occupied.iter().any(|p| (p - at).norm() <= NEAR_M));
-            }
-        }
-    }
-    let exact = free.iter().filter(|p| wall_m(p) <= 0.03).count();
-    let all_wall_cells = free
+    let top_and_bottom_m =
+        ys().fold(f64::INFINITY, f64::min) + ys().fold(f64::NEG_INFINITY, f64::max);
+    let mirrored = share(&occupied, |cell| {
+        wall_m(&Vector2::new(cell.x, top_and_bottom_m - cell.y)) <= NEAR_M
+    });
+    let found = share(&seen, |point| has(&occupied, point, NEAR_M));
+    // Cells at a wall of which the grid says anything, and those of them that a planner would drive through.
+    let at_wall: Vec<_> = free
         .iter()
         .chain(&occupied)
-        .filter(|p| wall_m(p) <= 0.03)
-        .count();
+        .filter(|cell| wall_m(cell) <= 0.06)
+        .collect();
+    let open = share(&at_wall, |cell| !has(&occupied, cell, 0.11));
+    let driven: Vec<_> = keyframes
+        .iter()
+        .map(|kept| kept.pose.translation())
+        .collect();
+    let passable = share(&driven, |at| {
+        has(&free, at, 0.1) && !has(&occupied, at, 0.1)
+    });
     println!(
-        "{} keyframes, {} occupied {:.1} % near; walls seen {seen} found {:.1} %; free {}; wall cells called free {:.1} %",
+        "{} keyframes, {} occupied cells: {:.1} % within {NEAR_M} m of a wall (mirrored {:.1} %); of {} points of \
+         walls seen {:.1} % found; of {} cells at a wall {:.1} % open; {:.1} % of the drive free",
         keyframes.len(),
         occupied.len(),
-        100.0 * true_cells as f64 / occupied.len() as f64,
-        100.0 * f64::from(found as u32) / f64::from(seen),
-        free.len(),
-        100.0 * exact as f64 / all_wall_cells as f64
+        100.0 * near,
+        100.0 * mirrored,
+        seen.len(),
+        100.0 * found,
+        at_wall.len(),
+        100.0 * open,
+        100.0 * passable
     );
-    let picture = grid.picture().unwrap();
-    if let Ok(path) = std::env::var("GRID_OUT") {
-        std::fs::write(path, picture.to_pgm()).unwrap();
-    }
-    assert!(true_cells as f64 >= 0.9 * occupied.len() as f64);
+    assert!(near >= 0.95, "{near}");
+    assert!(mirrored < near - 0.1, "{mirrored}");
+    assert!(found >= 0.88, "{found}");
+    assert!(open <= 0.08, "{open}");
+    assert!(passable >= 0.98, "{passable}");
 }

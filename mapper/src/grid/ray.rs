@@ -22,7 +22,7 @@ pub(crate) struct Ray {
 }
 
 /// A beam's cluster of returns, in cells.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Echo {
     origin: [f64; 2],
     first: [f64; 2],
@@ -33,37 +33,64 @@ struct Echo {
     reach: f64,
 }
 
-/// The rays of all beams that have returns. A beam without says nothing: a radar may be blind there.
-///
-/// The strongest return is the wall: the flanks around it are the width of the pulse. Between the first return and
-/// the strongest nothing is said.
-pub(crate) fn rays<'a>(
-    keyframe: &'a GridKeyframe<'_>,
+/// Makes the rays of one keyframe after the other, without allocating for each.
+#[derive(Clone, Debug)]
+pub(crate) struct RayMaker {
     cell_size_m: f64,
-) -> impl Iterator<Item = Ray> + 'a {
-    let count = keyframe.beams.len();
-    (0..count).filter_map(move |beam| {
-        let echo = Echo::of(keyframe, beam, cell_size_m)?;
-        // The sweep is a turn: its last beam is the first one's neighbour.
-        let beside = [(beam + count - 1) % count, (beam + 1) % count]
-            .map(|beam| Echo::of(keyframe, beam, cell_size_m).map(|echo| echo.reach));
-        let farther = match beside {
-            [Some(a), Some(b)] => a.max(b),
-            [one, other] => one.or(other).unwrap_or(f64::INFINITY),
-        };
-        let is_lone = echo.reach > farther + LONE_M / cell_size_m;
-        let free = (echo.clear.min(farther) - MARGIN).clamp(0.0, CELLS_MAX);
-        let share = free / echo.clear.max(MARGIN);
-        let toward = |from: f64, to: f64| from + (to - from) * share;
-        Some(Ray {
-            origin: echo.origin,
-            free_end: [
-                toward(echo.origin[0], echo.first[0]),
-                toward(echo.origin[1], echo.first[1]),
-            ],
-            hit: (!is_lone && echo.reach <= CELLS_MAX).then_some(echo.strongest),
-        })
-    })
+    echoes: Vec<Option<Echo>>,
+    rays: Vec<Ray>,
+}
+
+impl RayMaker {
+    /// Nothing made yet.
+    pub fn new(cell_size_m: f64) -> Self {
+        Self {
+            cell_size_m,
+            echoes: Vec::new(),
+            rays: Vec::new(),
+        }
+    }
+
+    /// The rays made last.
+    pub fn rays(&self) -> &[Ray] {
+        &self.rays
+    }
+
+    /// Makes the rays of all beams that have returns. A beam without says nothing: a radar may be blind there.
+    ///
+    /// The strongest return is the wall: the flanks around it are the width of the pulse. Between the first return
+    /// and the strongest nothing is said.
+    pub fn make(&mut self, keyframe: &GridKeyframe<'_>) {
+        let count = keyframe.beams.len();
+        self.echoes.clear();
+        let echoes = (0..count).map(|beam| Echo::of(keyframe, beam, self.cell_size_m));
+        self.echoes.extend(echoes);
+        self.rays.clear();
+        for (beam, echo) in self.echoes.iter().enumerate() {
+            let Some(echo) = echo else {
+                continue;
+            };
+            // The sweep is a turn: its last beam is the first one's neighbour.
+            let beside = [(beam + count - 1) % count, (beam + 1) % count];
+            let beside = beside.map(|beam| Some(self.echoes.get(beam)?.as_ref()?.reach));
+            let farther = match beside {
+                [Some(a), Some(b)] => a.max(b),
+                [one, other] => one.or(other).unwrap_or(f64::INFINITY),
+            };
+            let is_lone = echo.reach > farther + LONE_M / self.cell_size_m;
+            let free = (echo.clear.min(farther) - MARGIN).clamp(0.0, CELLS_MAX);
+            let share = free / echo.clear.max(MARGIN);
+            let toward = |from: f64, to: f64| from + (to - from) * share;
+            self.rays.push(Ray {
+                origin: echo.origin,
+                free_end: [
+                    toward(echo.origin[0], echo.first[0]),
+                    toward(echo.origin[1], echo.first[1]),
+                ],
+                hit: (!is_lone && echo.reach <= CELLS_MAX).then_some(echo.strongest),
+            });
+        }
+    }
 }
 
 impl Echo {
@@ -73,10 +100,16 @@ impl Echo {
         let next = beams.get(beam + 1);
         let end = next.map_or(total, |next| next.first_point as usize);
         let beam = beams.get(beam)?;
-        let points = keyframe.points.get(beam.first_point as usize..end.min(total))?;
+        let points = keyframe
+            .points
+            .get(beam.first_point as usize..end.min(total))?;
         let first = points.first()?;
         let strongest = points.iter().fold(first, |best, point| {
-            if point.intensity > best.intensity { point } else { best }
+            if point.intensity > best.intensity {
+                point
+            } else {
+                best
+            }
         });
         let cells = |x_m: f32, y_m: f32| [x_m, y_m].map(|c| f64::from(c) / cell_size_m);
         let origin = cells(beam.x_m, beam.y_m);

@@ -27,9 +27,9 @@ pub(crate) struct Stencil {
 
 impl Stencil {
     /// Paints a keyframe's rays where its pose puts them.
-    pub fn paint(&mut self, rays: impl Iterator<Item = Ray>, placement: &Placement) {
+    pub fn paint(&mut self, rays: &[Ray], placement: &Placement) {
         self.rays.clear();
-        self.rays.extend(rays.map(|ray| Ray {
+        self.rays.extend(rays.iter().map(|ray| Ray {
             origin: placement.apply(ray.origin),
             free_end: placement.apply(ray.free_end),
             hit: ray.hit.map(|hit| placement.apply(hit)),

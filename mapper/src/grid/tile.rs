@@ -69,6 +69,11 @@ impl Tile {
         self.hits.iter().all(|&count| count == 0) && self.misses.iter().all(|&count| count == 0)
     }
 
+    /// Whether every cell counts the same.
+    pub(crate) fn has_same_counts(&self, other: &Self) -> bool {
+        self.hits == other.hits && self.misses == other.misses
+    }
+
     /// Adds votes to cells of a row from a column on, or takes them out again.
     pub(crate) fn count(&mut self, column: usize, row: usize, votes: &[u8], change: Change) {
         let range = row * TILE_CELLS + column..row * TILE_CELLS + column + votes.len();
