@@ -4,8 +4,10 @@
 #[path = "support/recordings.rs"]
 mod recordings;
 
+use randt_geometry::elementary::sin_cos;
 use recordings::recording;
 use serde_json::Value;
+use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -161,9 +163,9 @@ fn what_is_no_trajectory_ends_with_1_and_is_named() {
 /// TUM rows of two rounds of 40 m on a circle, a quarter of a metre each quarter of a second.
 fn two_rounds() -> String {
     let row = |n: u32| {
-        let (sin, cos) = (f64::from(n) * std::f64::consts::TAU / 160.0).sin_cos();
-        let (z, w) = (f64::from(n) * std::f64::consts::PI / 160.0).sin_cos();
-        let (t, r) = (0.25 * f64::from(n), 40.0 / std::f64::consts::TAU);
+        let (sin, cos) = sin_cos(f64::from(n) * TAU / 160.0);
+        let (z, w) = sin_cos(f64::from(n) * PI / 160.0);
+        let (t, r) = (0.25 * f64::from(n), 40.0 / TAU);
         format!(
             "{t:.2} {:.6} {:.6} 0 0 0 {z:.9} {w:.9}\n",
             r * sin,

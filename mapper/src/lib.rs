@@ -7,6 +7,7 @@
 mod candidate;
 mod divergence;
 pub mod graph;
+pub mod grid;
 mod mapper;
 mod place;
 mod registration;

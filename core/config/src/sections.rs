@@ -150,6 +150,16 @@ section! {
     pub struct Grid {
         /// Edge of a cell, m: half a door's frame, and what planners for indoor robots use.
         pub cell_size_m: f64 = 0.1 => Within(0.01, 10.0),
+        /// Keyframes that must have had a return from a cell before it is occupied: an echo by way of a mirror seldom
+        /// comes from one place twice.
+        pub hits_min: u32 = 2 => AtLeast(1.0),
+        /// Keyframes that must have looked through a cell before it is free: one alone may have looked through a wall.
+        pub misses_min: u32 = 2 => AtLeast(1.0),
+        /// Of the keyframes that speak of a cell, the share that must have had a return from it before it is occupied.
+        /// Low, because a beam that grazes a wall passes through its cells before it comes back from one of them, and
+        /// because a wrong wall costs a detour and a missing one the robot. Simulated: 0.2 finds 93 % of the walls that
+        /// were seen, 0.5 finds 85 %, with as few wrong cells.
+        pub occupied_share: f64 = 0.2 => Within(0.0, 1.0),
     }
 }
 
