@@ -1,0 +1,273 @@
+//! Nodes, odometry, loops, and the estimate.
+
+use super::components::components;
+use super::consensus::{self, Recheck};
+use super::edge::{Edge, check_pose};
+use super::loss::Loss;
+use super::solver::{ITERATIONS_MAX, Report, Term, solve};
+use super::system::System;
+use super::{Error, covariance};
+use nalgebra::Matrix3;
+use randt_geometry::Pose2;
+
+/// chi2 from which a loop is doubted: of three degrees of freedom, 1 in 10,000 is beyond. Below it a loop has its full
+/// weight, so that good loops give the plain least squares.
+const LOOP_PHI: f64 = 21.1;
+
+/// The name of a loop, never given again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct LoopId(pub u64);
+
+/// A loop and what the last optimisation made of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Loop {
+    /// Its name.
+    pub id: LoopId,
+    /// The measurement.
+    pub edge: Edge,
+    /// e^T Omega e at the estimate, without the weight.
+    pub chi2: f64,
+    /// 1: believed in full; 0: switched off.
+    pub weight: f64,
+    /// Whether it takes part; [`PoseGraph::recheck`] decides.
+    pub on: bool,
+}
+
+/// A pose graph with its estimate.
+///
+/// Odometry is trusted. Loops are weighed by their chi2, and [`PoseGraph::recheck`] switches off those that contradict
+/// the rest. Every connected component keeps the pose of its lowest node.
+#[derive(Default)]
+pub struct PoseGraph {
+    poses: Vec<Pose2>,
+    odometry: Vec<Edge>,
+    loops: Vec<Loop>,
+    next_loop: u64,
+    /// For every node the lowest one of its component.
+    component: Vec<usize>,
+    system: Option<System>,
+}
+
+impl PoseGraph {
+    /// Adds a node where it is believed to be and returns its index. It belongs to no other until an edge says so.
+    pub fn add_node(&mut self, pose: Pose2) -> Result<usize, Error> {
+        check_pose(&pose)?;
+        let node = self.poses.len();
+        self.poses.push(pose);
+        self.component.push(node);
+        Ok(node)
+    }
+
+    /// Adds an odometry edge between nodes that are there.
+    pub fn add_odometry(&mut self, edge: Edge) -> Result<(), Error> {
+        edge.check(self.poses.len())?;
+        self.odometry.push(edge);
+        self.join();
+        Ok(())
+    }
+
+    /// Adds the node that an odometry edge leads to, where that edge puts it. The edge's `to` is the next index.
+    pub fn append(&mut self, edge: Edge) -> Result<usize, Error> {
+        edge.check(self.poses.len() + 1)?;
+        let from = self.poses.get(edge.from).ok_or(Error::NoNode {
+            node: edge.from,
+            count: self.poses.len(),
+        })?;
+        let node = self.add_node(from.compose(&edge.measured))?;
+        self.add_odometry(Edge { to: node, ..edge })?;
+        Ok(node)
+    }
+
+    /// Adds a loop between nodes that are there.
+    pub fn add_loop(&mut self, edge: Edge) -> Result<LoopId, Error> {
+        edge.check(self.poses.len())?;
+        let id = LoopId(self.next_loop);
+        self.next_loop += 1;
+        let chi2 = edge.chi2(&self.poses[edge.from], &self.poses[edge.to]);
+        self.loops.push(Loop {
+            id,
+            edge,
+            chi2,
+            weight: 1.0,
+            on: true,
+        });
+        self.join();
+        Ok(id)
+    }
+
+    /// Takes a loop out and returns its measurement; `None` where there is none of that name.
+    pub fn remove_loop(&mut self, id: LoopId) -> Option<Edge> {
+        // Names rise, so the list is sorted.
+        let at = self.loops.binary_search_by_key(&id, |l| l.id).ok()?;
+        let removed = self.loops.remove(at);
+        self.label();
+        Some(removed.edge)
+    }
+
+    /// Where every node stands.
+    pub fn poses(&self) -> &[Pose2] {
+        &self.poses
+    }
+
+    /// The odometry edges.
+    pub fn odometry(&self) -> &[Edge] {
+        &self.odometry
+    }
+
+    /// The loops, in the order of their names.
+    pub fn loops(&self) -> &[Loop] {
+        &self.loops
+    }
+
+    /// The lowest node of the component that a node belongs to, over odometry and the loops that are on.
+    pub fn component_of(&self, node: usize) -> Option<usize> {
+        self.component.get(node).copied()
+    }
+
+    /// Moves the poses to the optimum over odometry and the loops that are on, starting where they are.
+    pub fn optimise(&mut self) -> Result<Report, Error> {
+        self.descend(Loss::Scaled { phi: LOOP_PHI })
+    }
+
+    /// The same with every loop that is on believed in full: the plain least squares, from however far away.
+    pub fn optimise_trusting(&mut self) -> Result<Report, Error> {
+        self.descend(Loss::QUADRATIC)
+    }
+
+    fn descend(&mut self, loss: Loss) -> Result<Report, Error> {
+        let loops = self.loops.iter().filter(|l| l.on);
+        let terms: Vec<Term<'_>> = (self.odometry.iter().map(|edge| (edge, Loss::QUADRATIC)))
+            .chain(loops.map(|l| (&l.edge, loss)))
+            .collect();
+        let report = solve(&mut self.system, &mut self.poses, &terms, ITERATIONS_MAX)?;
+        for l in &mut self.loops {
+            l.chi2 = l.edge.chi2(&self.poses[l.edge.from], &self.poses[l.edge.to]);
+            l.weight = if l.on { loss.weight(l.chi2) } else { 0.0 };
+        }
+        Ok(report)
+    }
+
+    /// Judges all loops anew, those switched off included, and optimises over those that agree.
+    pub fn recheck(&mut self) -> Result<Recheck, Error> {
+        let edges: Vec<&Edge> = self.loops.iter().map(|l| &l.edge).collect();
+        let judged = consensus::judge(&self.poses, &self.odometry, &edges)?;
+        self.poses = judged.poses;
+        for (l, on) in self.loops.iter_mut().zip(&judged.on) {
+            l.on = *on;
+        }
+        self.label();
+        let report = self.optimise()?;
+        Ok(Recheck {
+            report,
+            on: judged.on.iter().filter(|on| **on).count(),
+            off: judged.on.iter().filter(|on| !**on).count(),
+            noise: judged.noise,
+        })
+    }
+
+    /// Covariance of the pose of `j` seen from `i`, with perturbations on the right (in the frame of `j`); m^2, m rad,
+    /// rad^2. From the last optimisation, extended by the chain of odometry for nodes that came after it.
+    pub fn relative_covariance(&mut self, i: usize, j: usize) -> Result<Matrix3<f64>, Error> {
+        covariance::relative(self.system.as_mut(), &self.poses, &self.odometry, i, j)
+    }
+
+    /// Labels the components anew where the newest edge joins two.
+    fn join(&mut self) {
+        let label = |edge: &Edge| self.component[edge.from] != self.component[edge.to];
+        if self.odometry.last().is_some_and(label)
+            || self.loops.last().is_some_and(|l| l.on && label(&l.edge))
+        {
+            self.label();
+        }
+    }
+
+    fn label(&mut self) {
+        let loops = self.loops.iter().filter(|l| l.on).map(|l| &l.edge);
+        let edges = self.odometry.iter().chain(loops);
+        self.component = components(self.poses.len(), edges.map(|e| (e.from, e.to)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::{close, drifting, edge, error_m, square};
+    use super::*;
+
+    #[test]
+    fn loops_pull_a_drifting_drive_straight() {
+        let mut graph = drifting(120);
+        assert!(error_m(&graph) > 5.0);
+        close(&mut graph, 3);
+        let report = graph.optimise_trusting().unwrap();
+        assert!(report.converged && report.iterations < 12, "{report:?}");
+        assert!(error_m(&graph) < 1.0, "{}", error_m(&graph));
+        // At the optimum a second run finds nothing to do, and believing in full was right.
+        let again = graph.optimise().unwrap();
+        assert!(again.iterations <= 2 && (again.chi2 - report.chi2).abs() < 1e-9 * report.chi2);
+        assert!(graph.loops().iter().all(|l| l.weight == 1.0 && l.chi2 < LOOP_PHI));
+    }
+
+    #[test]
+    fn a_false_loop_is_weighed_down() {
+        let mut graph = drifting(120);
+        close(&mut graph, 3);
+        graph.optimise_trusting().unwrap();
+        let before = graph.poses().to_vec();
+        let id = graph.add_loop(edge(5, 105, Pose2::new(1.0, 0.5, 2.0))).unwrap();
+        graph.optimise().unwrap();
+        let wrong = graph.loops().last().unwrap();
+        assert!(wrong.id == id && wrong.weight < 0.01 && wrong.chi2 > 1000.0);
+        let moved = before.iter().zip(graph.poses()).map(|(a, b)| (a.translation() - b.translation()).norm());
+        assert!(moved.fold(0.0, f64::max) < 0.1);
+        assert_eq!(graph.remove_loop(id).unwrap().to, 105);
+        assert!(graph.remove_loop(id).is_none());
+        graph.optimise().unwrap();
+        let moved = before.iter().zip(graph.poses()).map(|(a, b)| (a.translation() - b.translation()).norm());
+        assert!(moved.fold(0.0, f64::max) < 1e-7);
+    }
+
+    #[test]
+    fn parts_that_no_edge_joins_stand_by_themselves() {
+        let mut graph = drifting(20);
+        let other = graph.add_node(Pose2::new(100.0, 0.0, 1.0)).unwrap();
+        let last = graph.append(edge(other, other + 1, Pose2::new(1.0, 0.0, 0.0))).unwrap();
+        assert_eq!((graph.component_of(last), graph.component_of(7)), (Some(other), Some(0)));
+        assert_eq!(graph.component_of(last + 1), None);
+        let before = graph.poses().to_vec();
+        graph.optimise().unwrap();
+        assert_eq!(graph.poses()[other], before[other]);
+        assert!(matches!(graph.relative_covariance(3, last), Err(Error::NotConnected { .. })));
+
+        // A loop joins them: the later part moves, the earlier stands.
+        let id = graph.add_loop(edge(0, other, square(0))).unwrap();
+        assert_eq!(graph.component_of(last), Some(0));
+        graph.optimise_trusting().unwrap();
+        assert_eq!(graph.poses()[0], before[0]);
+        assert!((graph.poses()[last].x_m - 1.0).abs() < 1e-9);
+        assert!(graph.relative_covariance(3, last).is_ok());
+        graph.remove_loop(id);
+        assert_eq!(graph.component_of(last), Some(other));
+    }
+
+    #[test]
+    fn an_empty_graph_and_a_single_node_are_solved() {
+        let mut graph = PoseGraph::default();
+        assert!(graph.optimise().unwrap().converged);
+        graph.add_node(Pose2::IDENTITY).unwrap();
+        assert!(graph.optimise().unwrap().converged);
+        assert!(graph.recheck().is_ok());
+        assert!(graph.add_node(Pose2::new(f64::NAN, 0.0, 0.0)).is_err());
+        assert!(graph.append(edge(7, 8, Pose2::IDENTITY)).is_err());
+    }
+
+    #[test]
+    fn the_same_graph_gives_the_same_bits() {
+        let solved = || {
+            let mut graph = drifting(200);
+            close(&mut graph, 1);
+            graph.recheck().unwrap();
+            graph.poses().to_vec()
+        };
+        assert_eq!(solved(), solved());
+    }
+}
