@@ -1,5 +1,11 @@
 //! Which loops agree with each other and with odometry.
 
+mod groups;
+mod growth;
+mod uncertain;
+
+use groups::{Chain, Groups};
+use growth::grow;
 use super::edge::Edge;
 use super::loss::Loss;
 use super::solver::{ITERATIONS_MAX, Report, Term, solve};
@@ -32,33 +38,47 @@ pub(super) fn judge(
     odometry: &[Edge],
     loops: &[&Edge],
 ) -> Result<Judged, Error> {
-    let c2: f64 = std::env::var("C2").ok().and_then(|v| v.parse().ok()).unwrap_or(11.3);
-    let mut poses = poses.to_vec();
-    let mut system = None;
-    let terms = |weights: &[f64]| -> Vec<Term<'_>> {
-        odometry.iter().map(|e| (e, Loss::QUADRATIC))
-            .chain(loops.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(|(e, w)| (*e, Loss::Weighted(*w))))
-            .collect()
-    };
-    let mut weights = vec![1.0; loops.len()];
-    let begin = std::time::Instant::now();
-    let report = solve(&mut system, &mut poses, &terms(&weights), 30)?;
-    eprintln!("initial {report:?} {:?}", begin.elapsed());
-    let chi2 = |poses: &[Pose2]| -> Vec<f64> { loops.iter().map(|e| e.chi2(&poses[e.from], &poses[e.to])).collect() };
-    let max = chi2(&poses).into_iter().fold(0.0, f64::max);
-    let mut mu = c2 / (2.0 * max - c2).max(1e-9);
-    let mut rounds = 0;
-    while mu < 1e4 && rounds < 200 {
-        rounds += 1;
-        for (w, r2) in weights.iter_mut().zip(chi2(&poses)) {
-            *w = if r2 <= mu / (mu + 1.0) * c2 { 1.0 } else if r2 >= (mu + 1.0) / mu * c2 { 0.0 } else { (c2 * mu * (mu + 1.0) / r2).sqrt() - mu };
+    let mut odometry = odometry.to_vec();
+    odometry.sort_by_key(|edge| edge.to.max(edge.from));
+    // Every loop from the earlier node to the later one, in the order of the later.
+    let mut order: Vec<usize> = (0..loops.len()).collect();
+    let late = |l: &usize| (loops[*l].from.max(loops[*l].to), loops[*l].from.min(loops[*l].to));
+    order.sort_by_key(late);
+    let sorted: Vec<Edge> = order.iter().map(|l| forward(loops[*l])).collect();
+    let chain = Chain::new(poses.len(), &odometry);
+    let t = std::time::Instant::now();
+    let groups = Groups::new(&chain, &sorted);
+    let v = std::env::var("V").is_ok();
+    if v { eprintln!("noise {:.4} groups {} of {} {:?}", groups.noise, groups.groups.len(), sorted.len(), t.elapsed()); }
+    let (mut poses, agreed) = grow(poses, &odometry, &sorted, &chain, &groups)?;
+    let terms: Vec<Term<'_>> = odometry.iter().chain(sorted.iter().zip(&agreed).filter(|(_, on)| **on).map(|(e, _)| e)).map(|e| (e, Loss::QUADRATIC)).collect();
+    let r = solve(&mut None, &mut poses, &terms, ITERATIONS_MAX)?;
+    if v {
+        eprintln!("{r:?}");
+        for g in &groups.groups {
+            let o = g.iter().any(|l| agreed[*l]);
+            let f = g.iter().filter(|l| order[**l] >= 1954).count();
+            let m = &sorted[g[g.len()/2]];
+            if f > 0 && o || (f == 0 && !o) || g.len() > 2 && !o { eprintln!("group of {} at {} {}: on {o}, false {f}, chi2 {:.2}", g.len(), m.from, m.to, m.chi2(&poses[m.from], &poses[m.to])); }
         }
-        let r = solve(&mut system, &mut poses, &terms(&weights), 2)?;
-        if std::env::var("V").is_ok() { eprintln!("mu {mu:.3e} chi2 {:.2} step {:.2e} on {}", r.chi2, r.step, weights.iter().filter(|w| **w > 0.5).count()); }
-        if weights.iter().all(|w| *w == 0.0 || *w == 1.0) && r.step < 1e-6 && rounds > 5 { break; }
-        mu *= 1.4;
     }
-    eprintln!("gnc {rounds} {:?}", begin.elapsed());
-    solve(&mut system, &mut poses, &terms(&weights), ITERATIONS_MAX)?;
-    Ok(Judged { poses, on: weights.iter().map(|w| *w > 0.5).collect(), noise: 1.0 })
+    let mut on = vec![false; loops.len()];
+    for (l, agreed) in order.iter().zip(&agreed) {
+        on[*l] = *agreed;
+    }
+    Ok(Judged { poses, on, noise: groups.noise })
+}
+
+/// The same edge from its earlier node to its later one.
+fn forward(edge: &Edge) -> Edge {
+    if edge.from < edge.to {
+        return edge.clone();
+    }
+    let carry = edge.measured.inverse().adjoint();
+    Edge {
+        from: edge.to,
+        to: edge.from,
+        measured: edge.measured.inverse(),
+        information: carry.transpose() * edge.information * carry,
+    }
 }
