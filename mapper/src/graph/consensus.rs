@@ -1,15 +1,28 @@
 //! Which loops agree with each other and with odometry.
+//!
+//! Starting a robust solver from odometry that has drifted by metres lets false loops bend the map before the true ones
+//! are heard, and the more so where false ones agree with each other. Instead the drive is grown anew from its
+//! beginning: at every moment only the drift since the last loops is open, and a loop must lie within it.
+//!
+//! 1. Loops that say the same of the same two stretches form a group (pairwise consistency, Mangelson et al. 2018, by
+//!    short cycles only). Ten loops of one mistake are one witness, not ten.
+//! 2. The cycles also tell how large errors really are, compared with what the edges claim.
+//! 3. Group by group, in the order in which they came, the innovation is held against its covariance.
+//! 4. What was turned away may appeal once everything is known, by truncated least squares (as in Yang et al. 2020).
+//!
+//! Not responsible for the weights between re-checks.
 
 mod groups;
 mod growth;
+mod hearing;
 mod uncertain;
 
-use groups::{Chain, Groups};
-use growth::grow;
-use super::edge::Edge;
-use super::loss::Loss;
-use super::solver::{ITERATIONS_MAX, Report, Term, solve};
 use super::Error;
+use super::edge::Edge;
+use super::solver::Report;
+use groups::{Chain, GATE, Groups};
+use growth::grow;
+use hearing::Case;
 use randt_geometry::Pose2;
 
 /// What a re-check found.
@@ -28,57 +41,37 @@ pub struct Recheck {
 /// The verdict.
 pub(super) struct Judged {
     pub poses: Vec<Pose2>,
+    /// For every loop whether it agrees.
     pub on: Vec<bool>,
     pub noise: f64,
 }
 
-/// Judges.
-pub(super) fn judge(
-    poses: &[Pose2],
-    odometry: &[Edge],
-    loops: &[&Edge],
-) -> Result<Judged, Error> {
-    let mut odometry = odometry.to_vec();
-    odometry.sort_by_key(|edge| edge.to.max(edge.from));
-    // Every loop from the earlier node to the later one, in the order of the later.
+/// Judges all loops. Of the poses only the first of every stretch of odometry counts.
+pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Result<Judged, Error> {
+    let mut odometry: Vec<Edge> = odometry.iter().map(Edge::forward).collect();
+    odometry.sort_by_key(|edge| edge.to);
     let mut order: Vec<usize> = (0..loops.len()).collect();
-    let late = |l: &usize| (loops[*l].from.max(loops[*l].to), loops[*l].from.min(loops[*l].to));
-    order.sort_by_key(late);
-    let sorted: Vec<Edge> = order.iter().map(|l| forward(loops[*l])).collect();
-    let chain = Chain::new(poses.len(), &odometry);
-    let t = std::time::Instant::now();
-    let groups = Groups::new(&chain, &sorted);
-    let v = std::env::var("V").is_ok();
-    if v { eprintln!("noise {:.4} groups {} of {} {:?}", groups.noise, groups.groups.len(), sorted.len(), t.elapsed()); }
-    let (mut poses, agreed) = grow(poses, &odometry, &sorted, &chain, &groups)?;
-    let terms: Vec<Term<'_>> = odometry.iter().chain(sorted.iter().zip(&agreed).filter(|(_, on)| **on).map(|(e, _)| e)).map(|e| (e, Loss::QUADRATIC)).collect();
-    let r = solve(&mut None, &mut poses, &terms, ITERATIONS_MAX)?;
-    if v {
-        eprintln!("{r:?}");
-        for g in &groups.groups {
-            let o = g.iter().any(|l| agreed[*l]);
-            let f = g.iter().filter(|l| order[**l] >= 1954).count();
-            let m = &sorted[g[g.len()/2]];
-            if f > 0 && o || (f == 0 && !o) || g.len() > 2 && !o { eprintln!("group of {} at {} {}: on {o}, false {f}, chi2 {:.2}", g.len(), m.from, m.to, m.chi2(&poses[m.from], &poses[m.to])); }
-        }
-    }
-    let mut on = vec![false; loops.len()];
-    for (l, agreed) in order.iter().zip(&agreed) {
-        on[*l] = *agreed;
-    }
-    Ok(Judged { poses, on, noise: groups.noise })
-}
+    let forward: Vec<Edge> = loops.iter().map(|edge| edge.forward()).collect();
+    order.sort_by_key(|l| (forward[*l].to, forward[*l].from));
+    let arriving: Vec<Edge> = order.iter().map(|l| forward[*l].clone()).collect();
 
-/// The same edge from its earlier node to its later one.
-fn forward(edge: &Edge) -> Edge {
-    if edge.from < edge.to {
-        return edge.clone();
+    let chain = Chain::new(poses.len(), &odometry);
+    let Groups { noise, groups } = Groups::new(&chain, &arriving);
+    let case = Case {
+        odometry: &odometry,
+        loops: &arriving,
+        gate: GATE * noise,
+    };
+    let (grown, agreed) = grow(poses, &case, &chain, &groups)?;
+    let verdict = case.appeal(&groups, grown, agreed)?;
+
+    let mut on = vec![false; loops.len()];
+    for (l, agrees) in order.iter().zip(&verdict.on) {
+        on[*l] = *agrees;
     }
-    let carry = edge.measured.inverse().adjoint();
-    Edge {
-        from: edge.to,
-        to: edge.from,
-        measured: edge.measured.inverse(),
-        information: carry.transpose() * edge.information * carry,
-    }
+    Ok(Judged {
+        poses: verdict.poses,
+        on,
+        noise,
+    })
 }

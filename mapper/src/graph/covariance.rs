@@ -56,9 +56,8 @@ pub(super) fn relative(
     let (to_i, to_j) = (carried(a, i), carried(b, j));
     let (by_i, by_j) = (seen_by * to_i, to_j);
     let cross = by_j * ab.transpose() * by_i.transpose();
-    let base = by_i * aa * by_i.transpose() + by_j * bb * by_j.transpose()
-        - cross
-        - cross.transpose();
+    let base =
+        by_i * aa * by_i.transpose() + by_j * bb * by_j.transpose() - cross - cross.transpose();
     let noise = |chained: &Chained| chained.noise.last().copied().unwrap_or_default();
     Ok(base + in_frame_of_j(noise(&from)) + noise(&to))
 }
@@ -105,8 +104,12 @@ mod tests {
     #[test]
     fn it_is_the_inverse_of_the_dense_information() {
         let mut graph = drifting(3);
-        graph.add_loop(edge(0, 3, Pose2::new(2.9, 0.1, 0.1))).unwrap();
-        graph.add_loop(edge(3, 1, Pose2::new(-2.0, 0.1, -0.1))).unwrap();
+        graph
+            .add_loop(edge(0, 3, Pose2::new(2.9, 0.1, 0.1)))
+            .unwrap();
+        graph
+            .add_loop(edge(3, 1, Pose2::new(-2.0, 0.1, -0.1)))
+            .unwrap();
         graph.optimise_trusting().unwrap();
         // Derivatives of all errors by finite differences; node 0 stands still.
         let poses = graph.poses().to_vec();
@@ -122,9 +125,10 @@ mod tests {
                 poses[1 + axis / 3] = moved(&poses[1 + axis / 3], &step);
                 edge.error(&poses[edge.from], &poses[edge.to])
             };
-            let jacobian = SMatrix::<f64, 3, 9>::from_columns(&std::array::from_fn::<_, 9, _>(
-                |axis| (error(axis, 1e-5) - error(axis, -1e-5)) / 2e-5,
-            ));
+            let jacobian =
+                SMatrix::<f64, 3, 9>::from_columns(&std::array::from_fn::<_, 9, _>(|axis| {
+                    (error(axis, 1e-5) - error(axis, -1e-5)) / 2e-5
+                }));
             dense += jacobian.transpose() * edge.information * jacobian;
         }
         let covariance = dense.try_inverse().unwrap();
@@ -135,11 +139,15 @@ mod tests {
                 by.fixed_view_mut::<3, 3>(0, 3 * (i - 1)).copy_from(&by_i);
             }
             if j > 0 {
-                by.fixed_view_mut::<3, 3>(0, 3 * (j - 1)).copy_from(&Matrix3::identity());
+                by.fixed_view_mut::<3, 3>(0, 3 * (j - 1))
+                    .copy_from(&Matrix3::identity());
             }
             let expected = by * covariance * by.transpose();
             let found = graph.relative_covariance(i, j).unwrap();
-            assert!((found - expected).amax() < 1e-6 * expected.amax(), "{i} {j}: {found} {expected}");
+            assert!(
+                (found - expected).amax() < 1e-6 * expected.amax(),
+                "{i} {j}: {found} {expected}"
+            );
         }
     }
 
@@ -149,16 +157,32 @@ mod tests {
         close(&mut graph, 5);
         graph.optimise_trusting().unwrap();
         for node in 81..90 {
-            graph.append(edge(node - 1, node, Pose2::new(1.0, 0.1, 0.2))).unwrap();
+            graph
+                .append(edge(node - 1, node, Pose2::new(1.0, 0.1, 0.2)))
+                .unwrap();
         }
-        let branch = graph.append(edge(85, 90, Pose2::new(0.0, 1.0, -2.0))).unwrap();
-        let pairs = [(3, 89), (89, 3), (82, 88), (88, 82), (80, 84), (branch, 89), (7, branch), (84, 84)];
+        let branch = graph
+            .append(edge(85, 90, Pose2::new(0.0, 1.0, -2.0)))
+            .unwrap();
+        let pairs = [
+            (3, 89),
+            (89, 3),
+            (82, 88),
+            (88, 82),
+            (80, 84),
+            (branch, 89),
+            (7, branch),
+            (84, 84),
+        ];
         let before = pairs.map(|(i, j)| graph.relative_covariance(i, j).unwrap());
         // New nodes that no loop holds move nothing: what was carried on is what the optimum says.
         graph.optimise_trusting().unwrap();
         for ((i, j), before) in pairs.into_iter().zip(before) {
             let after = graph.relative_covariance(i, j).unwrap();
-            assert!(i == j || close_to(&before, &after), "{i} {j}: {before} {after}");
+            assert!(
+                i == j || close_to(&before, &after),
+                "{i} {j}: {before} {after}"
+            );
             assert!(i != j || before.amax() < 1e-12);
         }
     }

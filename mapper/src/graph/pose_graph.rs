@@ -4,7 +4,7 @@ use super::components::components;
 use super::consensus::{self, Recheck};
 use super::edge::{Edge, check_pose};
 use super::loss::Loss;
-use super::solver::{ITERATIONS_MAX, Report, Term, solve};
+use super::solver::{Effort, Report, Term, solve};
 use super::system::System;
 use super::{Error, covariance};
 use nalgebra::Matrix3;
@@ -139,9 +139,11 @@ impl PoseGraph {
         let terms: Vec<Term<'_>> = (self.odometry.iter().map(|edge| (edge, Loss::QUADRATIC)))
             .chain(loops.map(|l| (&l.edge, loss)))
             .collect();
-        let report = solve(&mut self.system, &mut self.poses, &terms, ITERATIONS_MAX)?;
+        let report = solve(&mut self.system, &mut self.poses, &terms, Effort::FULL)?;
         for l in &mut self.loops {
-            l.chi2 = l.edge.chi2(&self.poses[l.edge.from], &self.poses[l.edge.to]);
+            l.chi2 = l
+                .edge
+                .chi2(&self.poses[l.edge.from], &self.poses[l.edge.to]);
             l.weight = if l.on { loss.weight(l.chi2) } else { 0.0 };
         }
         Ok(report)
@@ -204,7 +206,12 @@ mod tests {
         // At the optimum a second run finds nothing to do, and believing in full was right.
         let again = graph.optimise().unwrap();
         assert!(again.iterations <= 2 && (again.chi2 - report.chi2).abs() < 1e-9 * report.chi2);
-        assert!(graph.loops().iter().all(|l| l.weight == 1.0 && l.chi2 < LOOP_PHI));
+        assert!(
+            graph
+                .loops()
+                .iter()
+                .all(|l| l.weight == 1.0 && l.chi2 < LOOP_PHI)
+        );
     }
 
     #[test]
@@ -213,16 +220,24 @@ mod tests {
         close(&mut graph, 3);
         graph.optimise_trusting().unwrap();
         let before = graph.poses().to_vec();
-        let id = graph.add_loop(edge(5, 105, Pose2::new(1.0, 0.5, 2.0))).unwrap();
+        let id = graph
+            .add_loop(edge(5, 105, Pose2::new(1.0, 0.5, 2.0)))
+            .unwrap();
         graph.optimise().unwrap();
         let wrong = graph.loops().last().unwrap();
         assert!(wrong.id == id && wrong.weight < 0.01 && wrong.chi2 > 1000.0);
-        let moved = before.iter().zip(graph.poses()).map(|(a, b)| (a.translation() - b.translation()).norm());
+        let moved = before
+            .iter()
+            .zip(graph.poses())
+            .map(|(a, b)| (a.translation() - b.translation()).norm());
         assert!(moved.fold(0.0, f64::max) < 0.1);
         assert_eq!(graph.remove_loop(id).unwrap().to, 105);
         assert!(graph.remove_loop(id).is_none());
         graph.optimise().unwrap();
-        let moved = before.iter().zip(graph.poses()).map(|(a, b)| (a.translation() - b.translation()).norm());
+        let moved = before
+            .iter()
+            .zip(graph.poses())
+            .map(|(a, b)| (a.translation() - b.translation()).norm());
         assert!(moved.fold(0.0, f64::max) < 1e-7);
     }
 
@@ -230,13 +245,21 @@ mod tests {
     fn parts_that_no_edge_joins_stand_by_themselves() {
         let mut graph = drifting(20);
         let other = graph.add_node(Pose2::new(100.0, 0.0, 1.0)).unwrap();
-        let last = graph.append(edge(other, other + 1, Pose2::new(1.0, 0.0, 0.0))).unwrap();
-        assert_eq!((graph.component_of(last), graph.component_of(7)), (Some(other), Some(0)));
+        let last = graph
+            .append(edge(other, other + 1, Pose2::new(1.0, 0.0, 0.0)))
+            .unwrap();
+        assert_eq!(
+            (graph.component_of(last), graph.component_of(7)),
+            (Some(other), Some(0))
+        );
         assert_eq!(graph.component_of(last + 1), None);
         let before = graph.poses().to_vec();
         graph.optimise().unwrap();
         assert_eq!(graph.poses()[other], before[other]);
-        assert!(matches!(graph.relative_covariance(3, last), Err(Error::NotConnected { .. })));
+        assert!(matches!(
+            graph.relative_covariance(3, last),
+            Err(Error::NotConnected { .. })
+        ));
 
         // A loop joins them: the later part moves, the earlier stands.
         let id = graph.add_loop(edge(0, other, square(0))).unwrap();

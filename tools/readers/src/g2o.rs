@@ -58,7 +58,9 @@ pub fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Graph, Error> 
             break;
         }
         let parsed = if bytes.len() == LINE_BYTES_MAX {
-            Err(format!("over {LINE_BYTES_MAX} bytes long; a line has at most 12 words"))
+            Err(format!(
+                "over {LINE_BYTES_MAX} bytes long; a line has at most 12 words"
+            ))
         } else {
             parse(&String::from_utf8_lossy(&bytes), &mut graph)
         };
@@ -100,7 +102,9 @@ fn parse(line: &str, graph: &mut Graph) -> Result<(), String> {
         }
         [tag, ..] => {
             let tag: String = tag.chars().take(40).collect();
-            return Err(format!("{tag:?}, expected VERTEX_SE2 or EDGE_SE2 (a planar graph)"));
+            return Err(format!(
+                "{tag:?}, expected VERTEX_SE2 or EDGE_SE2 (a planar graph)"
+            ));
         }
     }
     Ok(())
@@ -144,7 +148,9 @@ mod tests {
 
     #[test]
     fn vertices_and_edges_are_read() {
-        let graph = text("# a graph\nVERTEX_SE2 7 1 -2 0.5\r\n\nFIX 7\nEDGE_SE2 7 8 1e0 2 -3 1 2 3 4 5 6").unwrap();
+        let graph =
+            text("# a graph\nVERTEX_SE2 7 1 -2 0.5\r\n\nFIX 7\nEDGE_SE2 7 8 1e0 2 -3 1 2 3 4 5 6")
+                .unwrap();
         assert_eq!(graph.vertices, [(7, Pose2::new(1.0, -2.0, 0.5))]);
         assert_eq!(graph.edges[0].to, 8);
         assert_eq!(graph.edges[0].measured, Pose2::new(1.0, 2.0, -3.0));
@@ -160,16 +166,25 @@ mod tests {
         for (line, says) in [
             ("VERTEX_SE2 1 2 3", "with 3 words, expected 4: id x y yaw"),
             ("EDGE_SE2 0 1 0 0 0 1 0 0 1 0", "with 10 words, expected 11"),
-            ("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1", "expected VERTEX_SE2 or EDGE_SE2"),
+            (
+                "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1",
+                "expected VERTEX_SE2 or EDGE_SE2",
+            ),
             ("VERTEX_SE2 -1 0 0 0", "id \"-1\", expected a whole number"),
             ("VERTEX_SE2 99999999999 0 0 0", "up to 100000000"),
-            ("VERTEX_SE2 1 NaN 0 0", "\"NaN\", expected a number below 4e6"),
+            (
+                "VERTEX_SE2 1 NaN 0 0",
+                "\"NaN\", expected a number below 4e6",
+            ),
             ("VERTEX_SE2 1 0 0 inf", "\"inf\""),
             ("EDGE_SE2 0 1 0 0 1e300 1 0 0 1 0 1", "\"1e300\""),
             ("EDGE_SE2 0 1 0 0 0 1 0 0 x 0 1", "\"x\""),
         ] {
             let error = text(&format!("VERTEX_SE2 0 0 0 0\n{line}\n")).unwrap_err();
-            assert!(error.starts_with("a.g2o: line 2: ") && error.contains(says), "{error}");
+            assert!(
+                error.starts_with("a.g2o: line 2: ") && error.contains(says),
+                "{error}"
+            );
         }
         let error = text(&"9".repeat(10_000)).unwrap_err();
         assert!(error.contains("line 1: over 4096 bytes"), "{error}");

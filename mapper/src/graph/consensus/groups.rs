@@ -73,7 +73,8 @@ impl Groups {
             .map(|b| {
                 let before = (0..b).rev();
                 let near = before.take_while(|a| loops[*a].to + NEAR_NODES >= loops[b].to);
-                near.filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?))).collect()
+                near.filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
+                    .collect()
             })
             .collect();
         let noise = noise(loops, &near);
@@ -99,8 +100,11 @@ impl Groups {
 /// Noise by the median cycle of every loop with its nearest neighbour: false loops are the tail that a median ignores.
 fn noise(loops: &[Edge], near: &[Vec<(usize, f64)>]) -> f64 {
     let nearest = near.iter().enumerate().filter_map(|(b, near)| {
-        let apart = |a: usize| loops[a].from.abs_diff(loops[b].from) + loops[a].to.abs_diff(loops[b].to);
-        near.iter().min_by_key(|(a, _)| apart(*a)).map(|(_, chi2)| *chi2)
+        let apart =
+            |a: usize| loops[a].from.abs_diff(loops[b].from) + loops[a].to.abs_diff(loops[b].to);
+        near.iter()
+            .min_by_key(|(a, _)| apart(*a))
+            .map(|(_, chi2)| *chi2)
     });
     let mut cycles: Vec<f64> = nearest.collect();
     cycles.sort_by(f64::total_cmp);

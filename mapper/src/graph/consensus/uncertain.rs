@@ -47,7 +47,8 @@ impl Uncertain {
     /// How far a measurement is from it, with both their covariances: chi2 of three degrees of freedom.
     pub fn disagreement(&self, edge: &Edge) -> f64 {
         let error = error(edge, &self.pose);
-        let weighed = (self.covariance + edge.information.try_inverse().unwrap_or_default()).try_inverse();
+        let weighed =
+            (self.covariance + edge.information.try_inverse().unwrap_or_default()).try_inverse();
         weighed.map_or(f64::INFINITY, |weighed| error.dot(&(weighed * error)))
     }
 }

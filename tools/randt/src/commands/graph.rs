@@ -141,7 +141,10 @@ fn ate_m(graph: &PoseGraph, clean: &PoseGraph) -> anyhow::Result<f64> {
     };
     let evaluation = evaluate(&trajectory(graph), &trajectory(clean))?;
     let ate_m = evaluation.ate_rmse_m;
-    ensure!(ate_m.is_some(), "no component has the three poses that an error needs");
+    ensure!(
+        ate_m.is_some(),
+        "no component has the three poses that an error needs"
+    );
     Ok(ate_m.unwrap_or_default())
 }
 
@@ -156,7 +159,11 @@ fn table(figures: &Figures) -> String {
         figures.chi2,
         figures.iterations,
         figures.time_ms,
-        if figures.converged { "" } else { ", NOT converged" }
+        if figures.converged {
+            ""
+        } else {
+            ", NOT converged"
+        }
     );
     if let Some(trial) = &figures.trial {
         // Writing to a String cannot fail.
