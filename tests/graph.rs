@@ -37,8 +37,8 @@ fn stays_straight(name: &str) {
             println!(
                 "{name:<7} {:<19} {seed:4} {ate_m:7.4} {:>12} {:>14} {:7.0}",
                 kind.join(" "),
-                figures["false_kept"],
-                figures["true_dropped"],
+                figures["false_kept"].as_u64().unwrap(),
+                figures["true_dropped"].as_u64().unwrap(),
                 figures["recheck_ms"].as_f64().unwrap()
             );
             if ate_m >= ATE_MAX_M {

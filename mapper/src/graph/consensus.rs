@@ -6,8 +6,8 @@
 //!
 //! 1. Loops that say the same of the same two stretches form a group (pairwise consistency, Mangelson et al. 2018, by
 //!    short cycles only). Ten loops of one mistake are one witness, not ten.
-//! 2. The cycles also tell how large errors really are, compared with what the edges claim.
-//! 3. Group by group, in the order in which they came, the innovation is held against its covariance.
+//! 2. Group by group, in the order in which they came, the innovation is held against its covariance.
+//! 3. The innovations also tell how large errors really are, compared with what the edges claim.
 //! 4. What was turned away may appeal once everything is known, by truncated least squares (as in Yang et al. 2020).
 //!
 //! Not responsible for the weights between re-checks.
@@ -20,9 +20,9 @@ mod uncertain;
 use super::Error;
 use super::edge::Edge;
 use super::solver::Report;
-use groups::{Chain, GATE, Groups};
-use growth::grow;
-use hearing::Case;
+use groups::{Chain, GATE, groups};
+use growth::{Noise, grow};
+use hearing::{Case, Verdict};
 use randt_geometry::Pose2;
 
 /// What a re-check found.
@@ -38,7 +38,8 @@ pub struct Recheck {
     pub noise: f64,
 }
 
-/// The verdict.
+/// What was found of all loops.
+#[derive(Default)]
 pub(super) struct Judged {
     pub poses: Vec<Pose2>,
     /// For every loop whether it agrees.
@@ -56,14 +57,28 @@ pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Resu
     let arriving: Vec<Edge> = order.iter().map(|l| forward[*l].clone()).collect();
 
     let chain = Chain::new(poses.len(), &odometry);
-    let Groups { noise, groups } = Groups::new(&chain, &arriving);
-    let case = Case {
-        odometry: &odometry,
-        loops: &arriving,
-        gate: GATE * noise,
+    let (groups, cycles) = groups(&chain, &arriving);
+    // Short cycles tell the noise but not the drift; innovations tell both but believe the first loops. Both are
+    // tried, and the data choose.
+    let mut best: Option<(f64, Case<'_>, Verdict)> = None;
+    for noise in [Noise::Fixed(cycles), Noise::CLAIMED] {
+        let grown = grow(poses, &odometry, &arriving, &chain, &groups, noise)?;
+        let case = Case {
+            odometry: &odometry,
+            loops: &arriving,
+            gate: GATE * grown.noise,
+        };
+        let verdict = case.settle(grown.poses, grown.on)?;
+        let surprise = case.surprise(&verdict);
+        if best.as_ref().is_none_or(|(least, ..)| surprise < *least) {
+            best = Some((surprise, case, verdict));
+        }
+    }
+    let Some((_, case, verdict)) = best else {
+        return Ok(Judged::default());
     };
-    let (grown, agreed) = grow(poses, &case, &chain, &groups)?;
-    let verdict = case.appeal(&groups, grown, agreed)?;
+    let noise = case.gate / GATE;
+    let verdict = case.appeal(&groups, verdict)?;
 
     let mut on = vec![false; loops.len()];
     for (l, agrees) in order.iter().zip(&verdict.on) {

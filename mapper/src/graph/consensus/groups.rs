@@ -57,47 +57,38 @@ impl<'a> Chain<'a> {
     }
 }
 
-/// Loops, all from the earlier node to the later one and in the order of the later.
-pub(super) struct Groups {
-    /// Variance of the errors relative to what the edges claim.
-    pub noise: f64,
-    /// Indices of the loops in each, in order of arrival.
-    pub groups: Vec<Vec<usize>>,
-}
-
-impl Groups {
-    /// Puts loops that agree together.
-    pub fn new(chain: &Chain<'_>, loops: &[Edge]) -> Self {
-        // For every loop the loops before it that are near, with the chi2 of the cycle.
-        let near: Vec<Vec<(usize, f64)>> = (0..loops.len())
-            .map(|b| {
-                let before = (0..b).rev();
-                let near = before.take_while(|a| loops[*a].to + NEAR_NODES >= loops[b].to);
-                near.filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
-                    .collect()
-            })
-            .collect();
-        let noise = noise(loops, &near);
-        let mut group_of: Vec<usize> = Vec::with_capacity(loops.len());
-        let mut groups: Vec<Vec<usize>> = Vec::new();
-        for (b, near) in near.iter().enumerate() {
-            let friend = near.iter().find(|(a, chi2)| {
-                let first = groups[group_of[*a]].first().map_or(b, |first| *first);
-                *chi2 < GATE * noise && loops[first].to + NEAR_NODES >= loops[b].to
-            });
-            let group = friend.map_or(groups.len(), |(a, _)| group_of[*a]);
-            if group == groups.len() {
-                groups.push(Vec::new());
-            }
-            groups[group].push(b);
-            group_of.push(group);
+/// Indices of the loops in each group, in order of arrival. Loops go from the earlier node to the later one and come
+/// in the order of the later.
+pub(super) fn groups(chain: &Chain<'_>, loops: &[Edge]) -> (Vec<Vec<usize>>, f64) {
+    // For every loop the loops before it that are near, with the chi2 of the cycle.
+    let near: Vec<Vec<(usize, f64)>> = (0..loops.len())
+        .map(|b| {
+            let before = (0..b).rev();
+            let near = before.take_while(|a| loops[*a].to + NEAR_NODES >= loops[b].to);
+            near.filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
+                .collect()
+        })
+        .collect();
+    let gate = GATE * noise(loops, &near);
+    let mut group_of: Vec<usize> = Vec::with_capacity(loops.len());
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (b, near) in near.iter().enumerate() {
+        let friend = near.iter().find(|(a, chi2)| {
+            let first = groups[group_of[*a]].first().map_or(b, |first| *first);
+            *chi2 < gate && loops[first].to + NEAR_NODES >= loops[b].to
+        });
+        let group = friend.map_or(groups.len(), |(a, _)| group_of[*a]);
+        if group == groups.len() {
+            groups.push(Vec::new());
         }
-        groups.sort_by_key(|group| group.last().copied());
-        Self { noise, groups }
+        groups[group].push(b);
+        group_of.push(group);
     }
+    groups.sort_by_key(|group| group.last().copied());
+    (groups, gate / GATE)
 }
 
-/// Noise by the median cycle of every loop with its nearest neighbour: false loops are the tail that a median ignores.
+/// Variance of short cycles relative to what the edges claim, by the median cycle of every loop with its nearest neighbour: false loops are the tail that a median ignores.
 fn noise(loops: &[Edge], near: &[Vec<(usize, f64)>]) -> f64 {
     let nearest = near.iter().enumerate().filter_map(|(b, near)| {
         let apart =

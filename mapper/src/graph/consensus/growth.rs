@@ -6,8 +6,7 @@ use super::super::edge::Edge;
 use super::super::loss::Loss;
 use super::super::solver::{Effort, Term, solve};
 use super::super::system::System;
-use super::groups::{Chain, NEAR_NODES};
-use super::hearing::Case;
+use super::groups::{Chain, GATE, NEAR_NODES};
 use super::uncertain::Uncertain;
 use randt_geometry::Pose2;
 
@@ -17,16 +16,60 @@ const EFFORT: Effort = Effort {
     factorisations_max: 3,
 };
 
-/// Grows the estimate stretch by stretch; gives poses and which loops agreed when they arrived.
+/// Degrees of freedom of a loop.
+const DOF: f64 = 3.0;
+/// Innovations that the claimed covariances are worth before the data say how large errors are.
+const CLAIM_COUNT: f64 = 2.0;
+
+/// How large errors are taken to be: their variance relative to what the edges claim.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Noise {
+    /// Known beforehand.
+    Fixed(f64),
+    /// As claimed at first, then as the innovations show: long drift may be worse than short cycles tell.
+    Learned { sum: f64, count: f64 },
+}
+
+impl Noise {
+    /// What nothing is known of but the claims.
+    pub const CLAIMED: Self = Self::Learned {
+        sum: CLAIM_COUNT,
+        count: CLAIM_COUNT,
+    };
+
+    fn push(&mut self, chi2: f64) {
+        if let Self::Learned { sum, count } = self {
+            *sum += chi2 / DOF;
+            *count += 1.0;
+        }
+    }
+
+    fn variance(self) -> f64 {
+        match self {
+            Self::Fixed(variance) => variance,
+            Self::Learned { sum, count } => sum / count,
+        }
+    }
+}
+
+/// What grew.
+pub(super) struct Growth {
+    pub poses: Vec<Pose2>,
+    /// Which loops agreed when they arrived.
+    pub on: Vec<bool>,
+    /// Variance of the errors relative to what the edges claim.
+    pub noise: f64,
+}
+
+/// Grows the estimate stretch by stretch.
 pub(super) fn grow(
     poses: &[Pose2],
-    case: &Case<'_>,
+    odometry: &[Edge],
+    loops: &[Edge],
     chain: &Chain<'_>,
     groups: &[Vec<usize>],
-) -> Result<(Vec<Pose2>, Vec<bool>), Error> {
-    let Case {
-        loops, odometry, ..
-    } = *case;
+    mut noise: Noise,
+) -> Result<Growth, Error> {
     let mut on = vec![false; loops.len()];
     let mut grown: Vec<Pose2> = Vec::with_capacity(poses.len());
     let mut system: Option<System> = None;
@@ -38,20 +81,20 @@ pub(super) fn grow(
         }
         let known = &odometry[..odometry.partition_point(|edge| edge.to < end)];
         let arrives = |group: &&Vec<usize>| group.last().is_some_and(|l| loops[*l].to < end);
-        let mut arrived = Vec::new();
-        while let Some(group) = waiting.next_if(arrives) {
-            arrived.push(group);
-        }
         let mut agreed = false;
-        for group in arrived {
+        while let Some(group) = waiting.next_if(arrives) {
             // The middle one speaks for its group.
-            let speaker = group.get(group.len() / 2).map(|l| &loops[*l]);
-            if let Some(speaker) = speaker
-                && fits(speaker, &grown, system.as_mut(), known, case.gate)?
-            {
-                group.iter().for_each(|l| on[*l] = true);
-                agreed = true;
+            let Some(speaker) = group.get(group.len() / 2).map(|l| &loops[*l]) else {
+                continue;
+            };
+            match innovation(speaker, &grown, system.as_mut(), known)? {
+                Some(chi2) if chi2 > GATE * noise.variance() => continue,
+                Some(chi2) => noise.push(chi2),
+                // Nothing else joins the two parts: nothing contradicts it.
+                None => {}
             }
+            group.iter().for_each(|l| on[*l] = true);
+            agreed = true;
         }
         if agreed {
             let closed = loops.iter().zip(&on).filter(|(_, on)| **on);
@@ -62,24 +105,26 @@ pub(super) fn grow(
             solve(&mut system, &mut grown, &terms, EFFORT)?;
         }
     }
-    Ok((grown, on))
+    Ok(Growth {
+        poses: grown,
+        on,
+        noise: noise.variance(),
+    })
 }
 
-/// Whether a loop lies within what is known of its two nodes.
-fn fits(
+/// chi2 of a loop by what is known of its two nodes; `None` where that is nothing.
+fn innovation(
     edge: &Edge,
     grown: &[Pose2],
     system: Option<&mut System>,
     known: &[Edge],
-    gate: f64,
-) -> Result<bool, Error> {
+) -> Result<Option<f64>, Error> {
     match covariance::relative(system, grown, known, edge.from, edge.to) {
         Ok(covariance) => {
             let pose = grown[edge.from].between(&grown[edge.to]);
-            Ok(Uncertain { pose, covariance }.disagreement(edge) <= gate)
+            Ok(Some(Uncertain { pose, covariance }.disagreement(edge)))
         }
-        // Nothing else joins the two parts: nothing contradicts it.
-        Err(Error::NotConnected { .. }) => Ok(true),
+        Err(Error::NotConnected { .. }) => Ok(None),
         Err(error) => Err(error),
     }
 }

@@ -9,13 +9,16 @@ use super::super::edge::Edge;
 use super::super::loss::Loss;
 use super::super::solver::{Effort, Term, solve};
 use super::super::system::System;
-use randt_geometry::Pose2;
+use super::groups::GATE;
+use randt_geometry::{Pose2, elementary::ln};
 
 /// For the estimate to bend to a group that is heard, and to settle with it; only the sum of squares counts.
 const EFFORT: Effort = Effort {
     step: 1e-3,
     factorisations_max: 12,
 };
+/// Degrees of freedom of a loop.
+const DOF: f64 = 3.0;
 /// Groups heard in one re-check, largest first; the next re-check hears the others.
 const HEARINGS_MAX: usize = 12;
 /// Rounds in which loops join and leave at the optimum until none does.
@@ -39,14 +42,8 @@ pub(super) struct Case<'a> {
 }
 
 impl Case<'_> {
-    /// Settles which loops agree at the optimum, then hears the groups that do not.
-    pub fn appeal(
-        &self,
-        groups: &[Vec<usize>],
-        poses: Vec<Pose2>,
-        on: Vec<bool>,
-    ) -> Result<Verdict, Error> {
-        let mut verdict = self.settle(poses, on)?;
+    /// Hears the groups that do not agree.
+    pub fn appeal(&self, groups: &[Vec<usize>], mut verdict: Verdict) -> Result<Verdict, Error> {
         let mut heard: Vec<&Vec<usize>> = groups.iter().filter(|group| group.len() > 1).collect();
         heard.retain(|group| group.iter().all(|l| !verdict.on[*l]));
         heard.sort_by_key(|group| std::cmp::Reverse(group.len()));
@@ -83,7 +80,7 @@ impl Case<'_> {
     }
 
     /// Optimises over the loops that are on; those that agree then join, those that do not leave.
-    fn settle(&self, mut poses: Vec<Pose2>, mut on: Vec<bool>) -> Result<Verdict, Error> {
+    pub fn settle(&self, mut poses: Vec<Pose2>, mut on: Vec<bool>) -> Result<Verdict, Error> {
         let mut system: Option<System> = None;
         for _ in 0..ROUNDS_MAX {
             self.optimise(&mut system, &mut poses, &on)?;
@@ -96,6 +93,15 @@ impl Case<'_> {
         self.optimise(&mut system, &mut poses, &on)?;
         let cost = self.cost(&poses);
         Ok(Verdict { poses, on, cost })
+    }
+
+    /// Minus twice the log likelihood, but for a constant, with the variance that fits the loops that are on; what is
+    /// off is an outlier, whose price does not depend on that variance.
+    pub fn surprise(&self, verdict: &Verdict) -> f64 {
+        let off = verdict.on.iter().filter(|on| !**on).count() as f64;
+        let freedom = DOF * (verdict.on.len() as f64 - off + 1.0);
+        let square = verdict.cost - self.gate * off;
+        freedom * ln((square + DOF) / freedom) + GATE * off
     }
 
     /// The truncated sum of squares.
