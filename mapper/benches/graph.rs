@@ -32,12 +32,17 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Where a drive on a circle is, a metre a keyframe.
 fn circle(step: usize) -> Pose2 {
     let turn = core::f64::consts::TAU / LAP as f64;
-    (0..step % LAP).fold(Pose2::IDENTITY, |pose, _| pose.compose(&Pose2::new(1.0, 0.0, turn)))
+    (0..step % LAP).fold(Pose2::IDENTITY, |pose, _| {
+        pose.compose(&Pose2::new(1.0, 0.0, turn))
+    })
 }
 
 /// A measurement that is off by a centimetre and a tenth of a degree, never twice the same.
 fn measured(from: usize, to: usize, turn: usize) -> Edge {
-    let (a, b) = ((turn * 7919 % 21) as f64 - 10.0, (turn * 104_729 % 21) as f64 - 10.0);
+    let (a, b) = (
+        (turn * 7919 % 21) as f64 - 10.0,
+        (turn * 104_729 % 21) as f64 - 10.0,
+    );
     let error = Pose2::new(1e-3 * a, 1e-3 * b, 2e-4 * a);
     Edge {
         from,
@@ -78,7 +83,11 @@ fn whole(file: &Path) -> Result<(), Box<dyn Error>> {
         graph.add_node(Pose2::IDENTITY)?;
         let (mut odometry, mut loops) = (Vec::new(), Vec::new());
         for edge in &read.edges {
-            let of = if edge.to == edge.from + 1 { &mut odometry } else { &mut loops };
+            let of = if edge.to == edge.from + 1 {
+                &mut odometry
+            } else {
+                &mut loops
+            };
             of.push(Edge {
                 from: usize::try_from(edge.from)?,
                 to: usize::try_from(edge.to)?,

@@ -25,6 +25,9 @@ use growth::{Noise, grow};
 use hearing::{Case, Verdict};
 use randt_geometry::Pose2;
 
+/// Share of the loops that cycles may turn away against the claims before the claims are tried as well.
+const CLAIMABLE_MAX: f64 = 0.05;
+
 /// What a re-check found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Recheck {
@@ -58,8 +61,8 @@ pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Resu
 
     let chain = Chain::new(poses.len(), &odometry);
     let (groups, cycles) = groups(&chain, &arriving);
-    // Short cycles tell the noise but not the drift; innovations tell both but believe the first loops. Both are
-    // tried, and the data choose.
+    // Short cycles tell the noise but not the drift; innovations tell both but believe the first loops. Where
+    // they differ both are tried, and the data choose.
     let mut best: Option<(f64, Case<'_>, Verdict)> = None;
     for noise in [Noise::Fixed(cycles), Noise::CLAIMED] {
         let grown = grow(poses, &odometry, &arriving, &chain, &groups, noise)?;
@@ -68,10 +71,14 @@ pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Resu
             loops: &arriving,
             gate: GATE * grown.noise,
         };
+        let doubtful = grown.claimable as f64 > CLAIMABLE_MAX * loops.len() as f64;
         let verdict = case.settle(grown.poses, grown.on)?;
         let surprise = case.surprise(&verdict);
         if best.as_ref().is_none_or(|(least, ..)| surprise < *least) {
             best = Some((surprise, case, verdict));
+        }
+        if !doubtful {
+            break;
         }
     }
     let Some((_, case, verdict)) = best else {

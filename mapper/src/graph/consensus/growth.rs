@@ -57,6 +57,8 @@ pub(super) struct Growth {
     pub poses: Vec<Pose2>,
     /// Which loops agreed when they arrived.
     pub on: Vec<bool>,
+    /// Loops turned away that the claimed covariances would have let in.
+    pub claimable: usize,
     /// Variance of the errors relative to what the edges claim.
     pub noise: f64,
 }
@@ -73,6 +75,7 @@ pub(super) fn grow(
     let mut on = vec![false; loops.len()];
     let mut grown: Vec<Pose2> = Vec::with_capacity(poses.len());
     let mut system: Option<System> = None;
+    let mut claimable = 0;
     let mut waiting = groups.iter().peekable();
     for begin in (0..poses.len()).step_by(NEAR_NODES) {
         let end = (begin + NEAR_NODES).min(poses.len());
@@ -88,7 +91,10 @@ pub(super) fn grow(
                 continue;
             };
             match innovation(speaker, &grown, system.as_mut(), known)? {
-                Some(chi2) if chi2 > GATE * noise.variance() => continue,
+                Some(chi2) if chi2 > GATE * noise.variance() => {
+                    claimable += if chi2 < GATE { group.len() } else { 0 };
+                    continue;
+                }
                 Some(chi2) => noise.push(chi2),
                 // Nothing else joins the two parts: nothing contradicts it.
                 None => {}
@@ -108,6 +114,7 @@ pub(super) fn grow(
     Ok(Growth {
         poses: grown,
         on,
+        claimable,
         noise: noise.variance(),
     })
 }
