@@ -90,7 +90,13 @@ fn optima_are_the_published_ones_from_odometry_alone() {
 
 /// Two laps around a square of 10 m, odometry and the second lap's loops.
 fn laps() -> String {
-    let turn = |step: usize| if step % 10 == 9 { 1.5708 } else { 0.0 };
+    let turn = |step: usize| {
+        if step % 10 == 9 {
+            core::f64::consts::FRAC_PI_2
+        } else {
+            0.0
+        }
+    };
     let information = "400 0 0 400 0 365";
     let mut text: String = (0..80)
         .map(|k| {
