@@ -26,6 +26,11 @@ const LICENCES: &[&str] = &[
 /// Crates that are here in several versions, with the reason.
 const SEVERAL_VERSIONS: &[(&str, &str)] = &[
     (
+        "equator",
+        "assertions of faer, whose kernels for small products (nano-gemm) are a release behind",
+    ),
+    ("equator-macro", "comes with equator"),
+    (
         "glam",
         "optional conversions of nalgebra: in the lock file, never built",
     ),

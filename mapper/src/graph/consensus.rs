@@ -1,10 +1,32 @@
 //! Which loops agree with each other and with odometry.
+//!
+//! Starting a robust solver from odometry that has drifted by metres lets false loops bend the map before the true ones
+//! are heard, and the more so where false ones agree with each other. Instead the drive is grown anew from its
+//! beginning: at every moment only the drift since the last loops is open, and a loop must lie within it.
+//!
+//! 1. Loops that say the same of the same two stretches form a group (pairwise consistency, Mangelson et al. 2018, by
+//!    short cycles only). Ten loops of one mistake are one witness, not ten.
+//! 2. Group by group, in the order in which they came, the innovation is held against its covariance.
+//! 3. The innovations also tell how large errors really are, compared with what the edges claim.
+//! 4. What was turned away may appeal once everything is known, by truncated least squares (as in Yang et al. 2020).
+//!
+//! Not responsible for the weights between re-checks.
+
+mod groups;
+mod growth;
+mod hearing;
+mod uncertain;
 
 use super::Error;
 use super::edge::Edge;
-use super::loss::Loss;
-use super::solver::{ITERATIONS_MAX, Report, Term, solve};
+use super::solver::Report;
+use groups::{Chain, GATE, groups};
+use growth::{Noise, grow};
+use hearing::{Case, Verdict};
 use randt_geometry::Pose2;
+
+/// Share of the loops that cycles may turn away against the claims before the claims are tried as well.
+const CLAIMABLE_MAX: f64 = 0.05;
 
 /// What a re-check found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,77 +41,59 @@ pub struct Recheck {
     pub noise: f64,
 }
 
-/// The verdict.
+/// What was found of all loops.
+#[derive(Default)]
 pub(super) struct Judged {
     pub poses: Vec<Pose2>,
+    /// For every loop whether it agrees.
     pub on: Vec<bool>,
     pub noise: f64,
 }
 
-/// Judges.
+/// Judges all loops. Of the poses only the first of every stretch of odometry counts.
 pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Result<Judged, Error> {
-    let c2: f64 = std::env::var("C2")
-        .ok()
-        .and_then(|v| v.parse().ok())
-        .unwrap_or(11.3);
-    let mut poses = poses.to_vec();
-    let mut system = None;
-    let terms = |weights: &[f64]| -> Vec<Term<'_>> {
-        odometry
-            .iter()
-            .map(|e| (e, Loss::QUADRATIC))
-            .chain(
-                loops
-                    .iter()
-                    .zip(weights)
-                    .filter(|(_, w)| **w > 0.0)
-                    .map(|(e, w)| (*e, Loss::Weighted(*w))),
-            )
-            .collect()
-    };
-    let mut weights = vec![1.0; loops.len()];
-    let begin = std::time::Instant::now();
-    let report = solve(&mut system, &mut poses, &terms(&weights), 30)?;
-    eprintln!("initial {report:?} {:?}", begin.elapsed());
-    let chi2 = |poses: &[Pose2]| -> Vec<f64> {
-        loops
-            .iter()
-            .map(|e| e.chi2(&poses[e.from], &poses[e.to]))
-            .collect()
-    };
-    let max = chi2(&poses).into_iter().fold(0.0, f64::max);
-    let mut mu = c2 / (2.0 * max - c2).max(1e-9);
-    let mut rounds = 0;
-    while mu < 1e4 && rounds < 200 {
-        rounds += 1;
-        for (w, r2) in weights.iter_mut().zip(chi2(&poses)) {
-            *w = if r2 <= mu / (mu + 1.0) * c2 {
-                1.0
-            } else if r2 >= (mu + 1.0) / mu * c2 {
-                0.0
-            } else {
-                (c2 * mu * (mu + 1.0) / r2).sqrt() - mu
-            };
+    let mut odometry: Vec<Edge> = odometry.iter().map(Edge::forward).collect();
+    odometry.sort_by_key(|edge| edge.to);
+    let mut order: Vec<usize> = (0..loops.len()).collect();
+    let forward: Vec<Edge> = loops.iter().map(|edge| edge.forward()).collect();
+    order.sort_by_key(|l| (forward[*l].to, forward[*l].from));
+    let arriving: Vec<Edge> = order.iter().map(|l| forward[*l].clone()).collect();
+
+    let chain = Chain::new(poses.len(), &odometry);
+    let (groups, cycles) = groups(&chain, &arriving);
+    // Short cycles tell the noise but not the drift; innovations tell both but believe the first loops. Where
+    // they differ both are tried, and the data choose.
+    let mut best: Option<(f64, Case<'_>, Verdict)> = None;
+    for noise in [Noise::Fixed(cycles), Noise::CLAIMED] {
+        let grown = grow(poses, &odometry, &arriving, &chain, &groups, noise)?;
+        let case = Case {
+            odometry: &odometry,
+            loops: &arriving,
+            gate: GATE * grown.noise,
+        };
+        let doubtful = grown.claimable as f64 > CLAIMABLE_MAX * loops.len() as f64;
+        let verdict = case.settle(grown.poses, grown.on)?;
+        let surprise = case.surprise(&verdict);
+        if best.as_ref().is_none_or(|(least, ..)| surprise < *least) {
+            best = Some((surprise, case, verdict));
         }
-        let r = solve(&mut system, &mut poses, &terms(&weights), 2)?;
-        if std::env::var("V").is_ok() {
-            eprintln!(
-                "mu {mu:.3e} chi2 {:.2} step {:.2e} on {}",
-                r.chi2,
-                r.step,
-                weights.iter().filter(|w| **w > 0.5).count()
-            );
-        }
-        if weights.iter().all(|w| *w == 0.0 || *w == 1.0) && r.step < 1e-6 && rounds > 5 {
+        if !doubtful {
             break;
         }
-        mu *= 1.4;
     }
-    eprintln!("gnc {rounds} {:?}", begin.elapsed());
-    solve(&mut system, &mut poses, &terms(&weights), ITERATIONS_MAX)?;
+    let Some((_, case, verdict)) = best else {
+        return Ok(Judged::default());
+    };
+    let noise = case.gate / GATE;
+    let verdict = case.appeal(&groups, verdict)?;
+
+    let mut on = vec![false; loops.len()];
+    for (l, agrees) in order.iter().zip(&verdict.on) {
+        on[*l] = *agrees;
+    }
     Ok(Judged {
-        poses,
-        on: weights.iter().map(|w| *w > 0.5).collect(),
-        noise: 1.0,
+        poses: verdict.poses,
+        on,
+        noise,
     })
 }

@@ -72,6 +72,20 @@ impl Edge {
         )
     }
 
+    /// The same measurement from its lower node to its higher one.
+    pub(super) fn forward(&self) -> Self {
+        if self.from < self.to {
+            return self.clone();
+        }
+        let carry = self.measured.inverse().adjoint();
+        Self {
+            from: self.to,
+            to: self.from,
+            measured: self.measured.inverse(),
+            information: carry.transpose() * self.information * carry,
+        }
+    }
+
     /// The squared error weighed by the information.
     pub fn chi2(&self, from: &Pose2, to: &Pose2) -> f64 {
         let error = self.error(from, to);

@@ -4,7 +4,7 @@ use super::components::components;
 use super::consensus::{self, Recheck};
 use super::edge::{Edge, check_pose};
 use super::loss::Loss;
-use super::solver::{ITERATIONS_MAX, Report, Term, solve};
+use super::solver::{Effort, Report, Term, solve};
 use super::system::System;
 use super::{Error, covariance};
 use nalgebra::Matrix3;
@@ -139,7 +139,7 @@ impl PoseGraph {
         let terms: Vec<Term<'_>> = (self.odometry.iter().map(|edge| (edge, Loss::QUADRATIC)))
             .chain(loops.map(|l| (&l.edge, loss)))
             .collect();
-        let report = solve(&mut self.system, &mut self.poses, &terms, ITERATIONS_MAX)?;
+        let report = solve(&mut self.system, &mut self.poses, &terms, Effort::FULL)?;
         for l in &mut self.loops {
             l.chi2 = l
                 .edge

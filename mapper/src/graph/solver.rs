@@ -6,18 +6,32 @@ use super::loss::Loss;
 use super::system::System;
 use randt_geometry::Pose2;
 
-/// Largest step, m and rad, at which the optimum is reached: machines with and without FMA then agree to 1e-6 m.
-pub(super) const STEP_MIN: f64 = 1e-9;
 /// Steps below this that shrink no more are the rounding of long chains, not descent.
 const STEP_ROUNDING: f64 = 1e-6;
-/// Gauss-Newton takes 3 to 8; robust weights some tens. More is no descent.
-pub(super) const ITERATIONS_MAX: usize = 100;
 /// First damping after a failed step, relative to the diagonal, its growth, and where it is hopeless.
 const DAMPING_FIRST: f64 = 1e-6;
 const DAMPING_GROWTH: f64 = 10.0;
 const DAMPING_MAX: f64 = 1e6;
 /// A cost may rise by its own rounding.
 const COST_ROUNDING: f64 = 1e-12;
+
+/// How far to go.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// Largest step, m and rad, at which it is good.
+    pub step: f64,
+    /// Factorisations, those of damped steps included.
+    pub factorisations_max: usize,
+}
+
+impl Effort {
+    /// To the optimum: machines with and without FMA then agree to 1e-6 m. Gauss-Newton takes 3 to 8 steps, from far
+    /// away or with robust weights some tens; more is no descent.
+    pub const FULL: Self = Self {
+        step: 1e-9,
+        factorisations_max: 100,
+    };
+}
 
 /// How a solution was found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,14 +54,14 @@ pub(super) fn solve(
     system: &mut Option<System>,
     poses: &mut [Pose2],
     terms: &[Term<'_>],
-    iterations_max: usize,
+    effort: Effort,
 ) -> Result<Report, Error> {
     let pairs = || terms.iter().map(|(edge, _)| (edge.from, edge.to));
     let mut fitting = match system.take() {
         Some(system) if system.fits(poses.len(), pairs()) => system,
         _ => System::new(poses.len(), pairs().collect())?,
     };
-    let report = descend(&mut fitting, poses, terms, iterations_max);
+    let report = descend(&mut fitting, poses, terms, effort);
     *system = Some(fitting);
     report
 }
@@ -56,7 +70,7 @@ fn descend(
     system: &mut System,
     poses: &mut [Pose2],
     terms: &[Term<'_>],
-    iterations_max: usize,
+    effort: Effort,
 ) -> Result<Report, Error> {
     let mut damping = 0.0;
     let mut report = Report {
@@ -65,7 +79,9 @@ fn descend(
     };
     report.chi2 = cost(poses, terms);
     build(system, poses, terms);
-    while report.iterations < iterations_max && !report.converged {
+    let mut factorisations = 0;
+    while factorisations < effort.factorisations_max && !report.converged {
+        factorisations += 1;
         let mut tried = None;
         if system.factorise(damping) {
             let step = system.step();
@@ -101,7 +117,7 @@ fn descend(
         poses.copy_from_slice(&moved);
         let shrinks = size < 0.5 * report.step;
         report.converged =
-            damping == 0.0 && (size < STEP_MIN || (size < STEP_ROUNDING && !shrinks));
+            damping == 0.0 && (size < effort.step || (size < STEP_ROUNDING && !shrinks));
         report.iterations += 1;
         (report.step, report.chi2) = (size, cost);
         damping /= DAMPING_GROWTH;

@@ -44,6 +44,8 @@ pub(super) struct System {
     symbolic: SymbolicCholesky<usize>,
     factor: Vec<f64>,
     memory: MemBuffer,
+    /// The last marginals' second node with its columns of the inverse: loops are tested against one newest node.
+    recent: Option<(usize, Vec<f64>)>,
 }
 
 impl System {
@@ -77,7 +79,7 @@ impl System {
         let symbolic = symbolic(&below, &columns, &rows).map_err(fail)?;
         let request = StackReq::any_of(&[
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()),
-            symbolic.solve_in_place_scratch::<f64>(2 * DOF, Par::Seq),
+            symbolic.solve_in_place_scratch::<f64>(DOF, Par::Seq),
         ]);
         let memory = MemBuffer::try_new(request).map_err(|_| fail(FaerError::OutOfMemory))?;
         Ok(Self {
@@ -92,6 +94,7 @@ impl System {
             rows,
             symbolic,
             memory,
+            recent: None,
         })
     }
 
@@ -158,6 +161,7 @@ impl System {
 
     /// Factorises H with its diagonal raised by `damping` times itself; false where it is not positive definite.
     pub fn factorise(&mut self, damping: f64) -> bool {
+        self.recent = None;
         if self.unknowns() == 0 {
             return true;
         }
@@ -198,25 +202,32 @@ impl System {
 
     /// Covariances of two nodes and between them, [ii, ij, jj], each with perturbations on the right; an anchor's are 0.
     pub fn marginals(&mut self, i: usize, j: usize) -> [Matrix3<f64>; 3] {
-        let size = self.gradient.len();
-        let mut columns = vec![0.0; size * 2 * DOF];
-        let blocks = [self.block_of[i], self.block_of[j]];
-        for (at, block) in blocks.iter().enumerate() {
-            for axis in 0..DOF {
-                if let Some(block) = block {
-                    columns[(DOF * at + axis) * size + DOF * block + axis] = 1.0;
-                }
-            }
-        }
-        self.solve(&mut columns, 2 * DOF);
-        let part = |row: Option<usize>, column: usize| {
-            Matrix3::from_fn(|r, c| {
-                row.map_or(0.0, |row| {
-                    columns[(DOF * column + c) * size + DOF * row + r]
-                })
-            })
+        let by_i = self.inverse_columns(i);
+        let by_j = match self.recent.take() {
+            Some((node, columns)) if node == j => columns,
+            _ => self.inverse_columns(j),
         };
-        [part(blocks[0], 0), part(blocks[0], 1), part(blocks[1], 1)]
+        let size = self.gradient.len();
+        let part = |row: Option<usize>, columns: &[f64]| {
+            Matrix3::from_fn(|r, c| row.map_or(0.0, |row| columns[c * size + DOF * row + r]))
+        };
+        let (row_i, row_j) = (self.block_of[i], self.block_of[j]);
+        let marginals = [part(row_i, &by_i), part(row_i, &by_j), part(row_j, &by_j)];
+        self.recent = Some((j, by_j));
+        marginals
+    }
+
+    /// The columns of the inverse of H that belong to a node; zeros for an anchor.
+    fn inverse_columns(&mut self, node: usize) -> Vec<f64> {
+        let size = self.gradient.len();
+        let mut columns = vec![0.0; size * DOF];
+        if let Some(block) = self.block_of[node] {
+            for axis in 0..DOF {
+                columns[axis * size + DOF * block + axis] = 1.0;
+            }
+            self.solve(&mut columns, DOF);
+        }
+        columns
     }
 
     fn solve(&mut self, right: &mut [f64], columns: usize) {

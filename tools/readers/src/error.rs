@@ -54,6 +54,16 @@ pub enum Error {
         /// What is wrong and what would be right.
         what: String,
     },
+    /// A line of a text file is broken.
+    #[error("{path}: line {line}: {what}")]
+    Line {
+        /// File.
+        path: String,
+        /// Which, from 1.
+        line: usize,
+        /// What is wrong and what would be right.
+        what: String,
+    },
     /// An MCAP file that cannot be read.
     #[error(transparent)]
     Log(#[from] randt_log::Error),

@@ -7,6 +7,7 @@ mod error;
 mod event;
 #[doc(hidden)]
 pub mod fuzzing;
+pub mod g2o;
 mod input;
 mod limit;
 mod log;

@@ -3,6 +3,7 @@
 mod config;
 mod demo;
 mod eval;
+mod graph;
 mod import;
 mod imu;
 mod register;
@@ -29,6 +30,8 @@ pub enum Command {
     Imu(imu::Arguments),
     /// Register two radar scans to each other
     Register(register::Arguments),
+    /// Solve a pose graph in g2o's format, as it is or with false loops added
+    Graph(graph::Arguments),
     /// Show or check a configuration
     Config(config::Arguments),
 }
@@ -44,6 +47,7 @@ impl Command {
             Self::Import(arguments) => import::run(arguments),
             Self::Imu(arguments) => imu::run(arguments),
             Self::Register(arguments) => register::run(arguments),
+            Self::Graph(arguments) => graph::run(arguments),
             Self::Config(arguments) => config::run(arguments),
         }
     }

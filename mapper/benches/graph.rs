@@ -1,0 +1,143 @@
+//! `cargo bench -p randt-mapper`: what the pose graph costs.
+//!
+//! Prints machine, data, median and p99: one more loop in a graph of 1,000 keyframes that is solved already, and the
+//! whole of M3500 from its odometry.
+
+use nalgebra::Matrix3;
+use randt_geometry::Pose2;
+use randt_mapper::graph::{Edge, PoseGraph};
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Keyframes of the warm graph.
+const KEYFRAMES: usize = 1000;
+/// Keyframes of a lap; every second one closes a loop with the lap before.
+const LAP: usize = 100;
+/// Loops that come one by one.
+const WARM_RUNS: usize = 400;
+/// Whole solutions of M3500.
+const WHOLE_RUNS: usize = 50;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("machine: {}", machine());
+    warm()?;
+    match data().map(|data| data.join("posegraph/M3500.g2o")) {
+        Some(file) if file.exists() => whole(&file)?,
+        _ => println!("M3500: skipped, no data (RANDT_DATA)"),
+    }
+    Ok(())
+}
+
+/// Where a drive on a circle is, a metre a keyframe.
+fn circle(step: usize) -> Pose2 {
+    let turn = core::f64::consts::TAU / LAP as f64;
+    (0..step % LAP).fold(Pose2::IDENTITY, |pose, _| {
+        pose.compose(&Pose2::new(1.0, 0.0, turn))
+    })
+}
+
+/// A measurement that is off by a centimetre and a tenth of a degree, never twice the same.
+fn measured(from: usize, to: usize, turn: usize) -> Edge {
+    let (a, b) = (
+        (turn * 7919 % 21) as f64 - 10.0,
+        (turn * 104_729 % 21) as f64 - 10.0,
+    );
+    let error = Pose2::new(1e-3 * a, 1e-3 * b, 2e-4 * a);
+    Edge {
+        from,
+        to,
+        measured: circle(from).between(&circle(to)).compose(&error),
+        information: Matrix3::from_diagonal(&[1e4, 1e4, 3e5].into()),
+    }
+}
+
+fn warm() -> Result<(), Box<dyn Error>> {
+    let mut graph = PoseGraph::default();
+    graph.add_node(Pose2::IDENTITY)?;
+    for node in 1..KEYFRAMES {
+        graph.append(measured(node - 1, node, node))?;
+    }
+    for node in (LAP..KEYFRAMES).step_by(2) {
+        graph.add_loop(measured(node - LAP, node, node))?;
+    }
+    graph.optimise_trusting()?;
+    let mut times_ms = Vec::new();
+    for run in 0..WARM_RUNS {
+        let from = run * 37 % (KEYFRAMES - 2 * LAP);
+        graph.add_loop(measured(from, from + LAP + run % 5, run))?;
+        let begin = Instant::now();
+        let report = graph.optimise()?;
+        times_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        assert!(report.converged, "{report:?}");
+    }
+    print("one more loop, 1,000 keyframes", times_ms);
+    Ok(())
+}
+
+fn whole(file: &Path) -> Result<(), Box<dyn Error>> {
+    let read = randt_readers::g2o::read(file)?;
+    let mut times_ms = Vec::new();
+    for _ in 0..WHOLE_RUNS {
+        let mut graph = PoseGraph::default();
+        graph.add_node(Pose2::IDENTITY)?;
+        let (mut odometry, mut loops) = (Vec::new(), Vec::new());
+        for edge in &read.edges {
+            let of = if edge.to == edge.from + 1 {
+                &mut odometry
+            } else {
+                &mut loops
+            };
+            of.push(Edge {
+                from: usize::try_from(edge.from)?,
+                to: usize::try_from(edge.to)?,
+                measured: edge.measured,
+                information: Matrix3::from_row_slice(&edge.information.concat()),
+            });
+        }
+        odometry.sort_by_key(|edge| edge.to);
+        for edge in odometry {
+            graph.append(edge)?;
+        }
+        for edge in loops {
+            graph.add_loop(edge)?;
+        }
+        let begin = Instant::now();
+        let report = graph.optimise_trusting()?;
+        times_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        assert!(report.converged, "{report:?}");
+    }
+    print("M3500 from odometry", times_ms);
+    Ok(())
+}
+
+fn print(what: &str, mut times_ms: Vec<f64>) {
+    times_ms.sort_by(f64::total_cmp);
+    let at = |share: f64| times_ms[((times_ms.len() - 1) as f64 * share) as usize];
+    println!(
+        "{what:<32} {:4} runs: median {:.2} ms, p99 {:.2} ms",
+        times_ms.len(),
+        at(0.5),
+        at(0.99)
+    );
+}
+
+fn data() -> Option<PathBuf> {
+    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    std::env::var_os("RANDT_DATA")
+        .map(PathBuf::from)
+        .or(Some(beside))
+        .filter(|path| path.is_dir())
+}
+
+fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let models: Vec<&str> = text
+        .lines()
+        .filter_map(|line| line.strip_prefix("model name"))
+        .collect();
+    let model = models
+        .first()
+        .map_or("unknown", |m| m.trim_start_matches([' ', '\t', ':']));
+    format!("{} x {model}", models.len())
+}

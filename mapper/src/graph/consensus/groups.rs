@@ -1,0 +1,105 @@
+//! Loops that say the same of the same two stretches of the drive.
+
+use super::super::Edge;
+use super::uncertain::Uncertain;
+
+/// Nodes to both sides within which two loops speak of the same place: a radar's reach in keyframes.
+pub(super) const NEAR_NODES: usize = 10;
+/// chi2 of three degrees of freedom that 1 in 1,000 exceeds.
+pub(super) const GATE: f64 = 16.3;
+/// Median of chi2 with three degrees of freedom.
+const MEDIAN: f64 = 2.366;
+/// Pairs of loops that the claimed covariances are worth when the noise is learned from the data.
+const CLAIM_PAIRS: f64 = 5.0;
+/// The noise may be three times what the edges claim; beyond, most loops are false and say nothing of it.
+const NOISE_MAX: f64 = 9.0;
+
+/// Odometry by the node that it leads to.
+pub(super) struct Chain<'a>(Vec<Option<&'a Edge>>);
+
+impl<'a> Chain<'a> {
+    pub fn new(nodes: usize, odometry: &'a [Edge]) -> Self {
+        let mut steps = vec![None; nodes];
+        for edge in odometry.iter().filter(|edge| edge.from < edge.to) {
+            steps[edge.to].get_or_insert(edge);
+        }
+        Self(steps)
+    }
+
+    /// The step that leads to a node.
+    pub fn step(&self, node: usize) -> Option<&'a Edge> {
+        self.0.get(node).copied().flatten()
+    }
+
+    /// `to` seen from `from`, if odometry joins them.
+    fn between(&self, from: usize, to: usize) -> Option<Uncertain> {
+        let (low, high) = (from.min(to), from.max(to));
+        let mut at = high;
+        let mut way = Uncertain::NOWHERE;
+        while at > low {
+            let step = self.0[at]?;
+            way = Uncertain::of(step)?.compose(&way);
+            at = step.from;
+        }
+        (at == low).then(|| if from <= to { way } else { way.inverse() })
+    }
+
+    /// chi2 of two loops around the cycle that they make with odometry; `None` where they are not near.
+    fn cycle(&self, a: &Edge, b: &Edge) -> Option<f64> {
+        if a.from.abs_diff(b.from) > NEAR_NODES || a.to.abs_diff(b.to) > NEAR_NODES {
+            return None;
+        }
+        let predicted = self
+            .between(b.from, a.from)?
+            .compose(&Uncertain::of(a)?)
+            .compose(&self.between(a.to, b.to)?);
+        Some(predicted.disagreement(b))
+    }
+}
+
+/// Indices of the loops in each group, in order of arrival. Loops go from the earlier node to the later one and come
+/// in the order of the later.
+pub(super) fn groups(chain: &Chain<'_>, loops: &[Edge]) -> (Vec<Vec<usize>>, f64) {
+    // For every loop the loops before it that are near, with the chi2 of the cycle.
+    let near: Vec<Vec<(usize, f64)>> = (0..loops.len())
+        .map(|b| {
+            let before = (0..b).rev();
+            let near = before.take_while(|a| loops[*a].to + NEAR_NODES >= loops[b].to);
+            near.filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
+                .collect()
+        })
+        .collect();
+    let gate = GATE * noise(loops, &near);
+    let mut group_of: Vec<usize> = Vec::with_capacity(loops.len());
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (b, near) in near.iter().enumerate() {
+        let friend = near.iter().find(|(a, chi2)| {
+            let first = groups[group_of[*a]].first().map_or(b, |first| *first);
+            *chi2 < gate && loops[first].to + NEAR_NODES >= loops[b].to
+        });
+        let group = friend.map_or(groups.len(), |(a, _)| group_of[*a]);
+        if group == groups.len() {
+            groups.push(Vec::new());
+        }
+        groups[group].push(b);
+        group_of.push(group);
+    }
+    groups.sort_by_key(|group| group.last().copied());
+    (groups, gate / GATE)
+}
+
+/// Variance of short cycles relative to what the edges claim, by the median cycle of every loop with its nearest neighbour: false loops are the tail that a median ignores.
+fn noise(loops: &[Edge], near: &[Vec<(usize, f64)>]) -> f64 {
+    let nearest = near.iter().enumerate().filter_map(|(b, near)| {
+        let apart =
+            |a: usize| loops[a].from.abs_diff(loops[b].from) + loops[a].to.abs_diff(loops[b].to);
+        near.iter()
+            .min_by_key(|(a, _)| apart(*a))
+            .map(|(_, chi2)| *chi2)
+    });
+    let mut cycles: Vec<f64> = nearest.collect();
+    cycles.sort_by(f64::total_cmp);
+    let median = cycles.get(cycles.len() / 2).copied().unwrap_or(MEDIAN) / MEDIAN;
+    let count = cycles.len() as f64;
+    ((median * count + CLAIM_PAIRS) / (count + CLAIM_PAIRS)).min(NOISE_MAX)
+}

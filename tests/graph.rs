@@ -1,0 +1,192 @@
+//! `randt graph` as a user calls it: the published optima, and false loops among the true ones.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod support;
+
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use support::{ended, randt, recording};
+
+/// A map bent by more than this is of no use, m.
+const ATE_MAX_M: f64 = 0.5;
+
+fn graph(file: &Path, arguments: &[&str]) -> Value {
+    let mut command = randt(&["graph", "--json"]);
+    command.arg(file).args(arguments);
+    let ended = ended(command);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    serde_json::from_str(&ended.stdout).unwrap()
+}
+
+/// Random false loops and groups of false ones that agree, ten seeds of each; prints a row per trial.
+fn stays_straight(name: &str) {
+    let Some(file) = recording(&format!("posegraph/{name}.g2o")) else {
+        return;
+    };
+    println!("graph   false loops         seed   ATE m   false kept   true dropped      ms");
+    let mut bent = Vec::new();
+    for kind in [
+        ["--false-loops", "10"],
+        ["--false-loops", "30"],
+        ["--false-groups", "5,10"],
+    ] {
+        for seed in 1..=10 {
+            let figures = graph(&file, &[kind[0], kind[1], "--seed", &seed.to_string()]);
+            let ate_m = figures["ate_m"].as_f64().unwrap();
+            println!(
+                "{name:<7} {:<19} {seed:4} {ate_m:7.4} {:>12} {:>14} {:7.0}",
+                kind.join(" "),
+                figures["false_kept"].as_u64().unwrap(),
+                figures["true_dropped"].as_u64().unwrap(),
+                figures["recheck_ms"].as_f64().unwrap()
+            );
+            if ate_m >= ATE_MAX_M {
+                bent.push(format!("{} seed {seed}: {ate_m} m", kind.join(" ")));
+            }
+        }
+    }
+    assert!(bent.is_empty(), "{bent:?}");
+}
+
+#[test]
+fn m3500_stays_straight() {
+    stays_straight("M3500");
+}
+
+#[test]
+fn intel_stays_straight() {
+    stays_straight("intel");
+}
+
+#[test]
+fn csail_stays_straight() {
+    stays_straight("CSAIL");
+}
+
+#[test]
+fn optima_are_the_published_ones_from_odometry_alone() {
+    for (name, poses, edges, optimum) in [
+        ("CSAIL", 1045, 1172, 40.5551),
+        ("intel", 1728, 2512, 45.0047),
+        ("M3500", 3500, 5453, 137.913),
+        ("kitti_05", 2761, 2826, 157.104),
+        ("ringCity", 2361, 3261, 262.818),
+    ] {
+        let Some(file) = recording(&format!("posegraph/{name}.g2o")) else {
+            return;
+        };
+        let figures = graph(&file, &[]);
+        println!("{name}: {figures}");
+        assert_eq!(
+            (&figures["poses"], &figures["edges"]),
+            (&poses.into(), &edges.into())
+        );
+        assert_eq!(figures["converged"], true);
+        let chi2 = figures["chi2"].as_f64().unwrap();
+        assert!((chi2 / optimum - 1.0_f64).abs() < 1e-4, "{name}: {chi2}");
+    }
+}
+
+/// Two laps around a square of 10 m, odometry and the second lap's loops.
+fn laps() -> String {
+    let turn = |step: usize| {
+        if step % 10 == 9 {
+            core::f64::consts::FRAC_PI_2
+        } else {
+            0.0
+        }
+    };
+    let information = "400 0 0 400 0 365";
+    let mut text: String = (0..80)
+        .map(|k| {
+            format!(
+                "EDGE_SE2 {k} {} 1 0 {} {information}\n",
+                k + 1,
+                turn(k) + 0.004
+            )
+        })
+        .collect();
+    for k in 0..=40 {
+        text += &format!("EDGE_SE2 {k} {} 0.02 -0.01 0 {information}\n", k + 40);
+    }
+    text
+}
+
+#[test]
+fn people_get_a_table_and_the_same_seed_the_same_figures() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("laps.g2o");
+    fs::write(&file, laps()).unwrap();
+    let mut command = randt(&["graph", "--false-loops", "30", "--seed", "3"]);
+    command.arg(&file);
+    let table = ended(command).stdout;
+    for words in [
+        "81 poses, 121 edges, 41 of them loops",
+        "optimum: chi2",
+        "with 13 false loops (seed 3): ATE",
+    ] {
+        assert!(table.contains(words), "{table}");
+    }
+    let figures = |seed: &str| {
+        let mut figures = graph(&file, &["--false-groups", "1,5", "--seed", seed]);
+        // Times are the machine's.
+        figures["time_ms"].take();
+        figures["recheck_ms"].take();
+        figures
+    };
+    let first = figures("1");
+    assert_eq!(first, figures("1"));
+    assert_eq!(first["false_kept"], 0, "{first}");
+    assert!(first["ate_m"].as_f64().unwrap() < 0.1, "{first}");
+}
+
+#[test]
+fn what_cannot_be_solved_is_refused_in_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a.g2o");
+    let good = "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n";
+    for (text, arguments, says) in [
+        ("", &[][..], "no VERTEX_SE2 and no EDGE_SE2"),
+        (
+            "EDGE_SE3:QUAT 0 1\n",
+            &[],
+            "line 1: \"EDGE_SE3:QUAT\", expected VERTEX_SE2 or EDGE_SE2",
+        ),
+        (
+            "EDGE_SE2 0 1 1 0 nan 1 0 0 1 0 1\n",
+            &[],
+            "line 1: \"nan\", expected a number",
+        ),
+        (
+            "EDGE_SE2 3 3 1 0 0 1 0 0 1 0 1\n",
+            &[],
+            "from node 0 to itself",
+        ),
+        (
+            "EDGE_SE2 0 1 1 0 0 1 5 0 1 0 1\n",
+            &[],
+            "not positive definite",
+        ),
+        (good, &["--false-loops", "10"], "no loops in it"),
+    ] {
+        fs::write(&file, text).unwrap();
+        let mut command = randt(&["graph"]);
+        command.arg(&file).args(arguments);
+        let ended = ended(command);
+        assert_eq!(ended.code, Some(1), "{text}: {ended:?}");
+        assert!(ended.says(says), "{text}: {ended:?}");
+    }
+    for arguments in [
+        ["--false-loops", "0"],
+        ["--false-loops", "1000"],
+        ["--false-groups", "5"],
+        ["--false-groups", "0,3"],
+    ] {
+        let mut command = randt(&["graph"]);
+        command.arg(&file).args(arguments);
+        assert_eq!(ended(command).code, Some(2), "{arguments:?}");
+    }
+    fs::write(&file, good).unwrap();
+    assert_eq!(graph(&file, &[])["chi2"], 0.0);
+}
