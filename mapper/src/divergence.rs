@@ -63,15 +63,18 @@ mod tests {
     use super::*;
     use randt_ndt::CellRule;
 
+    fn grid(cell_size_m: f64, points_min: u32) -> Grid {
+        let rule = CellRule {
+            points_min,
+            use_intensity: true,
+            cell_size_m,
+            slack: 0.0,
+        };
+        Grid::new(8.0, rule)
+    }
+
     fn corner(shift: f64) -> Grid {
-        let mut grid = Grid::new(
-            1.0,
-            8.0,
-            CellRule {
-                points_min: 4,
-                use_intensity: true,
-            },
-        );
+        let mut grid = grid(1.0, 4);
         for i in 0..600 {
             let s = f64::from(i) * 0.01 - 3.0;
             let rough = f64::from((i * 37) % 11) * 0.01;
@@ -95,14 +98,7 @@ mod tests {
     #[test]
     fn it_is_the_formula_of_two_single_normals() {
         let cell = |x: f64| {
-            let mut grid = Grid::new(
-                4.0,
-                8.0,
-                CellRule {
-                    points_min: 2,
-                    use_intensity: true,
-                },
-            );
+            let mut grid = grid(4.0, 2);
             for k in [-1.0, 0.0, 1.0] {
                 grid.add([1.0 + x + 0.1 * k, 1.0 + 0.2 * k * k, 5.0 + k]);
             }

@@ -13,6 +13,8 @@ pub struct Place {
     pub stamp_ns: i64,
     /// Frame of `odom`.
     pub odom_frame_id: u64,
+    /// Keyframe at the root of the submap that odometry registered it to.
+    pub submap_root: u64,
     /// Pose in that frame, final.
     pub odom: Pose2,
     /// Covariance relative to the place before, in this one's frame.
@@ -40,6 +42,7 @@ impl Place {
             keyframe_id: head.id,
             stamp_ns: head.header.stamp_ns,
             odom_frame_id: head.odom_frame_id,
+            submap_root: head.submap_root,
             odom,
             step_covariance: Matrix3::from_row_slice(&head.covariance),
             path_m: before.map_or(0.0, |before| before.path_m) + step_m,

@@ -21,6 +21,10 @@ const STEP_MAX: f64 = 0.5;
 /// Added to the diagonal of the normal equations, per unit of it, so that a bare corridor does not run away.
 const DAMPING: f64 = 1e-3;
 
+/// What odometry's warp inside trail and submap adds to every registration, m and rad: measured against the truth of
+/// simulated drives, loops are off by 1 to 2 cm and 0.1 to 0.35 degrees, whatever the scans' own noise.
+const WARP_SIGMA: [f64; 3] = [0.02, 0.02, 0.007];
+
 /// A trail's pose in a submap, and how well it fits there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registration {
@@ -76,7 +80,7 @@ impl Registrar {
             scale: odometry.loss_scale,
             neighbours: odometry.neighbours as usize,
             weight: odometry.ndt_weight,
-            sight_m: config.filter.range_max_m.min(config.sensor.range_max_m),
+            sight_m: config.sight_m(),
             associations: Vec::new(),
             seen: Vec::new(),
         }
@@ -119,9 +123,11 @@ impl Registrar {
         Association::find(map, &trail.cells, &pose, 1, &mut self.associations);
         let forward = explained(&self.associations, &loss);
         let shares = (trail.cells.len() * self.neighbours).max(1) as f64;
+        let scan = (hessian * (self.weight / shares)).try_inverse()?;
+        let warp = Matrix3::from_diagonal(&WARP_SIGMA.map(|sigma| sigma * sigma).into());
         let mut registration = Registration {
             pose,
-            information: hessian * (self.weight / shares),
+            information: (scan + warp).try_inverse()?,
             forward,
             backward: 0.0,
         };

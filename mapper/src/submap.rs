@@ -151,9 +151,10 @@ fn local_grid(config: &Config, reach_m: f64) -> Grid {
     let rule = CellRule {
         points_min: config.ndt.points_min,
         use_intensity: config.ndt.intensity,
+        cell_size_m: config.cell_size_m(),
+        slack: config.ndt.slack,
     };
-    let sight_m = config.filter.range_max_m.min(config.sensor.range_max_m);
-    Grid::new(config.cell_size_m(), sight_m + reach_m, rule)
+    Grid::new(config.sight_m() + reach_m, rule)
 }
 
 /// Whether odometry joins two places within so much path.

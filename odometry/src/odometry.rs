@@ -82,6 +82,8 @@ pub struct Odometry {
     prior: Prior,
     /// The last state that left the window, and whether the frame's first scan did.
     settled: Option<State>,
+    /// The scan that left the window since the last state was published: stamp and final pose.
+    leaving: Option<(i64, Pose2)>,
     inserted: Option<Pose2>,
     solver: Solver,
     submaps: Submaps,
@@ -118,6 +120,7 @@ impl Odometry {
                 information: StateMatrix::identity(),
             },
             settled: None,
+            leaving: None,
             inserted: None,
             solver: Solver::new(window),
             submaps: Submaps::new(config),
@@ -235,6 +238,7 @@ impl Odometry {
             self.frame.id += 1;
         }
         (self.used, self.settled, self.inserted, self.frame.lost) = (0, None, None, false);
+        self.leaving = None;
         self.judge = TrustJudge::default();
         self.keyframes.restart();
         self.submaps

@@ -108,22 +108,19 @@ impl Slot {
 pub struct CellMaker {
     grid: Grid,
     levers: Vec<f64>,
+    azimuth_sigma_rad: f64,
 }
 
 impl CellMaker {
     /// A grid around the robot.
     pub fn new(config: &Config) -> Self {
-        let rule = CellRule {
-            points_min: config.ndt.points_min,
-            use_intensity: config.ndt.intensity,
-        };
-        let reach = config.filter.range_max_m.min(config.sensor.range_max_m);
         // Points move by the distance driven in a sweep when they are de-skewed.
         let margin = config.odometry.speed_max_m_s * config.sensor.period_s;
-        let grid = Grid::new(config.cell_size_m(), reach + margin, rule);
+        let grid = Grid::new(config.sight_m() + margin, cell_rule(config));
         Self {
             grid,
             levers: Vec::with_capacity(CELLS),
+            azimuth_sigma_rad: config.sensor.azimuth_sigma_rad,
         }
     }
 
@@ -146,7 +143,50 @@ impl CellMaker {
         cells.clear();
         cells.extend(self.levers.iter().enumerate().filter_map(|(slot, lever)| {
             let cell: &Cell = self.grid.cell(slot)?;
-            Some(ScanCell::new(cell, lever / f64::from(cell.count)))
+            let lever = lever / f64::from(cell.count);
+            Some(ScanCell::new(&blurred(cell, self.azimuth_sigma_rad), lever))
         }));
+    }
+}
+
+/// Which points make a cell, in scans and submaps alike.
+pub fn cell_rule(config: &Config) -> CellRule {
+    CellRule {
+        points_min: config.ndt.points_min,
+        use_intensity: config.ndt.intensity,
+        cell_size_m: config.cell_size_m(),
+        slack: config.ndt.slack,
+    }
+}
+
+/// Widens a cell across the line of sight: a radar is exact in range and poor in azimuth, the more the farther.
+fn blurred(cell: &Cell, azimuth_sigma_rad: f64) -> Cell {
+    let mut cell = *cell;
+    // (-y, x) sigma is the tangent of the cell's distance, scaled.
+    let (tx, ty) = (
+        -azimuth_sigma_rad * cell.mean[1],
+        azimuth_sigma_rad * cell.mean[0],
+    );
+    cell.covariance[0] += tx * tx;
+    cell.covariance[1] += tx * ty;
+    cell.covariance[2] += ty * ty;
+    cell
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_is_blurred_across_the_line_of_sight_alone() {
+        let cell = Cell {
+            mean: [6.0, 8.0, 9.0],
+            covariance: [0.02, 0.0, 0.02, 0.0, 0.0, 1.0],
+            count: 9,
+        };
+        let [xx, xy, yy, ..] = blurred(&cell, 0.01).covariance;
+        let along = |x: f64, y: f64| x * x * xx + 2.0 * x * y * xy + y * y * yy;
+        assert!((along(0.6, 0.8) - 0.02).abs() < 1e-12);
+        assert!((along(-0.8, 0.6) - (0.02 + 0.1 * 0.1)).abs() < 1e-12);
     }
 }

@@ -1,10 +1,10 @@
 //! Submaps: the grids that scans are registered to, opened and closed by distance, overlapping.
 
-use crate::deskew::Point;
+use crate::{deskew::Point, slot::cell_rule};
 use nalgebra::Vector2;
 use randt_config::{Config, Submap as SubmapConfig};
 use randt_geometry::Pose2;
-use randt_ndt::{CellRule, Grid};
+use randt_ndt::Grid;
 
 /// One submap; its grid stands in the frame of its root keyframe.
 #[derive(Clone, Debug)]
@@ -53,19 +53,14 @@ pub struct Submaps {
 impl Submaps {
     /// Both grids, empty; nothing is allocated later.
     pub fn new(config: &Config) -> Self {
-        let reach = config.filter.range_max_m.min(config.sensor.range_max_m);
-        let rule = CellRule {
-            points_min: config.ndt.points_min,
-            use_intensity: config.ndt.intensity,
-        };
         // A scan at the very edge still fits; the speed may carry one interval beyond it.
-        let half_width = reach + config.submap.radius_m + 2.0 * config.cell_size_m();
+        let half_width = config.sight_m() + config.submap.radius_m + 2.0 * config.cell_size_m();
         // Made twice: a clone would have no room beyond what it holds.
         let submap = || Submap {
             id: 0,
             root_keyframe: 0,
             root: Pose2::IDENTITY,
-            grid: Grid::new(config.cell_size_m(), half_width, rule),
+            grid: Grid::new(half_width, cell_rule(config)),
         };
         Self {
             config: config.submap.clone(),

@@ -62,6 +62,11 @@ impl Config {
     pub fn cell_size_m(&self) -> f64 {
         self.ndt.cell_size_m.max(self.sensor.cell_size_min_m)
     }
+
+    /// Farthest range whose returns are used, m: the environment's, or the sensor's where that is smaller.
+    pub fn sight_m(&self) -> f64 {
+        self.filter.range_max_m.min(self.sensor.range_max_m)
+    }
 }
 
 config! {

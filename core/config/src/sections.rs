@@ -45,6 +45,9 @@ section! {
         pub points_min: u32 = 4 => AtLeast(2.0),
         /// Use intensity as the third dimension.
         pub intensity: bool = true,
+        /// How much wider a cell is made along a direction in which its points fill the square: by 1 + slack where a wall
+        /// runs through. Squares move with the robot and would hold it back along bare walls.
+        pub slack: f64 = 5.0 => NotNegative,
     }
 }
 
@@ -73,9 +76,9 @@ section! {
         /// Standard deviation of the angular acceleration that the motion model allows without an IMU, rad/s^2.
         pub angular_acceleration_sigma_rad_s2: f64 = 0.5 => Positive,
         /// White noise of the gyro's yaw rate, rad/s per square root of Hz, with vibration.
-        pub gyro_noise_rad_s_sqrt_hz: f64 = 0.0005 => Positive,
+        pub gyro_noise_rad_s_sqrt_hz: f64 = 0.0003 => Positive,
         /// Random walk of the gyro's bias, rad/s per square root of s.
-        pub gyro_bias_walk: f64 = 0.0001 => Positive,
+        pub gyro_bias_walk: f64 = 0.00003 => Positive,
         /// Standard deviation of the gyro's bias at the start, rad/s (before a standstill was seen).
         pub gyro_bias_sigma_rad_s: f64 = 0.01 => Positive,
         /// Longest wait for an IMU sample at or after a sweep's end, s of data time.
@@ -183,6 +186,8 @@ section! {
         /// Smallest useful NDT cell, m; the larger of this and ndt.cell_size_m counts. Far returns lie a beam's spacing
         /// apart: smaller cells would stay empty. 0 leaves it to the environment.
         pub cell_size_min_m: f64 = 0.0 => NotNegative,
+        /// Standard deviation of a cell's direction, rad: a third of the beam's width, as many beams see one cell.
+        pub azimuth_sigma_rad: f64 = 0.01 => NotNegative,
         /// Time of one turn, s.
         pub period_s: f64 = 0.2 => Positive,
     }

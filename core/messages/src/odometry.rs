@@ -37,6 +37,10 @@ plain! {
         pub odom_frame_id: u64,
         /// x m, y m, yaw rad in `odom`.
         pub pose: [f64; 3],
+        /// The scan that left the window with this one, by its stamp; 0 where none did.
+        pub settled_stamp_ns: i64,
+        /// Its final pose in `odom`: x m, y m, yaw rad.
+        pub settled_pose: [f64; 3],
         /// Forward m/s, left m/s, yaw rate rad/s in `base_link`.
         pub velocity: [f64; 3],
         /// Gyro bias about the IMU's x, y, z, rad/s.

@@ -29,8 +29,9 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// An empty grid with squares of `cell_size_m` that covers at least `half_width_m` to each side of the origin.
-    pub fn new(cell_size_m: f64, half_width_m: f64, rule: CellRule) -> Self {
+    /// An empty grid that covers at least `half_width_m` to each side of the origin.
+    pub fn new(half_width_m: f64, rule: CellRule) -> Self {
+        let cell_size_m = rule.cell_size_m;
         let half_cells = (half_width_m / cell_size_m).ceil().max(1.0) as i64;
         let width = 2 * half_cells as usize;
         let squares = width * width;
@@ -200,14 +201,13 @@ mod tests {
     use super::*;
 
     fn grid() -> Grid {
-        Grid::new(
-            0.5,
-            4.0,
-            CellRule {
-                points_min: 2,
-                use_intensity: true,
-            },
-        )
+        let rule = CellRule {
+            points_min: 2,
+            use_intensity: true,
+            cell_size_m: 0.5,
+            slack: 0.0,
+        };
+        Grid::new(4.0, rule)
     }
 
     #[test]

@@ -9,9 +9,9 @@
 //! use randt_ndt::{Association, AdaptiveLoss, CellRule, Grid, ScanCell, evaluate};
 //!
 //! // A wall along x and one along y, seen by a map and by a scan from 5 cm further left.
-//! let rule = CellRule { points_min: 4, use_intensity: true };
-//! let mut map = Grid::new(0.5, 8.0, rule);
-//! let mut scan = Grid::new(0.5, 8.0, rule);
+//! let rule = CellRule { points_min: 4, use_intensity: true, cell_size_m: 0.5, slack: 0.0 };
+//! let mut map = Grid::new(8.0, rule);
+//! let mut scan = Grid::new(8.0, rule);
 //! for i in 0..200 {
 //!     let s = f64::from(i) * 0.02;
 //!     let rough = f64::from(i % 5) * 0.01;

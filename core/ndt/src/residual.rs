@@ -185,9 +185,11 @@ mod tests {
         let rule = CellRule {
             points_min: 4,
             use_intensity: true,
+            cell_size_m: 0.5,
+            slack: 0.0,
         };
-        let mut map = Grid::new(0.5, 8.0, rule);
-        let mut scan = Grid::new(0.5, 8.0, rule);
+        let mut map = Grid::new(8.0, rule);
+        let mut scan = Grid::new(8.0, rule);
         for i in 0..400 {
             let s = f64::from(i) * 0.011 - 1.0;
             let rough = f64::from((i * 37) % 11) * 0.012;

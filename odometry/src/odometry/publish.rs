@@ -44,6 +44,10 @@ impl Odometry {
         state.scan_sequence = slot.scan.head.scan_sequence;
         state.odom_frame_id = self.frame.id;
         state.pose = slot.state.pose.to_array();
+        if let Some((stamp_ns, pose)) = self.leaving.take() {
+            state.settled_stamp_ns = stamp_ns;
+            state.settled_pose = pose.to_array();
+        }
         state.velocity = slot.state.velocity.into();
         let bias = self
             .heading

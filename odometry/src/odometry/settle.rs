@@ -63,6 +63,7 @@ impl Odometry {
             self.submaps.insert(&state.pose, &slot.points);
             self.inserted = Some(state.pose);
         }
+        self.leaving = Some((slot.scan.head.header.stamp_ns, state.pose));
         self.settled = Some(state);
         self.slots.rotate_left(1);
         self.used -= 1;

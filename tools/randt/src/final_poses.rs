@@ -1,75 +1,79 @@
-//! The final pose of every scan: odometry's own motion, hung between the keyframes as the graph has them.
+//! The final pose of every scan: odometry's settled poses, hung between the keyframes as the graph has them.
 
 use randt_evaluation::Trajectory;
 use randt_geometry::Pose2;
 use randt_mapper::Mapper;
 use randt_messages::OdometryState;
+use std::collections::BTreeMap;
 
-/// A keyframe: where odometry saw it live, and where the map has it.
+/// A scan of one odometry frame: the frame's number, then the stamp.
+type Key = (u64, i64);
+
+/// A keyframe: where odometry has it, and where the map has it.
 struct Knot {
-    stamp_ns: i64,
-    odom_frame_id: u64,
+    key: Key,
+    /// First `odom_frame_id` of its part of the map.
     part: u64,
-    live: Pose2,
-    last: Pose2,
+    odom: Pose2,
+    map: Pose2,
 }
 
 impl Knot {
-    /// A live pose of this knot's frame, carried over into the map.
-    fn carry(&self, live: &Pose2) -> Pose2 {
-        self.last.compose(&self.live.between(live))
+    /// A pose of this knot's odometry frame, carried over into the map.
+    fn carry(&self, odom: &Pose2) -> Pose2 {
+        self.map.compose(&self.odom.between(odom))
     }
 }
 
 /// All scans in the map. The frame of a pose is the first `odom_frame_id` of its part of the map.
 pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
-    let knots = knots(states, mapper);
+    let settled: BTreeMap<Key, Pose2> = states
+        .iter()
+        .filter(|state| state.settled_stamp_ns != 0)
+        .map(|state| {
+            let key = (state.odom_frame_id, state.settled_stamp_ns);
+            (key, Pose2::from_array(state.settled_pose))
+        })
+        .collect();
+    let knots = knots(mapper);
     let mut trajectory = Trajectory::stamped();
     for state in states {
-        let stamp_ns = state.header.stamp_ns;
-        let live = Pose2::from_array(state.pose);
-        let same = |knot: &&Knot| knot.odom_frame_id == state.odom_frame_id;
-        let after = knots.partition_point(|knot| {
-            (knot.odom_frame_id, knot.stamp_ns) <= (state.odom_frame_id, stamp_ns)
-        });
+        let key = (state.odom_frame_id, state.header.stamp_ns);
+        // The last scans of a frame never left the window: their live pose is all there is.
+        let odom = settled.get(&key).copied();
+        let odom = odom.unwrap_or_else(|| Pose2::from_array(state.pose));
+        let same = |knot: &&Knot| knot.key.0 == key.0;
+        let after = knots.partition_point(|knot| knot.key <= key);
         let before = after.checked_sub(1).and_then(|i| knots.get(i)).filter(same);
         let next = knots.get(after).filter(same);
         let (part, pose) = match (before, next) {
             (Some(a), Some(b)) => {
-                let fraction =
-                    (stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns).max(1) as f64;
-                (
-                    a.part,
-                    a.carry(&live).interpolate(&b.carry(&live), fraction),
-                )
+                let fraction = (key.1 - a.key.1) as f64 / (b.key.1 - a.key.1).max(1) as f64;
+                let pose = a.carry(&odom).interpolate(&b.carry(&odom), fraction);
+                (a.part, pose)
             }
-            (Some(only), None) | (None, Some(only)) => (only.part, only.carry(&live)),
+            (Some(only), None) | (None, Some(only)) => (only.part, only.carry(&odom)),
             // A frame without any keyframe stays by itself.
-            (None, None) => (state.odom_frame_id, live),
+            (None, None) => (key.0, odom),
         };
-        trajectory.push(stamp_ns, part, pose);
+        trajectory.push(key.1, part, pose);
     }
     trajectory
 }
 
-/// The keyframes that have a live pose, in order of their frames and stamps.
-fn knots(states: &[OdometryState], mapper: &Mapper) -> Vec<Knot> {
-    let mut states = states.iter().peekable();
-    let mut knots = Vec::new();
-    for (index, (place, last)) in mapper.places().iter().zip(mapper.poses()).enumerate() {
-        let first = mapper.places().get(mapper.part_of(index));
-        let wanted = (place.odom_frame_id, place.stamp_ns);
-        let key = |state: &OdometryState| (state.odom_frame_id, state.header.stamp_ns);
-        while states.next_if(|state| key(state) < wanted).is_some() {}
-        if let Some(state) = states.peek().filter(|state| key(state) == wanted) {
-            knots.push(Knot {
-                stamp_ns: place.stamp_ns,
-                odom_frame_id: place.odom_frame_id,
-                part: first.map_or(place.odom_frame_id, |first| first.odom_frame_id),
-                live: Pose2::from_array(state.pose),
-                last: *last,
-            });
-        }
-    }
-    knots
+/// The keyframes, in order of their frames and stamps.
+fn knots(mapper: &Mapper) -> Vec<Knot> {
+    let places = mapper.places();
+    let knot = |(index, map): (usize, &Pose2)| {
+        let place = places.get(index)?;
+        let first = places.get(mapper.part_of(index))?;
+        Some(Knot {
+            key: (place.odom_frame_id, place.stamp_ns),
+            part: first.odom_frame_id,
+            odom: place.odom,
+            map: *map,
+        })
+    };
+    let poses = mapper.poses().iter().enumerate();
+    poses.filter_map(knot).collect()
 }
