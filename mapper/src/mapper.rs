@@ -2,11 +2,13 @@
 
 mod close;
 mod confirm;
+mod paint;
 mod settle;
 
 use crate::{
     Candidate, Fate, Place,
     graph::{Edge, LoopId, PoseGraph},
+    grid::Grid,
     registration::Registrar,
     search::Search,
     submap::{Submaps, Trail},
@@ -45,6 +47,7 @@ pub struct Mapper {
     search: Search,
     trail: Trail,
     registrar: Registrar,
+    grid: Grid,
     candidates: Vec<Candidate>,
     /// Loops of the graph: name there, index of the candidate.
     loops: Vec<(LoopId, usize)>,
@@ -63,6 +66,7 @@ impl Mapper {
             search: Search::new(config),
             trail: Trail::new(config),
             registrar: Registrar::new(config),
+            grid: Grid::new(&config.grid),
             candidates: Vec::new(),
             loops: Vec::new(),
             searched_m: f64::NEG_INFINITY,
@@ -95,7 +99,8 @@ impl Mapper {
 
     /// The drive is over: the map is judged as a whole once more.
     pub fn finish(&mut self) {
-        self.settle();
+        self.recheck();
+        self.update_grid();
     }
 
     /// Adds place and node; `false` where the keyframe cannot be one.

@@ -20,6 +20,18 @@ impl Mapper {
         }
     }
 
+    /// Judges all loops anew, as if the drive were driven again: one that was let in while the map was uncertain can
+    /// prove wrong by what came later.
+    pub(super) fn recheck(&mut self) {
+        if self.config.loops.verify && !self.loops.is_empty() {
+            if self.graph.recheck().is_err() {
+                self.counters.solver_failures += 1;
+            }
+            self.withdraw();
+        }
+        self.settle();
+    }
+
     /// Takes out the loops that the graph has switched off; whether there were any.
     fn withdraw(&mut self) -> bool {
         let wrong: Vec<_> = self

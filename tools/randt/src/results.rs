@@ -150,6 +150,7 @@ impl Results {
         ] {
             write_whole(&folder.join(name), text.as_bytes())?;
         }
+        write_grid(folder, mapper)?;
         Ok(rows)
     }
 
@@ -185,6 +186,29 @@ impl Results {
             map: &returns(mapper),
             loops: &loops,
         })?)
+    }
+}
+
+/// Writes `map.pgm` and `map.yaml` as Nav2's map_server reads them. A map that holds nothing has no picture; one of an
+/// earlier run must not stand for it.
+fn write_grid(folder: &Path, mapper: &Mapper) -> anyhow::Result<()> {
+    let (pgm, yaml) = (folder.join("map.pgm"), folder.join("map.yaml"));
+    match mapper.grid().picture() {
+        Some(picture) => {
+            write_whole(&pgm, &picture.to_pgm())?;
+            write_whole(&yaml, picture.to_yaml("map.pgm").as_bytes())
+        }
+        None => [pgm, yaml].iter().try_for_each(|path| remove(path)),
+    }
+}
+
+/// Removes a file, if there is one.
+fn remove(path: &Path) -> anyhow::Result<()> {
+    match std::fs::remove_file(path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("{}: cannot be removed", path.display()))
+        }
+        _ => Ok(()),
     }
 }
 

@@ -26,7 +26,7 @@ pub struct Arguments {
     /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or one of our logs
     #[arg(value_name = "INPUT")]
     input: PathBuf,
-    /// Folder for odometry.tum, trajectory.tum, plot.svg and report.json
+    /// Folder for the trajectories, the map, the picture and report.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Do not use the IMU
@@ -257,7 +257,7 @@ fn summary(report: &Report<'_>, out: &Path) -> String {
     }
     let _ = writeln!(
         text,
-        "written: {}/{{odometry.tum,trajectory.tum,plot.svg,report.json}}",
+        "written to {}: odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
         out.display()
     );
     text
