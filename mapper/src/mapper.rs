@@ -2,6 +2,7 @@
 
 mod close;
 mod confirm;
+mod join;
 mod paint;
 mod settle;
 
@@ -51,8 +52,9 @@ pub struct Mapper {
     candidates: Vec<Candidate>,
     /// Loops of the graph: name there, index of the candidate.
     loops: Vec<(LoopId, usize)>,
-    /// Path at which loops were last searched for, m.
+    /// Path at which loops were last searched for, and at which a part was last tried to be joined, m.
     searched_m: f64,
+    joined_m: f64,
     counters: Counters,
 }
 
@@ -70,6 +72,7 @@ impl Mapper {
             candidates: Vec::new(),
             loops: Vec::new(),
             searched_m: f64::NEG_INFINITY,
+            joined_m: f64::NEG_INFINITY,
             counters: Counters::default(),
             config: config.clone(),
         }
@@ -95,6 +98,7 @@ impl Mapper {
         }
         self.searched_m = place.path_m;
         self.close_loops();
+        self.join();
     }
 
     /// The drive is over: the map is judged as a whole once more.

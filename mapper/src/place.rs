@@ -19,6 +19,8 @@ pub struct Place {
     pub odom: Pose2,
     /// Covariance relative to the place before, in this one's frame.
     pub step_covariance: Matrix3<f64>,
+    /// Speed over ground, m/s.
+    pub speed_m_s: f64,
     /// Path driven since the start, m; frames of odometry count on.
     pub path_m: f64,
     /// Where the beams began, for the rays of the grid.
@@ -45,6 +47,7 @@ impl Place {
             submap_root: head.submap_root,
             odom,
             step_covariance: Matrix3::from_row_slice(&head.covariance),
+            speed_m_s: (head.twist[0] * head.twist[0] + head.twist[1] * head.twist[1]).sqrt(),
             path_m: before.map_or(0.0, |before| before.path_m) + step_m,
             beams: beams.unwrap_or(&head.beams).to_vec(),
             points: keyframe.items.to_vec(),

@@ -2,7 +2,7 @@
 
 use crate::{Place, ScanContext, submap::REACH_KEYFRAMES};
 use randt_config::{Config, Loops};
-use randt_geometry::{Pose2, elementary::exp};
+use randt_geometry::elementary::exp;
 
 /// Leads that are followed from each source; each costs a registration.
 const LEADS_MAX: usize = 3;
@@ -69,7 +69,7 @@ impl Search {
     /// The places that look most like the newest one, best first, one of each neighbourhood.
     ///
     /// `deviations(place)`: how many standard deviations away from there odometry believes the robot to be, where it
-    /// says anything. It adds 1 - exp(-d^2 / 2) to the distance (facts from TBV SLAM: odometry similarity).
+    /// says anything. It adds 1 - exp(-d^2 / 2) to the distance (odometry similarity, as in TBV SLAM).
     pub fn look_alikes(
         &self,
         places: &[Place],
@@ -100,22 +100,20 @@ impl Search {
         self.best(places, leads.collect())
     }
 
-    /// The places nearest to where the newest one is believed to be, within `radius_m`, one of each neighbourhood.
-    pub fn neighbours(&self, places: &[Place], poses: &[Pose2], radius_m: f64) -> Vec<Lead> {
-        let Some(here) = poses.last() else {
-            return Vec::new();
-        };
+    /// The old places nearest to the newest one, within `radius_m`, one of each neighbourhood. `away_m(place)`: how far
+    /// off the estimate has a place, where it knows.
+    pub fn neighbours(
+        &self,
+        places: &[Place],
+        radius_m: f64,
+        away_m: impl Fn(usize) -> Option<f64>,
+    ) -> Vec<Lead> {
         let leads = self.old(places).filter_map(|(place, _)| {
-            let distance = here.between(poses.get(place)?).translation().norm();
-            (distance <= radius_m).then_some((
-                distance,
-                Lead {
-                    place,
-                    source: Source::Estimate,
-                },
-            ))
+            let source = Source::Estimate;
+            Some((away_m(place)?, Lead { place, source }))
         });
-        self.best(places, leads.collect())
+        let near = leads.filter(|(away_m, _)| *away_m <= radius_m);
+        self.best(places, near.collect())
     }
 
     /// The best leads, no two of them of one neighbourhood of the path.

@@ -99,6 +99,14 @@ impl Submaps {
             .filter(|submap| distance(submap).is_finite())
     }
 
+    /// The submap with this root.
+    pub fn rooted_at(&self, root: usize) -> Option<&Submap> {
+        let index = self
+            .submaps
+            .binary_search_by_key(&root, |submap| submap.root);
+        self.submaps.get(index.ok()?)
+    }
+
     /// All of them.
     pub fn all(&self) -> &[Submap] {
         &self.submaps

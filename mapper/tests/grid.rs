@@ -5,18 +5,15 @@
     reason = "a test says by panicking what is wrong"
 )]
 
+mod support;
+
 use nalgebra::Vector2;
-use randt_config::Config;
-use randt_filter::ClusterFilter;
 use randt_geometry::Pose2;
 use randt_mapper::grid::{CellState, Grid, GridKeyframe, TILE_CELLS};
-use randt_messages::{
-    Keyframe, KeyframeBeam, KeyframePoint, Message, MessageRef, OdometryState, RadarPoints,
-};
-use randt_odometry::{Odometry, Sink};
-use randt_simulator::{Event, Robot, Simulation, Wall, World};
-use std::collections::BTreeMap;
+use randt_messages::{Keyframe, Message};
+use randt_simulator::{Wall, World};
 use std::ops::Range;
+use support::Drive;
 
 /// Once around the route.
 const SCANS: u64 = 450;
@@ -25,73 +22,34 @@ const NEAR_M: f64 = 0.2;
 /// Walls count as seen from here to there, m: behind the radar's nearest range; beams are 0.23 m apart at the farthest.
 const SEEN_M: Range<f64> = 0.7..8.0;
 
-/// A keyframe as the mapper keeps it, at its true pose.
+/// A keyframe at its true pose.
 struct Kept {
-    id: u64,
+    keyframe: Message<Keyframe>,
     pose: Pose2,
-    beams: Vec<KeyframeBeam>,
-    points: Vec<KeyframePoint>,
 }
 
 impl Kept {
     fn view(&self) -> GridKeyframe<'_> {
+        let head = &self.keyframe.head;
         GridKeyframe {
-            id: self.id,
-            pose: self.pose,
-            beams: &self.beams,
-            points: &self.points,
-        }
-    }
-}
-
-/// Keyframes as they come, with the stamp of each.
-#[derive(Default)]
-struct Keep {
-    keyframes: Vec<(i64, Kept)>,
-}
-
-impl Sink for Keep {
-    fn state(&mut self, _: &OdometryState) {}
-    fn keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) {
-        let head = keyframe.head;
-        let kept = Kept {
             id: head.id,
-            pose: Pose2::IDENTITY,
-            beams: head.beams[..head.beam_count as usize].to_vec(),
-            points: keyframe.items.to_vec(),
-        };
-        self.keyframes.push((head.header.stamp_ns, kept));
+            pose: self.pose,
+            beams: &head.beams[..head.beam_count as usize],
+            points: &self.keyframe.items,
+        }
     }
 }
 
 /// Keyframes of a drive, at their true poses.
 fn drive(world: &World, seed: u64) -> Vec<Kept> {
-    let robot = Robot::default();
-    let mut config = Config::default();
-    config.robot.radar_x_m = robot.radar_mounting.x_m;
-    config.robot.radar_y_m = robot.radar_mounting.y_m;
-    let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
-    let mut points = Message::<RadarPoints>::default();
-    let mut odometry = Odometry::new(&config, true);
-    let (mut keep, mut truth) = (Keep::default(), BTreeMap::new());
-    for event in Simulation::new(world, robot, SCANS, seed) {
-        match event {
-            Event::Scan(scan) => {
-                filter.process(scan.as_ref(), &mut points);
-                odometry.push_points(points.as_ref(), &mut keep);
-            }
-            Event::Imu(sample) => odometry.push_imu(&sample, &mut keep),
-            Event::Truth(pose) => {
-                truth.insert(pose.header.stamp_ns, Pose2::from_array(pose.pose));
-            }
-        }
-    }
-    odometry.finish(&mut keep);
-    let placed = keep.keyframes.into_iter().map(|(stamp_ns, kept)| Kept {
-        pose: truth[&stamp_ns],
-        ..kept
-    });
-    placed.collect()
+    let mut drive = Drive::new(world, SCANS, seed, &[]);
+    let keyframes = std::mem::take(&mut drive.keyframes).into_iter();
+    keyframes
+        .map(|keyframe| Kept {
+            pose: drive.truth(keyframe.head.header.stamp_ns),
+            keyframe,
+        })
+        .collect()
 }
 
 fn distance_m(wall: &Wall, point: Vector2<f64>) -> f64 {

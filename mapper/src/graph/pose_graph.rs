@@ -104,6 +104,15 @@ impl PoseGraph {
         Some(removed.edge)
     }
 
+    /// Moves all nodes of a component as one body: a point p of it comes to stand at `by` p.
+    pub fn move_component(&mut self, component: usize, by: &Pose2) {
+        for (pose, of) in self.poses.iter_mut().zip(&self.component) {
+            if *of == component {
+                *pose = by.compose(pose);
+            }
+        }
+    }
+
     /// Where every node stands.
     pub fn poses(&self) -> &[Pose2] {
         &self.poses

@@ -16,7 +16,9 @@ use randt_geometry::{Pose2, elementary::PI};
 const NEAR_DEVIATIONS: f64 = 3.0;
 const NEAR_MIN_M: f64 = 2.0;
 const NEAR_MAX_M: f64 = 8.0;
-/// Below these the estimate is a better start than what a place looks like: half a cell, half a sector.
+/// The estimate counts as no sharper than this for what looks alike, m.
+const SIGMA_MIN_M: f64 = 0.1;
+/// Below this the estimate is a better start than what a place looks like, rad: a sector.
 const START_SIGMA_RAD: f64 = 0.1;
 /// Headings within so many standard deviations, and one sector, of the estimate's are the same.
 const HEADING_DEVIATIONS: f64 = 4.0;
@@ -56,27 +58,30 @@ impl Mapper {
 
     /// Leads from both sources.
     fn leads(&mut self) -> Vec<Lead> {
-        let newest = self.places.len() - 1;
-        let poses = self.graph.poses().to_vec();
-        let here = poses[newest];
-        // One covariance for all: that of the place against the start of its part.
-        let start = self.part_of(newest);
-        let sigma_m = self
-            .prior(start, newest)
-            .map_or(f64::INFINITY, |prior| prior.sigma_m());
-        let verify = self.config.loops.verify;
-        let mut leads = self.search.look_alikes(&self.places, |place| {
-            let same = self.graph.component_of(place) == self.graph.component_of(newest);
-            let away_m = here.between(&poses[place]).translation().norm();
-            (same && verify).then(|| (away_m - NEAR_MIN_M).max(0.0) / sigma_m.max(0.1))
-        });
-        if verify {
-            let radius_m = (NEAR_DEVIATIONS * sigma_m).clamp(NEAR_MIN_M, NEAR_MAX_M);
-            let same: Vec<Pose2> = poses;
-            leads.extend(self.search.neighbours(&self.places, &same, radius_m));
-        } else {
+        let Some(newest) = self.places.len().checked_sub(1) else {
+            return Vec::new();
+        };
+        if !self.config.loops.verify {
+            let mut leads = self.search.look_alikes(&self.places, |_| None);
             leads.truncate(1);
+            return leads;
         }
+        // One covariance for all: that of the place against the start of its part.
+        let part = self.part_of(newest);
+        let prior = self.prior(part, newest);
+        let sigma_m = prior.map_or(f64::INFINITY, |prior| prior.sigma_m());
+        let graph = &self.graph;
+        let away_m = |place: usize| {
+            let (here, there) = (graph.poses().get(newest)?, graph.poses().get(place)?);
+            let same = graph.component_of(place) == Some(part);
+            same.then(|| (here.translation() - there.translation()).norm())
+        };
+        let mut leads = self.search.look_alikes(&self.places, |place| {
+            let beyond_m = (away_m(place)? - NEAR_MIN_M).max(0.0);
+            Some(beyond_m / sigma_m.max(SIGMA_MIN_M))
+        });
+        let radius_m = (NEAR_DEVIATIONS * sigma_m).clamp(NEAR_MIN_M, NEAR_MAX_M);
+        leads.extend(self.search.neighbours(&self.places, radius_m, away_m));
         leads
     }
 
@@ -97,69 +102,74 @@ impl Mapper {
 
     /// Registers the newest place to the submap of a lead and judges the result.
     fn follow(&mut self, lead: &Lead, root: usize) -> Option<Candidate> {
-        let newest = self.places.len() - 1;
+        let newest = self.places.len().checked_sub(1)?;
         let verify = self.config.loops.verify;
         let prior = self.prior(root, newest).filter(|_| verify);
-        let mut candidate = Candidate {
-            from: root,
-            to: newest,
-            source: lead.source,
-            relative: prior.map_or(Pose2::IDENTITY, |prior| prior.pose),
-            information: Matrix3::zeros(),
-            scores: Scores {
-                prior_sigma_m: prior.map(|prior| prior.sigma_m()),
-                ..Scores::default()
-            },
-            fate: Fate::Unregistered,
-        };
         if lead.source == Source::Estimate && prior.is_none() {
             return None;
         }
         let starts = self.starts(lead, root, prior.as_ref());
-        if starts.is_empty() {
-            candidate.fate = Fate::AgainstOdometry;
+        let mut candidate = self.measure(root, newest, &starts, lead.source);
+        if let Some(prior) = prior {
+            candidate.scores.prior_sigma_m = Some(prior.sigma_m());
+            if starts.is_empty() {
+                candidate.relative = prior.pose;
+                candidate.fate = Fate::AgainstOdometry;
+                return Some(candidate);
+            }
+            let covariance = candidate.information.try_inverse();
+            candidate.scores.chi2 = covariance.map(|c| prior.chi2(&candidate.relative, &c));
+        }
+        if candidate.scores.forward.is_none() {
             return Some(candidate);
         }
-        let Some((registration, heading)) = self.register(root, &starts) else {
-            return Some(candidate);
-        };
-        candidate.relative = registration.pose;
-        candidate.information = registration.information;
-        let scores = &mut candidate.scores;
-        scores.forward = Some(registration.forward);
-        scores.backward = Some(registration.backward);
-        scores.sigma_m = Some(registration.sigmas_m()[0]);
-        let _ = heading;
-        if prior.is_none_or(|prior| prior.sigma_rad() > START_SIGMA_RAD) && verify {
-            let pose = registration.pose;
+        // Where odometry knows the heading, the opposite one is out of the question.
+        if verify && prior.is_none_or(|prior| prior.sigma_rad() > START_SIGMA_RAD) {
+            let pose = candidate.relative;
             let flipped = Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad + PI);
             let flipped = self.register(root, &[flipped]);
-            candidate.scores.flipped = Some(flipped.map_or(0.0, |(flipped, _)| flipped.fit()));
+            candidate.scores.flipped = Some(flipped.map_or(0.0, |flipped| flipped.fit()));
         }
-        if let Some(prior) = prior {
-            let covariance = registration.information.try_inverse();
-            candidate.scores.chi2 =
-                Some(covariance.map_or(f64::INFINITY, |c| prior.chi2(&registration.pose, &c)));
-        }
-        let grid = self
-            .submaps
-            .all()
-            .iter()
-            .find(|submap| submap.root == root)
-            .map(|s| &s.grid);
-        let sight_m = DIVERGENCE_SIGHT
-            * self
-                .config
-                .filter
-                .range_max_m
-                .min(self.config.sensor.range_max_m);
-        candidate.scores.divergence =
-            grid.map(|grid| divergence(grid, &self.trail.grid, &registration.pose, sight_m));
         candidate.fate = match judge(&candidate.scores, &self.config.loops) {
             Err(fate) if verify => fate,
             _ => Fate::Unconfirmed,
         };
         Some(candidate)
+    }
+
+    /// Registers the trail, which ends at `to`, to the submap of `from`; what is not measured stays open.
+    pub(super) fn measure(
+        &mut self,
+        from: usize,
+        to: usize,
+        starts: &[Pose2],
+        source: Source,
+    ) -> Candidate {
+        let mut candidate = Candidate {
+            from,
+            to,
+            source,
+            relative: Pose2::IDENTITY,
+            information: Matrix3::zeros(),
+            scores: Scores::default(),
+            fate: Fate::Unregistered,
+        };
+        let Some(registration) = self.register(from, starts) else {
+            return candidate;
+        };
+        candidate.relative = registration.pose;
+        candidate.information = registration.information;
+        let sight_m = DIVERGENCE_SIGHT * self.config.sight_m();
+        let grid = self.submaps.rooted_at(from).map(|submap| &submap.grid);
+        candidate.scores = Scores {
+            forward: Some(registration.forward),
+            backward: Some(registration.backward),
+            sigma_m: Some(registration.sigmas_m()[0]),
+            divergence: grid
+                .map(|grid| divergence(grid, &self.trail.grid, &registration.pose, sight_m)),
+            ..Scores::default()
+        };
+        candidate
     }
 
     /// Where a registration may start: the estimate where it is sharp, else what the place looks like, where odometry
@@ -197,19 +207,12 @@ impl Mapper {
     }
 
     /// The best of several registrations to one submap.
-    fn register(&mut self, root: usize, starts: &[Pose2]) -> Option<(Registration, usize)> {
-        let index = self
-            .submaps
-            .all()
-            .binary_search_by_key(&root, |submap| submap.root)
-            .ok()?;
-        let grid = &self.submaps.all().get(index)?.grid;
-        let registrar = &mut self.registrar;
-        let trail = &self.trail;
+    fn register(&mut self, root: usize, starts: &[Pose2]) -> Option<Registration> {
+        let grid = &self.submaps.rooted_at(root)?.grid;
+        let (registrar, trail) = (&mut self.registrar, &self.trail);
         starts
             .iter()
-            .enumerate()
-            .filter_map(|(i, start)| Some((registrar.register(grid, trail, start)?, i)))
-            .max_by(|a, b| a.0.fit().total_cmp(&b.0.fit()))
+            .filter_map(|start| registrar.register(grid, trail, start))
+            .max_by(|a, b| a.fit().total_cmp(&b.fit()))
     }
 }

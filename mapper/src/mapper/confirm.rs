@@ -1,7 +1,7 @@
-//! Which of the candidates that passed their gates enter the graph.
+//! Which of the candidates that passed their gates enter the graph, within one part of the map.
 //!
-//! Where the estimate is sharp, a loop within its gate cannot be false and is taken alone. Where it is not, loops must
-//! agree with one another: two of one drive through a place, or four that join two parts and have no rival.
+//! Where the estimate is sharp, a loop within its gate cannot be false and is taken alone. Where it is not, two of one
+//! drive through a place must agree.
 
 use super::Mapper;
 use crate::{
@@ -15,9 +15,6 @@ use nalgebra::Matrix3;
 const APART_KEYFRAMES: f64 = 2.0;
 /// ... and at most so many: beyond it the drive between is no sharper than the estimate.
 const TOGETHER_KEYFRAMES: f64 = 40.0;
-/// Further loops that must agree with one before two parts of the map are joined.
-const JOIN_VOTES: usize = 4;
-
 impl Mapper {
     /// Takes the unconfirmed candidates from `first` on, and older ones that they confirm.
     pub(super) fn confirm(&mut self, first: usize) {
@@ -30,18 +27,14 @@ impl Mapper {
                 continue;
             }
             let prior = self.prior(candidate.from, candidate.to);
-            let alone = !self.config.loops.verify || prior.is_some_and(|prior| prior.is_tight());
-            if alone {
+            if !self.config.loops.verify || prior.is_some_and(|prior| prior.is_tight()) {
                 accepted.push(new);
-                continue;
-            }
-            let votes = self.votes(&candidate);
-            let needed = if prior.is_some() { 1 } else { JOIN_VOTES };
-            if votes.len() >= needed
-                && (prior.is_some() || self.has_no_rival(&candidate, votes.len()))
-            {
-                accepted.extend(votes);
-                accepted.push(new);
+            } else if prior.is_some() {
+                let votes = self.votes(&candidate);
+                if !votes.is_empty() {
+                    accepted.extend(votes);
+                    accepted.push(new);
+                }
             }
         }
         accepted.sort_unstable();
@@ -96,31 +89,8 @@ impl Mapper {
         expected.chi2(&b.relative, &of_b) <= CHI2_MAX
     }
 
-    /// Whether no other way to join the same two parts has half as many loops that agree.
-    fn has_no_rival(&mut self, candidate: &Candidate, votes: usize) -> bool {
-        let parts = |c: &Candidate| (self.part_of(c.from), self.part_of(c.to));
-        let own = parts(candidate);
-        let rivals: Vec<Candidate> = self
-            .candidates
-            .iter()
-            .filter(|other| other.fate == Fate::Unconfirmed && parts(other) == own)
-            .copied()
-            .collect();
-        let against: Vec<Candidate> = rivals
-            .into_iter()
-            .filter(|other| !self.agree(other, candidate))
-            .collect();
-        !against.iter().any(|rival| {
-            let together = against
-                .iter()
-                .filter(|other| self.agree(other, rival))
-                .count();
-            2 * together >= votes
-        })
-    }
-
     /// Puts candidates into the graph and lets the map follow.
-    fn accept(&mut self, accepted: &[usize]) {
+    pub(super) fn accept(&mut self, accepted: &[usize]) {
         if accepted.is_empty() {
             return;
         }

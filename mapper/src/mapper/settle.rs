@@ -1,7 +1,7 @@
 //! The graph after new loops: optimised, and rid of loops that proved wrong.
 
 use super::Mapper;
-use crate::Fate;
+use crate::{Fate, graph::LoopId};
 
 /// Weight below which a loop has proved wrong: the rest of the map disagrees with it.
 const WEIGHT_MIN: f64 = 0.3;
@@ -41,7 +41,13 @@ impl Mapper {
             .filter(|l| l.weight < WEIGHT_MIN)
             .map(|l| l.id)
             .collect();
-        for id in &wrong {
+        self.remove(&wrong);
+        !wrong.is_empty()
+    }
+
+    /// Takes loops out of the graph.
+    pub(super) fn remove(&mut self, wrong: &[LoopId]) {
+        for id in wrong {
             self.graph.remove_loop(*id);
             if let Some(at) = self.loops.iter().position(|(name, _)| name == id) {
                 let (_, candidate) = self.loops.remove(at);
@@ -50,6 +56,5 @@ impl Mapper {
                 }
             }
         }
-        !wrong.is_empty()
     }
 }

@@ -1,0 +1,87 @@
+//! A radar that goes blind for seconds opens a new odometry frame: its part of the map stays by itself until loops that
+//! agree with one another join it, and never in the wrong place.
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
+
+mod support;
+
+use randt_geometry::elementary::wrap;
+use randt_mapper::Mapper;
+use randt_simulator::World;
+use std::collections::BTreeSet;
+use support::{Drive, config};
+
+/// Gives the mapper a drive and says how far every accepted loop is off the truth at most (m, degrees).
+fn map(world: &World, drive: &Drive) -> (Mapper, f64, f64) {
+    let mut mapper = Mapper::new(&config(world));
+    for keyframe in &drive.keyframes {
+        mapper.push(keyframe.as_ref());
+    }
+    mapper.finish();
+    let truth = |place: usize| drive.truth(mapper.places()[place].stamp_ns);
+    let (mut worst_m, mut worst_deg) = (0.0_f64, 0.0_f64);
+    for candidate in mapper.loops() {
+        let off = truth(candidate.from)
+            .between(&truth(candidate.to))
+            .between(&candidate.relative);
+        worst_m = worst_m.max(off.translation().norm());
+        worst_deg = worst_deg.max(wrap(off.yaw_rad).abs().to_degrees());
+    }
+    (mapper, worst_m, worst_deg)
+}
+
+fn parts(mapper: &Mapper) -> BTreeSet<usize> {
+    (0..mapper.places().len())
+        .map(|place| mapper.part_of(place))
+        .collect()
+}
+
+/// How far the newest keyframe is off, seen from the first, over all joints, m.
+fn end_off_m(mapper: &Mapper, drive: &Drive) -> f64 {
+    let last = mapper.places().len() - 1;
+    let truth = |place: usize| drive.truth(mapper.places()[place].stamp_ns);
+    let off = truth(0)
+        .between(&truth(last))
+        .between(&mapper.poses()[0].between(&mapper.poses()[last]));
+    off.translation().norm()
+}
+
+#[test]
+fn parts_are_joined_where_the_robot_comes_back_and_nowhere_else() {
+    for name in World::NAMES {
+        let world = World::named(name).unwrap();
+        let end_s = world.sweeps() as f64 * 0.2;
+        // The robot goes on in the dark for 3 s, or for so long that it may be anywhere.
+        for (seed, dark_s) in [(1, 3.0), (2, 40.0)] {
+            let blackout = |share: f64| share * end_s..share * end_s + dark_s;
+            let blackouts = [blackout(0.15), blackout(0.35)];
+            let drive = Drive::new(&world, world.sweeps(), seed, &blackouts);
+            let (mapper, worst_m, worst_deg) = map(&world, &drive);
+            let parts = parts(&mapper);
+            let end_off_m = end_off_m(&mapper, &drive);
+            println!(
+                "{name} seed {seed}, twice {dark_s} s in the dark: {} loops, worst {worst_m:.3} m {worst_deg:.2} deg; parts begin at {parts:?}; end off by {end_off_m:.3} m",
+                mapper.loops().count(),
+            );
+            assert!(worst_m < 0.5 && worst_deg < 5.0, "a false loop");
+            // After 40 s a part may be too short to say where it is: then it stays by itself.
+            let parts_max = if dark_s < 10.0 { 1 } else { 2 };
+            assert!(parts.len() <= parts_max);
+            assert!(end_off_m < 0.5);
+        }
+    }
+}
+
+#[test]
+fn a_part_without_a_revisit_stays_by_itself() {
+    for (seed, dark_s) in [(1, 3.0), (2, 3.0), (3, 40.0)] {
+        let world = World::building();
+        let drive = Drive::new(&world, 900, seed, &[60.0..60.0 + dark_s]);
+        let (mapper, worst_m, worst_deg) = map(&world, &drive);
+        println!(
+            "worst {worst_m:.3} m {worst_deg:.2} deg; parts {:?}",
+            parts(&mapper)
+        );
+        assert!(worst_m < 0.5 && worst_deg < 5.0, "a false loop");
+        assert_eq!(parts(&mapper).len(), 2);
+    }
+}

@@ -1,0 +1,81 @@
+//! Simulated drives as odometry publishes them, with the truth behind each keyframe.
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "each test uses its part; a test says by panicking what is wrong"
+)]
+
+use randt_config::Config;
+use randt_filter::ClusterFilter;
+use randt_geometry::Pose2;
+use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints};
+use randt_odometry::{Odometry, Sink};
+use randt_simulator::{Event, Robot, START_NS, Simulation, World};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Keyframes in order, and where the robot truly was at each one's stamp.
+pub struct Drive {
+    pub keyframes: Vec<Message<Keyframe>>,
+    pub truth: BTreeMap<i64, Pose2>,
+}
+
+#[derive(Default)]
+struct Keep(Vec<Message<Keyframe>>);
+
+impl Sink for Keep {
+    fn state(&mut self, _: &OdometryState) {}
+    fn keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) {
+        let mut message = Message::default();
+        *message.head = *keyframe.head;
+        message.items.extend_from_slice(keyframe.items);
+        self.0.push(message);
+    }
+}
+
+/// The configuration for a world's robot.
+pub fn config(world: &World) -> Config {
+    let mounting = Robot::of(world).radar_mounting;
+    let mut config = Config::default();
+    config.robot.radar_x_m = mounting.x_m;
+    config.robot.radar_y_m = mounting.y_m;
+    config
+}
+
+impl Drive {
+    /// So many sweeps through a world. Of what happens in a blackout (s since the start) the sensors say nothing.
+    pub fn new(world: &World, scans: u64, seed: u64, blackouts_s: &[Range<f64>]) -> Self {
+        let config = config(world);
+        let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
+        let mut points = Message::<RadarPoints>::default();
+        let mut odometry = Odometry::new(&config, true);
+        let (mut keep, mut truth) = (Keep::default(), BTreeMap::new());
+        for event in Simulation::new(world, Robot::of(world), scans, seed) {
+            let time_s = (event.stamp_ns() - START_NS) as f64 * 1e-9;
+            let is_dark = blackouts_s
+                .iter()
+                .any(|blackout| blackout.contains(&time_s));
+            match event {
+                Event::Truth(pose) => {
+                    truth.insert(pose.header.stamp_ns, Pose2::from_array(pose.pose));
+                }
+                _ if is_dark => {}
+                Event::Scan(scan) => {
+                    filter.process(scan.as_ref(), &mut points);
+                    odometry.push_points(points.as_ref(), &mut keep);
+                }
+                Event::Imu(sample) => odometry.push_imu(&sample, &mut keep),
+            }
+        }
+        odometry.finish(&mut keep);
+        Self {
+            keyframes: keep.0,
+            truth,
+        }
+    }
+
+    /// Where the robot truly was.
+    pub fn truth(&self, stamp_ns: i64) -> Pose2 {
+        *self.truth.get(&stamp_ns).unwrap()
+    }
+}
