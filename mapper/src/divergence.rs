@@ -99,8 +99,9 @@ mod tests {
     fn it_is_the_formula_of_two_single_normals() {
         let cell = |x: f64| {
             let mut grid = grid(4.0, 2);
-            for k in [-1.0, 0.0, 1.0] {
-                grid.add([1.0 + x + 0.1 * k, 1.0 + 0.2 * k * k, 5.0 + k]);
+            for corner in 0..8 {
+                let sign = |bit: i32| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                grid.add([1.0 + x + 0.2 * sign(0), 1.0 + 0.1 * sign(1), 5.0 + sign(2)]);
             }
             grid.refresh();
             grid

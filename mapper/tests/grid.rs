@@ -15,8 +15,6 @@ use randt_simulator::{Wall, World};
 use std::ops::Range;
 use support::Drive;
 
-/// Once around the route.
-const SCANS: u64 = 450;
 /// Cells this near to a wall are right, m.
 const NEAR_M: f64 = 0.2;
 /// Walls count as seen from here to there, m: behind the radar's nearest range; beams are 0.23 m apart at the farthest.
@@ -42,7 +40,7 @@ impl Kept {
 
 /// Keyframes of a drive, at their true poses.
 fn drive(world: &World, seed: u64) -> Vec<Kept> {
-    let mut drive = Drive::new(world, SCANS, seed, &[]);
+    let mut drive = Drive::new(world, world.sweeps() / 2, seed, &[]);
     let keyframes = std::mem::take(&mut drive.keyframes).into_iter();
     keyframes
         .map(|keyframe| Kept {
