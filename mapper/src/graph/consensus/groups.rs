@@ -14,14 +14,17 @@ const CLAIM_PAIRS: f64 = 5.0;
 /// The noise may be three times what the edges claim; beyond, most loops are false and say nothing of it.
 const NOISE_MAX: f64 = 9.0;
 
-/// Odometry by the node that it leads to.
+/// Odometry by the node that it leads to; of several edges the one from nearest.
 pub(super) struct Chain<'a>(Vec<Option<&'a Edge>>);
 
 impl<'a> Chain<'a> {
     pub fn new(nodes: usize, odometry: &'a [Edge]) -> Self {
-        let mut steps = vec![None; nodes];
+        let mut steps: Vec<Option<&Edge>> = vec![None; nodes];
         for edge in odometry.iter().filter(|edge| edge.from < edge.to) {
-            steps[edge.to].get_or_insert(edge);
+            let step = &mut steps[edge.to];
+            if step.is_none_or(|other| other.from < edge.from) {
+                *step = Some(edge);
+            }
         }
         Self(steps)
     }
@@ -44,11 +47,8 @@ impl<'a> Chain<'a> {
         (at == low).then(|| if from <= to { way } else { way.inverse() })
     }
 
-    /// chi2 of two loops around the cycle that they make with odometry; `None` where they are not near.
-    fn cycle(&self, a: &Edge, b: &Edge) -> Option<f64> {
-        if a.from.abs_diff(b.from) > NEAR_NODES || a.to.abs_diff(b.to) > NEAR_NODES {
-            return None;
-        }
+    /// chi2 of two loops around the cycle that they make with odometry, if it joins them.
+    pub fn cycle(&self, a: &Edge, b: &Edge) -> Option<f64> {
         let predicted = self
             .between(b.from, a.from)?
             .compose(&Uncertain::of(a)?)
@@ -65,7 +65,8 @@ pub(super) fn groups(chain: &Chain<'_>, loops: &[Edge]) -> (Vec<Vec<usize>>, f64
         .map(|b| {
             let before = (0..b).rev();
             let near = before.take_while(|a| loops[*a].to + NEAR_NODES >= loops[b].to);
-            near.filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
+            near.filter(|a| loops[*a].from.abs_diff(loops[b].from) <= NEAR_NODES)
+                .filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
                 .collect()
         })
         .collect();

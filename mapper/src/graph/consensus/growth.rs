@@ -4,13 +4,13 @@ use super::super::Error;
 use super::super::covariance;
 use super::super::edge::Edge;
 use super::super::loss::Loss;
-use super::super::solver::{Effort, Term, solve};
+use super::super::solver::{Effort, Term, factorised, solve};
 use super::super::system::System;
 use super::groups::{Chain, GATE, NEAR_NODES};
 use super::uncertain::Uncertain;
 use randt_geometry::Pose2;
 
-/// After each stretch: loops that passed the gate are near the optimum, and a centimetre decides nothing.
+/// Before loops are held against it: those that passed the gate are near the optimum, and a centimetre decides nothing.
 const EFFORT: Effort = Effort {
     step: 0.01,
     factorisations_max: 3,
@@ -70,6 +70,7 @@ pub(super) fn grow(
     loops: &[Edge],
     chain: &Chain<'_>,
     groups: &[Vec<usize>],
+    joins: &[bool],
     mut noise: Noise,
 ) -> Result<Growth, Error> {
     let mut on = vec![false; loops.len()];
@@ -82,33 +83,35 @@ pub(super) fn grow(
         for node in begin..end {
             grown.push(extended(&grown, poses, chain, node));
         }
-        let known = &odometry[..odometry.partition_point(|edge| edge.to < end)];
         let arrives = |group: &&Vec<usize>| group.last().is_some_and(|l| loops[*l].to < end);
-        let mut agreed = false;
+        if !waiting.peek().is_some_and(arrives) {
+            continue;
+        }
+        // What is known when they arrive.
+        let known = &odometry[..odometry.partition_point(|edge| edge.to < end)];
+        let closed = loops.iter().zip(&on).filter(|(_, on)| **on);
+        let terms: Vec<Term<'_>> = (known.iter())
+            .chain(closed.map(|(edge, _)| edge))
+            .map(|edge| (edge, Loss::QUADRATIC))
+            .collect();
+        solve(&mut system, &mut grown, &terms, EFFORT)?;
+        let system = factorised(&mut system, &grown, &terms)?;
         while let Some(group) = waiting.next_if(arrives) {
             // The middle one speaks for its group.
-            let Some(speaker) = group.get(group.len() / 2).map(|l| &loops[*l]) else {
+            let Some(speaker) = group.get(group.len() / 2) else {
                 continue;
             };
-            match innovation(speaker, &grown, system.as_mut(), known)? {
+            match innovation(&loops[*speaker], &grown, system)? {
                 Some(chi2) if chi2 > GATE * noise.variance() => {
                     claimable += if chi2 < GATE { group.len() } else { 0 };
                     continue;
                 }
                 Some(chi2) => noise.push(chi2),
-                // Nothing else joins the two parts: nothing contradicts it.
+                // Nothing else joins the two parts: those that most others agree with do.
+                None if !joins[*speaker] => continue,
                 None => {}
             }
             group.iter().for_each(|l| on[*l] = true);
-            agreed = true;
-        }
-        if agreed {
-            let closed = loops.iter().zip(&on).filter(|(_, on)| **on);
-            let terms: Vec<Term<'_>> = (known.iter())
-                .chain(closed.map(|(edge, _)| edge))
-                .map(|edge| (edge, Loss::QUADRATIC))
-                .collect();
-            solve(&mut system, &mut grown, &terms, EFFORT)?;
         }
     }
     Ok(Growth {
@@ -120,13 +123,8 @@ pub(super) fn grow(
 }
 
 /// chi2 of a loop by what is known of its two nodes; `None` where that is nothing.
-fn innovation(
-    edge: &Edge,
-    grown: &[Pose2],
-    system: Option<&mut System>,
-    known: &[Edge],
-) -> Result<Option<f64>, Error> {
-    match covariance::relative(system, grown, known, edge.from, edge.to) {
+fn innovation(edge: &Edge, grown: &[Pose2], system: &mut System) -> Result<Option<f64>, Error> {
+    match covariance::relative(system, grown, edge.from, edge.to) {
         Ok(covariance) => {
             let pose = grown[edge.from].between(&grown[edge.to]);
             Ok(Some(Uncertain { pose, covariance }.disagreement(edge)))

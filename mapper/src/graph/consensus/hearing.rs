@@ -82,15 +82,14 @@ impl Case<'_> {
     /// Optimises over the loops that are on; those that agree then join, those that do not leave.
     pub fn settle(&self, mut poses: Vec<Pose2>, mut on: Vec<bool>) -> Result<Verdict, Error> {
         let mut system: Option<System> = None;
-        for _ in 0..ROUNDS_MAX {
+        for round in 1.. {
             self.optimise(&mut system, &mut poses, &on)?;
             let agreeing = self.agreeing(&poses);
-            if agreeing == on {
+            if agreeing == on || round > ROUNDS_MAX {
                 break;
             }
             on = agreeing;
         }
-        self.optimise(&mut system, &mut poses, &on)?;
         let cost = self.cost(&poses);
         Ok(Verdict { poses, on, cost })
     }
