@@ -24,7 +24,7 @@ pub(super) fn relative(
 mod tests {
     use super::super::Edge;
     use super::super::edge::moved;
-    use super::super::testing::{close, drifting, edge};
+    use super::super::testing::{close, drifting, edge, tie};
     use super::*;
     use nalgebra::SMatrix;
 
@@ -40,6 +40,10 @@ mod tests {
             .unwrap();
         graph
             .add_loop(edge(3, 1, Pose2::new(-2.0, 0.1, -0.1)))
+            .unwrap();
+        // Odometry that is no chain.
+        graph
+            .add_odometry(edge(0, 2, Pose2::new(2.0, 0.1, 0.1)))
             .unwrap();
         graph.optimise_trusting().unwrap();
         // Derivatives of all errors by finite differences; node 0 stands still.
@@ -116,6 +120,21 @@ mod tests {
             );
             assert!(i != j || before.amax() < 1e-12);
         }
+    }
+
+    #[test]
+    fn ties_sharpen_what_the_chain_says_before_anything_is_optimised() {
+        let (mut chain, mut tied) = (drifting(70), drifting(70));
+        tie(&mut tied);
+        let before = tied.relative_covariance(3, 68).unwrap();
+        assert!(before.trace() < 0.5 * chain.relative_covariance(3, 68).unwrap().trace());
+        tied.optimise().unwrap();
+        let after = tied.relative_covariance(3, 68).unwrap();
+        // The ties have moved the poses by a little.
+        assert!(
+            (before - after).amax() < 0.05 * after.amax(),
+            "{before} {after}"
+        );
     }
 
     #[test]

@@ -109,7 +109,7 @@ pub(super) fn grow(
                 Some(chi2) => noise.push(chi2),
                 // Nothing else joins the two parts: those that most others agree with do.
                 None if !joins[*speaker] => continue,
-                None => {}
+                None => lay(&mut grown, &loops[*speaker], system),
             }
             group.iter().for_each(|l| on[*l] = true);
         }
@@ -134,11 +134,87 @@ fn innovation(edge: &Edge, grown: &[Pose2], system: &mut System) -> Result<Optio
     }
 }
 
+/// Moves the part that a loop leads to, where the loop says: from any heading the solver would take long.
+fn lay(grown: &mut [Pose2], edge: &Edge, system: &System) {
+    let there = grown[edge.from].compose(&edge.measured);
+    let moved = there.compose(&grown[edge.to].inverse());
+    for (node, pose) in grown.iter_mut().enumerate() {
+        if system.joined(node, edge.to) {
+            *pose = moved.compose(pose);
+        }
+    }
+}
+
 /// Where odometry puts the next node; where it begins anew, the estimate's own step.
 fn extended(grown: &[Pose2], poses: &[Pose2], chain: &Chain<'_>, node: usize) -> Pose2 {
     match (chain.step(node), node.checked_sub(1)) {
         (Some(step), _) => grown[step.from].compose(&step.measured),
         (None, Some(before)) => grown[before].compose(&poses[before].between(&poses[node])),
         (None, None) => poses[node],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::testing::{close, drifting, edge, square, tie};
+    use super::super::groups::groups;
+    use super::*;
+
+    fn grown(odometry: &[Edge], poses: &[Pose2], loops: &[Edge], joins: bool) -> Growth {
+        let chain = Chain::new(poses.len(), odometry);
+        let groups = groups(&chain, loops).0;
+        let joins = vec![joins; loops.len()];
+        grow(
+            poses,
+            odometry,
+            loops,
+            &chain,
+            &groups,
+            &joins,
+            Noise::CLAIMED,
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn loops_within_the_drift_since_the_last_ones_are_let_in() {
+        let mut graph = drifting(120);
+        tie(&mut graph);
+        close(&mut graph, 3);
+        let mut loops: Vec<Edge> = graph.loops().iter().map(|l| l.edge.clone()).collect();
+        // Where the laps before are closed already, three metres are beyond all drift.
+        let wrong = square(70)
+            .between(&square(110))
+            .compose(&Pose2::new(3.0, 0.0, 0.0));
+        let at = loops.partition_point(|edge| edge.to <= 110);
+        loops.insert(at, edge(70, 110, wrong));
+        let mut odometry = graph.odometry().to_vec();
+        odometry.sort_by_key(|edge| edge.to);
+        let growth = grown(&odometry, graph.poses(), &loops, true);
+        let off: Vec<usize> = (0..loops.len()).filter(|l| !growth.on[*l]).collect();
+        assert_eq!(off, [at]);
+        assert!(growth.noise < 1.0, "{}", growth.noise);
+    }
+
+    #[test]
+    fn nothing_joins_two_parts_but_what_may() {
+        let graph = drifting(80);
+        let odometry: Vec<Edge> = (graph.odometry().iter().cloned())
+            .filter(|edge| edge.to != 41)
+            .collect();
+        let loops = [edge(5, 45, square(5).between(&square(45)))];
+        assert_eq!(grown(&odometry, graph.poses(), &loops, false).on, [false]);
+        assert_eq!(grown(&odometry, graph.poses(), &loops, true).on, [true]);
+    }
+
+    #[test]
+    fn noise_is_what_the_innovations_show() {
+        let mut noise = Noise::CLAIMED;
+        assert_eq!(noise.variance(), 1.0);
+        (0..98).for_each(|_| noise.push(4.0 * DOF));
+        assert!((noise.variance() - 3.94).abs() < 1e-12);
+        let mut fixed = Noise::Fixed(2.0);
+        fixed.push(100.0);
+        assert_eq!(fixed.variance(), 2.0);
     }
 }

@@ -141,3 +141,60 @@ impl Case<'_> {
 fn chi2(edge: &Edge, poses: &[Pose2]) -> f64 {
     edge.chi2(&poses[edge.from], &poses[edge.to])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::testing::{drifting, edge, square};
+    use super::*;
+
+    /// One lap back at these steps, wrong by so many metres.
+    fn back(steps: &[usize], x_m: f64) -> Vec<Edge> {
+        let wrong = Pose2::new(x_m, 0.0, 0.0);
+        steps
+            .iter()
+            .map(|&to| {
+                edge(
+                    to - 40,
+                    to,
+                    square(to - 40).between(&square(to)).compose(&wrong),
+                )
+            })
+            .collect()
+    }
+
+    fn settled(loops: &[Edge], on: &[bool], check: impl Fn(&Case<'_>, Verdict)) {
+        let graph = drifting(60);
+        let case = Case {
+            odometry: graph.odometry(),
+            loops,
+            gate: GATE,
+        };
+        let verdict = case.settle(graph.poses().to_vec(), on.to_vec()).unwrap();
+        check(&case, verdict);
+    }
+
+    #[test]
+    fn those_that_agree_join_and_those_that_do_not_leave() {
+        let loops = [back(&[44, 50, 47], 0.0), back(&[48], 0.5)].concat();
+        settled(&loops, &[true, true, false, true], |_, verdict| {
+            assert_eq!(verdict.on, [true, true, true, false]);
+        });
+    }
+
+    #[test]
+    fn a_false_group_that_came_first_loses_its_appeal_against_more_true_ones() {
+        let loops = [back(&[44, 45], 4.0), back(&[47, 50, 53, 56], 0.0)].concat();
+        let first = [true, true, false, false, false, false];
+        settled(&loops, &first, |case, verdict| {
+            assert_eq!(verdict.on, first, "nothing but an appeal can tell");
+            let groups = [vec![0, 1], vec![2, 3, 4, 5]];
+            let heard = case.appeal(&groups, verdict.clone()).unwrap();
+            assert_eq!(heard.on, first.map(|on| !on));
+            assert!(heard.cost < verdict.cost);
+            assert!(case.surprise(&heard) < case.surprise(&verdict));
+            // The false ones in turn are heard in vain.
+            let again = case.appeal(&groups, heard.clone()).unwrap();
+            assert_eq!(again.on, heard.on);
+        });
+    }
+}

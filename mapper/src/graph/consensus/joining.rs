@@ -5,7 +5,7 @@
 
 use super::super::components::components;
 use super::super::edge::Edge;
-use super::groups::{Chain, GATE, groups};
+use super::groups::{Chain, GATE};
 use std::collections::BTreeMap;
 
 /// Loops of a pair of parts that are asked whom they agree with: of a majority's loops some are among so many.
@@ -38,12 +38,8 @@ pub(super) fn standings(
         }
     }
     let mut standings = vec![Standing::Heard; loops.len()];
-    if bridges.is_empty() {
-        return standings;
-    }
-    let gate = GATE * groups(chain, loops).1;
     for bridge in bridges.values() {
-        let majority = majority(chain, loops, bridge, gate);
+        let majority = majority(chain, loops, bridge);
         let others = match majority {
             Some(_) => Standing::Heard,
             None => Standing::LeftOut,
@@ -57,14 +53,14 @@ pub(super) fn standings(
 }
 
 /// The loops of a bridge that agree with one of them, where they are more than half.
-fn majority(chain: &Chain<'_>, loops: &[Edge], bridge: &[usize], gate: f64) -> Option<Vec<usize>> {
+fn majority(chain: &Chain<'_>, loops: &[Edge], bridge: &[usize]) -> Option<Vec<usize>> {
     let mut speakers = bridge
         .iter()
         .step_by(bridge.len().div_ceil(SPEAKERS_MAX).max(1));
     speakers.find_map(|speaker| {
         let agrees = |l: &usize| {
             let cycle = chain.cycle(&loops[*speaker], &loops[*l]);
-            l == speaker || cycle.is_some_and(|chi2| chi2 <= gate)
+            l == speaker || cycle.is_some_and(|chi2| chi2 <= GATE)
         };
         let agreeing: Vec<usize> = bridge.iter().copied().filter(agrees).collect();
         (2 * agreeing.len() > bridge.len()).then_some(agreeing)
@@ -77,19 +73,19 @@ mod tests {
     use super::*;
     use randt_geometry::Pose2;
 
-    /// Two laps whose odometry breaks off between them, with loops from one to the other as they were or moved.
-    fn standings_of(moved: impl Iterator<Item = (usize, f64)>) -> Vec<Standing> {
+    /// Two laps whose odometry breaks off between them, with loops from one to the other as they were or turned.
+    fn standings_of(turned: impl Iterator<Item = (usize, f64)>) -> Vec<Standing> {
         let graph = drifting(79);
         let odometry: Vec<Edge> = (graph.odometry().iter().cloned())
             .filter(|edge| edge.to != 40)
             .collect();
-        let loops: Vec<Edge> = moved
-            .map(|(step, x_m)| {
+        let loops: Vec<Edge> = turned
+            .map(|(step, yaw_rad)| {
                 let measured = square(step).between(&square(step + 40));
                 edge(
                     step,
                     step + 40,
-                    measured.compose(&Pose2::new(x_m, 0.0, 0.0)),
+                    measured.compose(&Pose2::new(0.0, 0.0, yaw_rad)),
                 )
             })
             .collect();
@@ -105,17 +101,17 @@ mod tests {
 
     #[test]
     fn one_that_contradicts_a_majority_is_heard_only() {
-        let found = standings_of((0..5).map(|k| (7 * k, if k == 0 { 5.0 } else { 0.0 })));
+        let found = standings_of((0..5).map(|k| (7 * k, if k == 0 { 2.0 } else { 0.0 })));
         assert_eq!(found[0], Standing::Heard);
         assert_eq!(found[1..], [Standing::Joins; 4]);
     }
 
     #[test]
     fn loops_that_contradict_each_other_are_left_out() {
-        let found = standings_of((0..6).map(|k| (5 * k, 5.0 * k as f64)));
+        let found = standings_of((0..6).map(|k| (5 * k, 1.0 * k as f64)));
         assert_eq!(found, [Standing::LeftOut; 6]);
         // Nor does one of two opinions win by coming first.
-        let found = standings_of((0..6).map(|k| (5 * k, if k < 3 { 5.0 } else { 0.0 })));
+        let found = standings_of((0..6).map(|k| (5 * k, if k < 3 { 2.0 } else { 0.0 })));
         assert_eq!(found, [Standing::LeftOut; 6]);
     }
 }
