@@ -10,9 +10,9 @@ use super::groups::{Chain, GATE, NEAR_NODES};
 use super::uncertain::Uncertain;
 use randt_geometry::Pose2;
 
-/// Before loops are held against it: those that passed the gate are near the optimum, and a centimetre decides nothing.
+/// Before loops are held against it: a step of a decimetre leaves a centimetre, and that decides nothing.
 const EFFORT: Effort = Effort {
-    step: 0.01,
+    step: 0.1,
     factorisations_max: 3,
 };
 

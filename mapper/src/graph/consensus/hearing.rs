@@ -175,9 +175,21 @@ mod tests {
 
     #[test]
     fn those_that_agree_join_and_those_that_do_not_leave() {
-        let loops = [back(&[44, 50, 47], 0.0), back(&[48], 0.5)].concat();
-        settled(&loops, &[true, true, false, true], |_, verdict| {
-            assert_eq!(verdict.on, [true, true, true, false]);
+        let loops = [back(&[44, 46, 50, 52, 48], 0.0), back(&[58], 8.0)].concat();
+        settled(
+            &loops,
+            &[true, true, true, true, false, false],
+            |_, verdict| {
+                assert_eq!(verdict.on, [true, true, true, true, true, false]);
+            },
+        );
+        // One of eight that are believed together.
+        let loops = [back(&[44, 45, 46, 48, 49, 50, 51], 0.0), back(&[47], 0.7)].concat();
+        settled(&loops, &[true; 8], |_, verdict| {
+            assert_eq!(
+                verdict.on,
+                [true, true, true, true, true, true, true, false]
+            );
         });
     }
 
