@@ -35,7 +35,8 @@ route 1.8,1.8 7.2,1.8 7.2,5.2 1.8,5.2
 /// The emulator, or `None` where there is none; CI must have it.
 fn emulator() -> Option<&'static str> {
     let answers = |name: &&str| {
-        let version = Command::new(name).arg("-version").stdout(Stdio::null());
+        let mut version = Command::new(name);
+        version.arg("-version").stdout(Stdio::null());
         version.status().is_ok_and(|status| status.success())
     };
     let found = EMULATORS.into_iter().find(answers);
