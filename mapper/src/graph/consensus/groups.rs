@@ -160,8 +160,11 @@ mod tests {
     #[test]
     fn odometry_that_breaks_off_leads_nowhere() {
         let graph = drifting(20);
-        let odometry: Vec<Edge> = (graph.odometry().iter().cloned())
+        let odometry: Vec<Edge> = graph
+            .odometry()
+            .iter()
             .filter(|edge| edge.to != 8)
+            .cloned()
             .collect();
         let chain = Chain::new(21, &odometry);
         assert!(chain.between(5, 10).is_none());

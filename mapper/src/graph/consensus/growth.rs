@@ -199,8 +199,11 @@ mod tests {
     #[test]
     fn nothing_joins_two_parts_but_what_may() {
         let graph = drifting(80);
-        let odometry: Vec<Edge> = (graph.odometry().iter().cloned())
+        let odometry: Vec<Edge> = graph
+            .odometry()
+            .iter()
             .filter(|edge| edge.to != 41)
+            .cloned()
             .collect();
         let loops = [edge(5, 45, square(5).between(&square(45)))];
         assert_eq!(grown(&odometry, graph.poses(), &loops, false).on, [false]);

@@ -76,8 +76,11 @@ mod tests {
     /// Two laps whose odometry breaks off between them, with loops from one to the other as they were or turned.
     fn standings_of(turned: impl Iterator<Item = (usize, f64)>) -> Vec<Standing> {
         let graph = drifting(79);
-        let odometry: Vec<Edge> = (graph.odometry().iter().cloned())
+        let odometry: Vec<Edge> = graph
+            .odometry()
+            .iter()
             .filter(|edge| edge.to != 40)
+            .cloned()
             .collect();
         let loops: Vec<Edge> = turned
             .map(|(step, yaw_rad)| {
