@@ -4,17 +4,21 @@
 //! are heard, and the more so where false ones agree with each other. Instead the drive is grown anew from its
 //! beginning: at every moment only the drift since the last loops is open, and a loop must lie within it.
 //!
-//! 1. Loops that say the same of the same two stretches form a group (pairwise consistency, Mangelson et al. 2018, by
+//! 1. Parts whose odometry is separate are joined only by loops that agree in their majority.
+//! 2. Loops that say the same of the same two stretches form a group (pairwise consistency, Mangelson et al. 2018, by
 //!    short cycles only). Ten loops of one mistake are one witness, not ten.
-//! 2. Group by group, in the order in which they came, the innovation is held against its covariance.
-//! 3. The innovations also tell how large errors really are, compared with what the edges claim.
-//! 4. What was turned away may appeal once everything is known, by truncated least squares (as in Yang et al. 2020).
+//! 3. Group by group, in the order in which they came, the innovation is held against its covariance.
+//! 4. The innovations also tell how large errors really are, compared with what the edges claim.
+//! 5. What was turned away may appeal once everything is known, by truncated least squares (as in Yang et al. 2020).
 //!
 //! Not responsible for the weights between re-checks.
 
 mod groups;
 mod growth;
 mod hearing;
+mod joining;
+#[cfg(test)]
+mod tests;
 mod uncertain;
 
 use super::Error;
@@ -23,6 +27,7 @@ use super::solver::Report;
 use groups::{Chain, GATE, groups};
 use growth::{Noise, grow};
 use hearing::{Case, Verdict};
+use joining::{Standing, standings};
 use randt_geometry::Pose2;
 
 /// Share of the loops that cycles may turn away against the claims before the claims are tried as well.
@@ -54,18 +59,25 @@ pub(super) struct Judged {
 pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Result<Judged, Error> {
     let mut odometry: Vec<Edge> = odometry.iter().map(Edge::forward).collect();
     odometry.sort_by_key(|edge| edge.to);
-    let mut order: Vec<usize> = (0..loops.len()).collect();
-    let forward: Vec<Edge> = loops.iter().map(|edge| edge.forward()).collect();
-    order.sort_by_key(|l| (forward[*l].to, forward[*l].from));
-    let arriving: Vec<Edge> = order.iter().map(|l| forward[*l].clone()).collect();
-
     let chain = Chain::new(poses.len(), &odometry);
+    let forward: Vec<Edge> = loops.iter().map(|edge| edge.forward()).collect();
+    let mut order: Vec<usize> = (0..loops.len()).collect();
+    order.sort_by_key(|l| (forward[*l].to, forward[*l].from));
+    let arriving =
+        |order: &[usize]| -> Vec<Edge> { order.iter().map(|l| forward[*l].clone()).collect() };
+    let standings = standings(poses.len(), &odometry, &chain, &arriving(&order));
+    let (order, joins): (Vec<usize>, Vec<bool>) = (order.into_iter().zip(standings))
+        .filter(|(_, standing)| *standing != Standing::LeftOut)
+        .map(|(l, standing)| (l, standing == Standing::Joins))
+        .unzip();
+    let arriving = arriving(&order);
+
     let (groups, cycles) = groups(&chain, &arriving);
     // Short cycles tell the noise but not the drift; innovations tell both but believe the first loops. Where
     // they differ both are tried, and the data choose.
     let mut best: Option<(f64, Case<'_>, Verdict)> = None;
     for noise in [Noise::Fixed(cycles), Noise::CLAIMED] {
-        let grown = grow(poses, &odometry, &arriving, &chain, &groups, noise)?;
+        let grown = grow(poses, &odometry, &arriving, &chain, &groups, &joins, noise)?;
         let case = Case {
             odometry: &odometry,
             loops: &arriving,
@@ -85,7 +97,13 @@ pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Resu
         return Ok(Judged::default());
     };
     let noise = case.gate / GATE;
-    let verdict = case.appeal(&groups, verdict)?;
+    let mut verdict = case.appeal(&groups, verdict)?;
+    if noise < 1.0 {
+        // Judged more sharply than it claims, a loop may come back where it lies within its claim after all: noise
+        // is a mean, and good loops have tails.
+        let claimed = Case { gate: GATE, ..case };
+        verdict = claimed.settle(verdict.poses, verdict.on)?;
+    }
 
     let mut on = vec![false; loops.len()];
     for (l, agrees) in order.iter().zip(&verdict.on) {

@@ -1,99 +1,30 @@
 //! How well one node is known from another.
 
+use super::Error;
 use super::system::System;
-use super::{Edge, Error};
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
 
-/// A node with the perturbation that it inherits from where its chain begins, and the noise gathered since.
-struct Chained {
-    /// The chain, newest node first; the last one is where it begins.
-    nodes: Vec<usize>,
-    /// For every node of the chain the covariance gathered from it to the newest one, in the newest one's frame.
-    noise: Vec<Matrix3<f64>>,
-}
-
-/// Covariance of `j` seen from `i`, perturbations on the right.
+/// Covariance of `j` seen from `i`, perturbations on the right, by equations that are factorised.
 pub(super) fn relative(
-    system: Option<&mut System>,
+    system: &mut System,
     poses: &[Pose2],
-    odometry: &[Edge],
     i: usize,
     j: usize,
 ) -> Result<Matrix3<f64>, Error> {
-    for node in [i, j] {
-        if node >= poses.len() {
-            let count = poses.len();
-            return Err(Error::NoNode { node, count });
-        }
+    if !system.joined(i, j) {
+        return Err(Error::NotConnected { from: i, to: j });
     }
-    let not_connected = Error::NotConnected { from: i, to: j };
-    let solved = system.as_ref().map_or(0, |system| system.nodes());
-    let (from, to) = (
-        chain(poses, odometry, solved, i),
-        chain(poses, odometry, solved, j),
-    );
     // d_j - Ad(T_ij^-1) d_i is the perturbation of T_ij.
-    let seen_by = poses[i].between(&poses[j]).inverse().adjoint();
-    let in_frame_of_j = |c: Matrix3<f64>| seen_by * c * seen_by.transpose();
-
-    // What both have in common cancels.
-    let common = from.nodes.iter().enumerate().find_map(|(at, node)| {
-        let there = to.nodes.iter().position(|other| other == node)?;
-        Some((at, there))
-    });
-    if let Some((at, there)) = common {
-        return Ok(in_frame_of_j(from.noise[at]) + to.noise[there]);
-    }
-    let (Some(&a), Some(&b), Some(system)) = (from.nodes.last(), to.nodes.last(), system) else {
-        return Err(not_connected);
-    };
-    if a >= solved || b >= solved || !system.joined(a, b) {
-        return Err(not_connected);
-    }
-    let [aa, ab, bb] = system.marginals(a, b);
-    let carried = |base: usize, node: usize| poses[base].between(&poses[node]).inverse().adjoint();
-    let (to_i, to_j) = (carried(a, i), carried(b, j));
-    let (by_i, by_j) = (seen_by * to_i, to_j);
-    let cross = by_j * ab.transpose() * by_i.transpose();
-    let base =
-        by_i * aa * by_i.transpose() + by_j * bb * by_j.transpose() - cross - cross.transpose();
-    let noise = |chained: &Chained| chained.noise.last().copied().unwrap_or_default();
-    Ok(base + in_frame_of_j(noise(&from)) + noise(&to))
-}
-
-/// Follows odometry back from a node to one that the last optimisation knew.
-fn chain(poses: &[Pose2], odometry: &[Edge], solved: usize, node: usize) -> Chained {
-    let mut chained = Chained {
-        nodes: vec![node],
-        noise: vec![Matrix3::zeros()],
-    };
-    let mut noise = Matrix3::zeros();
-    let mut at = node;
-    // Nodes come in order: the edges that lead to the newest stand at the end.
-    for edge in odometry.iter().rev() {
-        if at < solved {
-            break;
-        }
-        if edge.to != at || edge.from >= at {
-            continue;
-        }
-        let Some(covariance) = edge.information.try_inverse() else {
-            break;
-        };
-        let carry = poses[at].between(&poses[node]).inverse().adjoint();
-        noise += carry * covariance * carry.transpose();
-        at = edge.from;
-        chained.nodes.push(at);
-        chained.noise.push(noise);
-    }
-    chained
+    let by_i = -poses[i].between(&poses[j]).inverse().adjoint();
+    Ok(system.covariance([(i, &by_i), (j, &Matrix3::identity())]))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Edge;
     use super::super::edge::moved;
-    use super::super::testing::{close, drifting, edge};
+    use super::super::testing::{close, drifting, edge, tie};
     use super::*;
     use nalgebra::SMatrix;
 
@@ -109,6 +40,10 @@ mod tests {
             .unwrap();
         graph
             .add_loop(edge(3, 1, Pose2::new(-2.0, 0.1, -0.1)))
+            .unwrap();
+        // Odometry that is no chain.
+        graph
+            .add_odometry(edge(0, 2, Pose2::new(2.0, 0.1, 0.1)))
             .unwrap();
         graph.optimise_trusting().unwrap();
         // Derivatives of all errors by finite differences; node 0 stands still.
@@ -185,6 +120,21 @@ mod tests {
             );
             assert!(i != j || before.amax() < 1e-12);
         }
+    }
+
+    #[test]
+    fn ties_sharpen_what_the_chain_says_before_anything_is_optimised() {
+        let (mut chain, mut tied) = (drifting(70), drifting(70));
+        tie(&mut tied);
+        let before = tied.relative_covariance(3, 68).unwrap();
+        assert!(before.trace() < 0.5 * chain.relative_covariance(3, 68).unwrap().trace());
+        tied.optimise().unwrap();
+        let after = tied.relative_covariance(3, 68).unwrap();
+        // The ties have moved the poses by a little.
+        assert!(
+            (before - after).amax() < 0.05 * after.amax(),
+            "{before} {after}"
+        );
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::components::components;
 use super::consensus::{self, Recheck};
 use super::edge::{Edge, check_pose};
 use super::loss::Loss;
-use super::solver::{Effort, Report, Term, solve};
+use super::solver::{Effort, Report, Term, factorised, solve};
 use super::system::System;
 use super::{Error, covariance};
 use nalgebra::Matrix3;
@@ -13,6 +13,7 @@ use randt_geometry::Pose2;
 /// chi2 from which a loop is doubted: of three degrees of freedom, 1 in 10,000 is beyond. Below it a loop has its full
 /// weight, so that good loops give the plain least squares.
 const LOOP_PHI: f64 = 21.1;
+const LOOP_LOSS: Loss = Loss::Scaled { phi: LOOP_PHI };
 
 /// The name of a loop, never given again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -135,7 +136,7 @@ impl PoseGraph {
 
     /// Moves the poses to the optimum over odometry and the loops that are on, starting where they are.
     pub fn optimise(&mut self) -> Result<Report, Error> {
-        self.descend(Loss::Scaled { phi: LOOP_PHI })
+        self.descend(LOOP_LOSS)
     }
 
     /// The same with every loop that is on believed in full: the plain least squares, from however far away.
@@ -144,10 +145,7 @@ impl PoseGraph {
     }
 
     fn descend(&mut self, loss: Loss) -> Result<Report, Error> {
-        let loops = self.loops.iter().filter(|l| l.on);
-        let terms: Vec<Term<'_>> = (self.odometry.iter().map(|edge| (edge, Loss::QUADRATIC)))
-            .chain(loops.map(|l| (&l.edge, loss)))
-            .collect();
+        let terms = terms(&self.odometry, &self.loops, loss);
         let report = solve(&mut self.system, &mut self.poses, &terms, Effort::FULL)?;
         for l in &mut self.loops {
             l.chi2 = l
@@ -177,9 +175,15 @@ impl PoseGraph {
     }
 
     /// Covariance of the pose of `j` seen from `i`, with perturbations on the right (in the frame of `j`); m^2, m rad,
-    /// rad^2. From the last optimisation, extended by the chain of odometry for nodes that came after it.
+    /// rad^2. By odometry and the loops that are on, at the estimate.
     pub fn relative_covariance(&mut self, i: usize, j: usize) -> Result<Matrix3<f64>, Error> {
-        covariance::relative(self.system.as_mut(), &self.poses, &self.odometry, i, j)
+        let count = self.poses.len();
+        if let Some(node) = [i, j].into_iter().find(|node| *node >= count) {
+            return Err(Error::NoNode { node, count });
+        }
+        let terms = terms(&self.odometry, &self.loops, LOOP_LOSS);
+        let system = factorised(&mut self.system, &self.poses, &terms)?;
+        covariance::relative(system, &self.poses, i, j)
     }
 
     /// Labels the components anew where the newest edge joins two.
@@ -197,6 +201,14 @@ impl PoseGraph {
         let edges = self.odometry.iter().chain(loops);
         self.component = components(self.poses.len(), edges.map(|e| (e.from, e.to)));
     }
+}
+
+/// Odometry, believed in full, and the loops that are on.
+fn terms<'a>(odometry: &'a [Edge], loops: &'a [Loop], loss: Loss) -> Vec<Term<'a>> {
+    let loops = loops.iter().filter(|l| l.on);
+    (odometry.iter().map(|edge| (edge, Loss::QUADRATIC)))
+        .chain(loops.map(|l| (&l.edge, loss)))
+        .collect()
 }
 
 #[cfg(test)]

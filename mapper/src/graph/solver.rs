@@ -56,14 +56,39 @@ pub(super) fn solve(
     terms: &[Term<'_>],
     effort: Effort,
 ) -> Result<Report, Error> {
+    descend(fitting(system, poses.len(), terms)?, poses, terms, effort)
+}
+
+/// The equations of these terms, factorised at these poses or, where they are solved, a last step away from them.
+pub(super) fn factorised<'a>(
+    system: &'a mut Option<System>,
+    poses: &[Pose2],
+    terms: &[Term<'_>],
+) -> Result<&'a mut System, Error> {
+    let system = fitting(system, poses.len(), terms)?;
+    if !system.is_factorised() {
+        build(system, poses, terms);
+        if !system.factorise(0.0) {
+            return Err(Error::Singular {
+                unknowns: system.unknowns(),
+                damping: 0.0,
+            });
+        }
+    }
+    Ok(system)
+}
+
+/// The system of these terms: the one that is there, or where that does not fit a new one in its place.
+fn fitting<'a>(
+    system: &'a mut Option<System>,
+    nodes: usize,
+    terms: &[Term<'_>],
+) -> Result<&'a mut System, Error> {
     let pairs = || terms.iter().map(|(edge, _)| (edge.from, edge.to));
-    let mut fitting = match system.take() {
-        Some(system) if system.fits(poses.len(), pairs()) => system,
-        _ => System::new(poses.len(), pairs().collect())?,
-    };
-    let report = descend(&mut fitting, poses, terms, effort);
-    *system = Some(fitting);
-    report
+    Ok(match system.take() {
+        Some(fits) if fits.fits(nodes, pairs()) => system.insert(fits),
+        _ => system.insert(System::new(nodes, pairs().collect())?),
+    })
 }
 
 fn descend(

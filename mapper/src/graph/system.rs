@@ -7,11 +7,11 @@ use super::components::components;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::perm::PermRef;
-use faer::sparse::linalg::amd;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
+use faer::sparse::linalg::{SupernodalThreshold, amd};
 use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
 use nalgebra::{Matrix3, Vector3};
@@ -44,8 +44,8 @@ pub(super) struct System {
     symbolic: SymbolicCholesky<usize>,
     factor: Vec<f64>,
     memory: MemBuffer,
-    /// The last marginals' second node with its columns of the inverse: loops are tested against one newest node.
-    recent: Option<(usize, Vec<f64>)>,
+    /// Whether `factor` is that of H as it is, not damped.
+    factorised: bool,
 }
 
 impl System {
@@ -94,7 +94,7 @@ impl System {
             rows,
             symbolic,
             memory,
-            recent: None,
+            factorised: false,
         })
     }
 
@@ -106,11 +106,6 @@ impl System {
     /// Poses that are unknown.
     pub fn unknowns(&self) -> usize {
         self.gradient.len() / DOF
-    }
-
-    /// How many nodes it was made for.
-    pub fn nodes(&self) -> usize {
-        self.component.len()
     }
 
     /// Whether a chain of edges joins two of its nodes.
@@ -161,8 +156,8 @@ impl System {
 
     /// Factorises H with its diagonal raised by `damping` times itself; false where it is not positive definite.
     pub fn factorise(&mut self, damping: f64) -> bool {
-        self.recent = None;
-        if self.unknowns() == 0 {
+        self.factorised = self.unknowns() == 0;
+        if self.factorised {
             return true;
         }
         let mut damped;
@@ -184,7 +179,14 @@ impl System {
             MemStack::new(&mut self.memory),
             Spec::default(),
         );
-        factorised.is_ok() && self.factor.iter().all(|value| value.is_finite())
+        let good = factorised.is_ok() && self.factor.iter().all(|value| value.is_finite());
+        self.factorised = good && damping == 0.0;
+        good
+    }
+
+    /// Whether the last factorisation was that of H as it is.
+    pub fn is_factorised(&self) -> bool {
+        self.factorised
     }
 
     /// The step of every unknown pose by the last factorisation.
@@ -200,34 +202,32 @@ impl System {
         Some([step[first], step[first + 1], step[first + 2]])
     }
 
-    /// Covariances of two nodes and between them, [ii, ij, jj], each with perturbations on the right; an anchor's are 0.
-    pub fn marginals(&mut self, i: usize, j: usize) -> [Matrix3<f64>; 3] {
-        let by_i = self.inverse_columns(i);
-        let by_j = match self.recent.take() {
-            Some((node, columns)) if node == j => columns,
-            _ => self.inverse_columns(j),
-        };
+    /// Covariance of what two nodes' perturbations add up to, each by its matrix; an anchor has none.
+    pub fn covariance(&mut self, parts: [(usize, &Matrix3<f64>); 2]) -> Matrix3<f64> {
         let size = self.gradient.len();
-        let part = |row: Option<usize>, columns: &[f64]| {
-            Matrix3::from_fn(|r, c| row.map_or(0.0, |row| columns[c * size + DOF * row + r]))
-        };
-        let (row_i, row_j) = (self.block_of[i], self.block_of[j]);
-        let marginals = [part(row_i, &by_i), part(row_i, &by_j), part(row_j, &by_j)];
-        self.recent = Some((j, by_j));
-        marginals
-    }
-
-    /// The columns of the inverse of H that belong to a node; zeros for an anchor.
-    fn inverse_columns(&mut self, node: usize) -> Vec<f64> {
-        let size = self.gradient.len();
+        // The columns of J^T: H^-1 J^T of one solution instead of the columns of the inverse of both nodes.
         let mut columns = vec![0.0; size * DOF];
-        if let Some(block) = self.block_of[node] {
-            for axis in 0..DOF {
-                columns[axis * size + DOF * block + axis] = 1.0;
+        let mut entries = Vec::with_capacity(2 * DOF * DOF);
+        for (node, by) in parts {
+            let Some(block) = self.block_of[node] else {
+                continue;
+            };
+            for column in 0..DOF {
+                for row in 0..DOF {
+                    let at = column * size + DOF * block + row;
+                    columns[at] += by[(column, row)];
+                    entries.push((at % size, column, by[(column, row)]));
+                }
             }
-            self.solve(&mut columns, DOF);
         }
-        columns
+        self.solve(&mut columns, DOF);
+        let mut covariance = Matrix3::zeros();
+        for (at, row, value) in entries {
+            for column in 0..DOF {
+                covariance[(row, column)] += value * columns[column * size + at];
+            }
+        }
+        (covariance + covariance.transpose()) * 0.5
     }
 
     fn solve(&mut self, right: &mut [f64], columns: usize) {
@@ -286,7 +286,9 @@ fn pattern<'a>(columns: &'a [usize], rows: &'a [usize]) -> SymbolicSparseColMatR
     SymbolicSparseColMatRef::new_checked(size, size, columns, None, rows)
 }
 
-/// Orders blocks by approximate minimum degree (a ninth of the scalars' work) and factorises the pattern.
+/// Orders blocks by approximate minimum degree (a ninth of the scalars' work) and factorises the pattern. The
+/// factorisation goes scalar by scalar: graphs of drives are too thin for dense blocks to pay, and those would be
+/// multiplied by instructions that depend on the machine.
 fn symbolic(
     below: &[Vec<usize>],
     columns: &[usize],
@@ -325,6 +327,9 @@ fn symbolic(
         pattern(columns, rows),
         Side::Lower,
         SymmetricOrdering::Custom(PermRef::new_checked(&order, &inverse, order.len())),
-        CholeskySymbolicParams::default(),
+        CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SIMPLICIAL,
+            ..CholeskySymbolicParams::default()
+        },
     )
 }

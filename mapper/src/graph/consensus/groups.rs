@@ -14,14 +14,17 @@ const CLAIM_PAIRS: f64 = 5.0;
 /// The noise may be three times what the edges claim; beyond, most loops are false and say nothing of it.
 const NOISE_MAX: f64 = 9.0;
 
-/// Odometry by the node that it leads to.
+/// Odometry by the node that it leads to; of several edges the one from nearest.
 pub(super) struct Chain<'a>(Vec<Option<&'a Edge>>);
 
 impl<'a> Chain<'a> {
     pub fn new(nodes: usize, odometry: &'a [Edge]) -> Self {
-        let mut steps = vec![None; nodes];
+        let mut steps: Vec<Option<&Edge>> = vec![None; nodes];
         for edge in odometry.iter().filter(|edge| edge.from < edge.to) {
-            steps[edge.to].get_or_insert(edge);
+            let step = &mut steps[edge.to];
+            if step.is_none_or(|other| other.from < edge.from) {
+                *step = Some(edge);
+            }
         }
         Self(steps)
     }
@@ -44,11 +47,8 @@ impl<'a> Chain<'a> {
         (at == low).then(|| if from <= to { way } else { way.inverse() })
     }
 
-    /// chi2 of two loops around the cycle that they make with odometry; `None` where they are not near.
-    fn cycle(&self, a: &Edge, b: &Edge) -> Option<f64> {
-        if a.from.abs_diff(b.from) > NEAR_NODES || a.to.abs_diff(b.to) > NEAR_NODES {
-            return None;
-        }
+    /// chi2 of two loops around the cycle that they make with odometry, if it joins them.
+    pub fn cycle(&self, a: &Edge, b: &Edge) -> Option<f64> {
         let predicted = self
             .between(b.from, a.from)?
             .compose(&Uncertain::of(a)?)
@@ -65,7 +65,8 @@ pub(super) fn groups(chain: &Chain<'_>, loops: &[Edge]) -> (Vec<Vec<usize>>, f64
         .map(|b| {
             let before = (0..b).rev();
             let near = before.take_while(|a| loops[*a].to + NEAR_NODES >= loops[b].to);
-            near.filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
+            near.filter(|a| loops[*a].from.abs_diff(loops[b].from) <= NEAR_NODES)
+                .filter_map(|a| Some((a, chain.cycle(&loops[a], &loops[b])?)))
                 .collect()
         })
         .collect();
@@ -102,4 +103,71 @@ fn noise(loops: &[Edge], near: &[Vec<(usize, f64)>]) -> f64 {
     let median = cycles.get(cycles.len() / 2).copied().unwrap_or(MEDIAN) / MEDIAN;
     let count = cycles.len() as f64;
     ((median * count + CLAIM_PAIRS) / (count + CLAIM_PAIRS)).min(NOISE_MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::testing::{drifting, edge, square, tie};
+    use super::*;
+    use randt_geometry::Pose2;
+
+    /// A loop one lap back, wrong by so many metres.
+    fn back(to: usize, x_m: f64) -> Edge {
+        let measured = square(to - 40).between(&square(to));
+        edge(to - 40, to, measured.compose(&Pose2::new(x_m, 0.0, 0.0)))
+    }
+
+    fn grouped(loops: &[Edge]) -> (Vec<Vec<usize>>, f64) {
+        let mut graph = drifting(100);
+        tie(&mut graph);
+        groups(&Chain::new(101, graph.odometry()), loops)
+    }
+
+    #[test]
+    fn loops_that_say_the_same_nearby_are_a_group() {
+        let loops = [
+            back(50, 0.0),
+            back(53, 0.02),
+            back(56, -0.02),
+            back(80, 0.0),
+        ];
+        let (groups, noise) = grouped(&loops);
+        assert_eq!(groups, [vec![0, 1, 2], vec![3]]);
+        assert!(noise > 0.1 && noise < 2.0, "{noise}");
+    }
+
+    #[test]
+    fn one_that_says_something_else_is_by_itself() {
+        let loops = [back(50, 0.0), back(53, 3.0), back(56, 0.0), back(58, 3.0)];
+        assert_eq!(grouped(&loops).0, [vec![0, 2], vec![1, 3]]);
+    }
+
+    #[test]
+    fn a_chain_goes_step_by_step_whatever_else_leads_to_a_node() {
+        let mut graph = drifting(100);
+        tie(&mut graph);
+        let mut odometry = graph.odometry().to_vec();
+        odometry.reverse();
+        let chain = Chain::new(101, &odometry);
+        assert!((1..=100).all(|node| chain.step(node).is_some_and(|step| step.from + 1 == node)));
+        assert!(chain.step(0).is_none());
+        // Backwards is the inverse of forwards.
+        let (there, back) = (chain.between(3, 9).unwrap(), chain.between(9, 3).unwrap());
+        let around = there.compose(&back).pose;
+        assert!(around.translation().norm() < 1e-12 && around.yaw_rad.abs() < 1e-12);
+    }
+
+    #[test]
+    fn odometry_that_breaks_off_leads_nowhere() {
+        let graph = drifting(20);
+        let odometry: Vec<Edge> = graph
+            .odometry()
+            .iter()
+            .filter(|edge| edge.to != 8)
+            .cloned()
+            .collect();
+        let chain = Chain::new(21, &odometry);
+        assert!(chain.between(5, 10).is_none());
+        assert!(chain.between(9, 20).is_some());
+    }
 }

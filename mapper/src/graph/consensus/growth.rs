@@ -4,15 +4,15 @@ use super::super::Error;
 use super::super::covariance;
 use super::super::edge::Edge;
 use super::super::loss::Loss;
-use super::super::solver::{Effort, Term, solve};
+use super::super::solver::{Effort, Term, factorised, solve};
 use super::super::system::System;
 use super::groups::{Chain, GATE, NEAR_NODES};
 use super::uncertain::Uncertain;
 use randt_geometry::Pose2;
 
-/// After each stretch: loops that passed the gate are near the optimum, and a centimetre decides nothing.
+/// Before loops are held against it: a step of a decimetre leaves a centimetre, and that decides nothing.
 const EFFORT: Effort = Effort {
-    step: 0.01,
+    step: 0.1,
     factorisations_max: 3,
 };
 
@@ -70,6 +70,7 @@ pub(super) fn grow(
     loops: &[Edge],
     chain: &Chain<'_>,
     groups: &[Vec<usize>],
+    joins: &[bool],
     mut noise: Noise,
 ) -> Result<Growth, Error> {
     let mut on = vec![false; loops.len()];
@@ -82,33 +83,35 @@ pub(super) fn grow(
         for node in begin..end {
             grown.push(extended(&grown, poses, chain, node));
         }
-        let known = &odometry[..odometry.partition_point(|edge| edge.to < end)];
         let arrives = |group: &&Vec<usize>| group.last().is_some_and(|l| loops[*l].to < end);
-        let mut agreed = false;
+        if !waiting.peek().is_some_and(arrives) {
+            continue;
+        }
+        // What is known when they arrive.
+        let known = &odometry[..odometry.partition_point(|edge| edge.to < end)];
+        let closed = loops.iter().zip(&on).filter(|(_, on)| **on);
+        let terms: Vec<Term<'_>> = (known.iter())
+            .chain(closed.map(|(edge, _)| edge))
+            .map(|edge| (edge, Loss::QUADRATIC))
+            .collect();
+        solve(&mut system, &mut grown, &terms, EFFORT)?;
+        let system = factorised(&mut system, &grown, &terms)?;
         while let Some(group) = waiting.next_if(arrives) {
             // The middle one speaks for its group.
-            let Some(speaker) = group.get(group.len() / 2).map(|l| &loops[*l]) else {
+            let Some(speaker) = group.get(group.len() / 2) else {
                 continue;
             };
-            match innovation(speaker, &grown, system.as_mut(), known)? {
+            match innovation(&loops[*speaker], &grown, system)? {
                 Some(chi2) if chi2 > GATE * noise.variance() => {
                     claimable += if chi2 < GATE { group.len() } else { 0 };
                     continue;
                 }
                 Some(chi2) => noise.push(chi2),
-                // Nothing else joins the two parts: nothing contradicts it.
-                None => {}
+                // Nothing else joins the two parts: those that most others agree with do.
+                None if !joins[*speaker] => continue,
+                None => lay(&mut grown, &loops[*speaker], system),
             }
             group.iter().for_each(|l| on[*l] = true);
-            agreed = true;
-        }
-        if agreed {
-            let closed = loops.iter().zip(&on).filter(|(_, on)| **on);
-            let terms: Vec<Term<'_>> = (known.iter())
-                .chain(closed.map(|(edge, _)| edge))
-                .map(|edge| (edge, Loss::QUADRATIC))
-                .collect();
-            solve(&mut system, &mut grown, &terms, EFFORT)?;
         }
     }
     Ok(Growth {
@@ -120,13 +123,8 @@ pub(super) fn grow(
 }
 
 /// chi2 of a loop by what is known of its two nodes; `None` where that is nothing.
-fn innovation(
-    edge: &Edge,
-    grown: &[Pose2],
-    system: Option<&mut System>,
-    known: &[Edge],
-) -> Result<Option<f64>, Error> {
-    match covariance::relative(system, grown, known, edge.from, edge.to) {
+fn innovation(edge: &Edge, grown: &[Pose2], system: &mut System) -> Result<Option<f64>, Error> {
+    match covariance::relative(system, grown, edge.from, edge.to) {
         Ok(covariance) => {
             let pose = grown[edge.from].between(&grown[edge.to]);
             Ok(Some(Uncertain { pose, covariance }.disagreement(edge)))
@@ -136,11 +134,90 @@ fn innovation(
     }
 }
 
+/// Moves the part that a loop leads to, where the loop says: from any heading the solver would take long.
+fn lay(grown: &mut [Pose2], edge: &Edge, system: &System) {
+    let there = grown[edge.from].compose(&edge.measured);
+    let moved = there.compose(&grown[edge.to].inverse());
+    for (node, pose) in grown.iter_mut().enumerate() {
+        if system.joined(node, edge.to) {
+            *pose = moved.compose(pose);
+        }
+    }
+}
+
 /// Where odometry puts the next node; where it begins anew, the estimate's own step.
 fn extended(grown: &[Pose2], poses: &[Pose2], chain: &Chain<'_>, node: usize) -> Pose2 {
     match (chain.step(node), node.checked_sub(1)) {
         (Some(step), _) => grown[step.from].compose(&step.measured),
         (None, Some(before)) => grown[before].compose(&poses[before].between(&poses[node])),
         (None, None) => poses[node],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::testing::{close, drifting, edge, square, tie};
+    use super::super::groups::groups;
+    use super::*;
+
+    fn grown(odometry: &[Edge], poses: &[Pose2], loops: &[Edge], joins: bool) -> Growth {
+        let chain = Chain::new(poses.len(), odometry);
+        let groups = groups(&chain, loops).0;
+        let joins = vec![joins; loops.len()];
+        grow(
+            poses,
+            odometry,
+            loops,
+            &chain,
+            &groups,
+            &joins,
+            Noise::CLAIMED,
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn loops_within_the_drift_since_the_last_ones_are_let_in() {
+        let mut graph = drifting(120);
+        tie(&mut graph);
+        close(&mut graph, 3);
+        let mut loops: Vec<Edge> = graph.loops().iter().map(|l| l.edge.clone()).collect();
+        // Where the laps before are closed already, three metres are beyond all drift.
+        let wrong = square(70)
+            .between(&square(110))
+            .compose(&Pose2::new(3.0, 0.0, 0.0));
+        let at = loops.partition_point(|edge| edge.to <= 110);
+        loops.insert(at, edge(70, 110, wrong));
+        let mut odometry = graph.odometry().to_vec();
+        odometry.sort_by_key(|edge| edge.to);
+        let growth = grown(&odometry, graph.poses(), &loops, true);
+        let off: Vec<usize> = (0..loops.len()).filter(|l| !growth.on[*l]).collect();
+        assert_eq!(off, [at]);
+        assert!(growth.noise < 1.0, "{}", growth.noise);
+    }
+
+    #[test]
+    fn nothing_joins_two_parts_but_what_may() {
+        let graph = drifting(80);
+        let odometry: Vec<Edge> = graph
+            .odometry()
+            .iter()
+            .filter(|edge| edge.to != 41)
+            .cloned()
+            .collect();
+        let loops = [edge(5, 45, square(5).between(&square(45)))];
+        assert_eq!(grown(&odometry, graph.poses(), &loops, false).on, [false]);
+        assert_eq!(grown(&odometry, graph.poses(), &loops, true).on, [true]);
+    }
+
+    #[test]
+    fn noise_is_what_the_innovations_show() {
+        let mut noise = Noise::CLAIMED;
+        assert_eq!(noise.variance(), 1.0);
+        (0..98).for_each(|_| noise.push(4.0 * DOF));
+        assert!((noise.variance() - 3.94).abs() < 1e-12);
+        let mut fixed = Noise::Fixed(2.0);
+        fixed.push(100.0);
+        assert_eq!(fixed.variance(), 2.0);
     }
 }

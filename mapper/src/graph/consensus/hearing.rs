@@ -82,15 +82,14 @@ impl Case<'_> {
     /// Optimises over the loops that are on; those that agree then join, those that do not leave.
     pub fn settle(&self, mut poses: Vec<Pose2>, mut on: Vec<bool>) -> Result<Verdict, Error> {
         let mut system: Option<System> = None;
-        for _ in 0..ROUNDS_MAX {
+        for round in 1.. {
             self.optimise(&mut system, &mut poses, &on)?;
             let agreeing = self.agreeing(&poses);
-            if agreeing == on {
+            if agreeing == on || round > ROUNDS_MAX {
                 break;
             }
             on = agreeing;
         }
-        self.optimise(&mut system, &mut poses, &on)?;
         let cost = self.cost(&poses);
         Ok(Verdict { poses, on, cost })
     }
@@ -141,4 +140,73 @@ impl Case<'_> {
 
 fn chi2(edge: &Edge, poses: &[Pose2]) -> f64 {
     edge.chi2(&poses[edge.from], &poses[edge.to])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::testing::{drifting, edge, square};
+    use super::*;
+
+    /// One lap back at these steps, wrong by so many metres.
+    fn back(steps: &[usize], x_m: f64) -> Vec<Edge> {
+        let wrong = Pose2::new(x_m, 0.0, 0.0);
+        steps
+            .iter()
+            .map(|&to| {
+                edge(
+                    to - 40,
+                    to,
+                    square(to - 40).between(&square(to)).compose(&wrong),
+                )
+            })
+            .collect()
+    }
+
+    fn settled(loops: &[Edge], on: &[bool], check: impl Fn(&Case<'_>, Verdict)) {
+        let graph = drifting(60);
+        let case = Case {
+            odometry: graph.odometry(),
+            loops,
+            gate: GATE,
+        };
+        let verdict = case.settle(graph.poses().to_vec(), on.to_vec()).unwrap();
+        check(&case, verdict);
+    }
+
+    #[test]
+    fn those_that_agree_join_and_those_that_do_not_leave() {
+        let loops = [back(&[44, 46, 50, 52, 48], 0.0), back(&[58], 8.0)].concat();
+        settled(
+            &loops,
+            &[true, true, true, true, false, false],
+            |_, verdict| {
+                assert_eq!(verdict.on, [true, true, true, true, true, false]);
+            },
+        );
+        // One of eight that are believed together.
+        let loops = [back(&[44, 45, 46, 48, 49, 50, 51], 0.0), back(&[47], 0.7)].concat();
+        settled(&loops, &[true; 8], |_, verdict| {
+            assert_eq!(
+                verdict.on,
+                [true, true, true, true, true, true, true, false]
+            );
+        });
+    }
+
+    #[test]
+    fn a_false_group_that_came_first_loses_its_appeal_against_more_true_ones() {
+        let loops = [back(&[44, 45], 4.0), back(&[47, 50, 53, 56], 0.0)].concat();
+        let first = [true, true, false, false, false, false];
+        settled(&loops, &first, |case, verdict| {
+            assert_eq!(verdict.on, first, "nothing but an appeal can tell");
+            let groups = [vec![0, 1], vec![2, 3, 4, 5]];
+            let heard = case.appeal(&groups, verdict.clone()).unwrap();
+            assert_eq!(heard.on, first.map(|on| !on));
+            assert!(heard.cost < verdict.cost);
+            assert!(case.surprise(&heard) < case.surprise(&verdict));
+            // The false ones in turn are heard in vain.
+            let again = case.appeal(&groups, heard.clone()).unwrap();
+            assert_eq!(again.on, heard.on);
+        });
+    }
 }

@@ -56,3 +56,49 @@ impl Uncertain {
 fn error(edge: &Edge, seen: &Pose2) -> Vector3<f64> {
     edge.error(&Pose2::IDENTITY, seen)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::testing::edge;
+    use super::*;
+
+    fn step(pose: Pose2, sigmas: [f64; 3]) -> Uncertain {
+        Uncertain {
+            pose,
+            covariance: Matrix3::from_diagonal(&sigmas.map(|s| s * s).into()),
+        }
+    }
+
+    #[test]
+    fn a_heading_off_at_the_start_is_a_place_off_at_the_end() {
+        let turned = step(Pose2::IDENTITY, [0.0, 0.0, 0.01]);
+        let straight = step(Pose2::new(10.0, 0.0, 0.0), [0.0; 3]);
+        let covariance = turned.compose(&straight).covariance;
+        assert!((covariance[(1, 1)].sqrt() - 0.1).abs() < 1e-12);
+        assert!(
+            covariance[(0, 0)].abs() < 1e-12 && (covariance[(2, 2)].sqrt() - 0.01).abs() < 1e-12
+        );
+    }
+
+    #[test]
+    fn the_way_back_and_forth_is_the_same() {
+        let way = step(Pose2::new(2.0, -1.0, 2.5), [0.1, 0.2, 0.03]);
+        let again = way.inverse().inverse();
+        assert!((again.covariance - way.covariance).amax() < 1e-15);
+        assert!(way.compose(&way.inverse()).pose.translation().norm() < 1e-12);
+    }
+
+    #[test]
+    fn disagreement_counts_in_standard_deviations_of_both() {
+        let measured = edge(0, 1, Pose2::new(1.0, 0.0, 0.0));
+        // 5 cm of the measurement and 12 cm of the estimate are 13 cm.
+        let seen = step(Pose2::new(1.39, 0.0, 0.0), [0.12, 0.12, 0.1]);
+        assert!((seen.disagreement(&measured) - 9.0).abs() < 1e-9);
+        // What is known exactly leaves the measurement's own error.
+        let exact = Uncertain {
+            pose: Pose2::new(1.05, 0.0, 0.0),
+            ..Uncertain::NOWHERE
+        };
+        assert!((exact.disagreement(&measured) - 1.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,134 @@
+//! Machines with and without fused multiply-add and vector units agree: the program once as it is, once on an emulated
+//! processor of 2008 (`qemu-user`).
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use support::{ended, recording, tum};
+
+/// Names of the emulator: as Debian has it, and linked statically.
+const EMULATORS: [&str; 2] = ["qemu-x86_64", "qemu-x86_64-static"];
+/// SSE 4.2, but neither AVX nor FMA.
+const OLD: [&str; 2] = ["-cpu", "Nehalem"];
+/// How far poses may differ, m and rad.
+const POSE_MAX: f64 = 1e-6;
+/// Laps of 13 m: loops need 15 m of path.
+const SCANS: &str = "250";
+const ROOM: &str = "\
+wall concrete 0,0 9,0 9,7 0,7 0,0
+block metal 0.4,3 0.6x1.8
+block wood 4,3 1.2x1
+post concrete 7.5,5.8 0.25
+wall plaster 3,0 3,1
+route 1.8,1.8 7.2,1.8 7.2,5.2 1.8,5.2
+";
+
+/// The emulator, or `None` where there is none; CI must have it.
+fn emulator() -> Option<&'static str> {
+    let answers = |name: &&str| {
+        let mut version = Command::new(name);
+        version.arg("-version").stdout(Stdio::null());
+        version.status().is_ok_and(|status| status.success())
+    };
+    let found = EMULATORS.into_iter().find(answers);
+    if found.is_none() {
+        let ci = std::env::var("CI").is_ok_and(|ci| ci == "true");
+        assert!(!ci, "no {}: install qemu-user", EMULATORS[0]);
+        println!("skipped: no {}", EMULATORS[0]);
+    }
+    found
+}
+
+/// The program on this machine, or on an old one.
+fn randt(emulator: Option<&str>) -> Command {
+    let program = env!("CARGO_BIN_EXE_randt");
+    let Some(emulator) = emulator else {
+        return Command::new(program);
+    };
+    let mut command = Command::new(emulator);
+    command.args(OLD).arg(program);
+    command
+}
+
+/// Runs a command that must succeed, and gives what it printed.
+fn printed(command: Command) -> String {
+    let ended = ended(command);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    ended.stdout
+}
+
+#[test]
+fn a_drive_with_loops_ends_in_the_same_map() {
+    let Some(old) = emulator() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("room.world"), ROOM).unwrap();
+    let mut simulate = randt(None);
+    simulate.args(["simulate", "--scans", SCANS, "--world"]);
+    simulate
+        .arg(at("room.world"))
+        .arg("--out")
+        .arg(at("a.mcap"));
+    printed(simulate);
+    for (name, machine) in [("here", None), ("old", Some(old))] {
+        let mut run = randt(machine);
+        run.arg("run").arg(at("a.mcap")).arg("--out").arg(at(name));
+        printed(run);
+    }
+    let report = |name: &str| support::report(&at(name))["loops"]["fates"].take();
+    let fates = report("here");
+    println!("loops: {fates}");
+    assert!(fates["accepted"].as_u64().unwrap() >= 5, "{fates}");
+    assert_eq!(report("old"), fates);
+    let text = |name: &str| fs::read_to_string(at(name)).unwrap();
+    assert_eq!(text("old/odometry.tum"), text("here/odometry.tum"));
+    for name in ["trajectory.tum", "keyframes.tum"] {
+        let difference = difference(&at("here").join(name), &at("old").join(name));
+        println!("{name}: {difference:e}");
+        assert!(difference <= POSE_MAX, "{name}: {difference}");
+    }
+}
+
+/// Largest difference between two files of the same rows, m and rad.
+fn difference(a: &Path, b: &Path) -> f64 {
+    let (a, b) = (tum(a), tum(b));
+    assert_eq!(a.len(), b.len());
+    let rows = a.iter().zip(&b).map(|(a, b)| {
+        assert_eq!((a.stamp_ns, a.frame), (b.stamp_ns, b.frame));
+        let off = a.pose.between(&b.pose);
+        off.translation().norm().max(off.yaw_rad.abs())
+    });
+    rows.fold(0.0, f64::max)
+}
+
+#[test]
+fn pose_graphs_have_the_same_optimum_and_the_same_false_loops() {
+    let Some(old) = emulator() else { return };
+    for (name, false_loops) in [("CSAIL", "30"), ("intel", "10")] {
+        let Some(file) = recording(&format!("posegraph/{name}.g2o")) else {
+            return;
+        };
+        let figures = |machine: Option<&str>| -> Value {
+            let mut graph = randt(machine);
+            graph.args(["graph", "--json", "--false-loops", false_loops]);
+            graph.arg(&file);
+            let mut figures: Value = serde_json::from_str(&printed(graph)).unwrap();
+            // Times are the machine's.
+            figures["time_ms"].take();
+            figures["recheck_ms"].take();
+            figures
+        };
+        let here = figures(None);
+        println!("{name}: {here}");
+        assert_eq!(figures(Some(old)), here);
+    }
+}
