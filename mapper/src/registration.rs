@@ -169,3 +169,95 @@ fn explained(associations: &[Association], loss: &AdaptiveLoss) -> f64 {
         .sum();
     sum / associations.len().max(1) as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Place, Submaps};
+    use proptest::prelude::*;
+    use randt_messages::KeyframePoint;
+
+    /// What is seen from a pose: two rough walls along x, and with a `corner` two across.
+    fn place(pose: &Pose2, corner: bool) -> Place {
+        let inverse = pose.inverse();
+        let points = (0..1600).map(|i| {
+            let s = f64::from(i % 400) * 0.03 - 6.0;
+            let rough = 0.01 * f64::from((i * 37) % 11);
+            let p = match (i / 400, corner) {
+                (0, _) | (2, false) => [s, 2.0 + rough],
+                (1, _) | (3, false) => [s, -2.5 - rough],
+                (2, true) => [5.0 + rough, s * 0.4],
+                _ => [-3.0 - rough, s * 0.4],
+            };
+            let p = inverse.transform(p.into());
+            KeyframePoint {
+                x_m: p.x as f32,
+                y_m: p.y as f32,
+                intensity: (9.0 + 30.0 * rough) as f32,
+                beam: 0,
+                reserved: 0,
+            }
+        });
+        Place {
+            keyframe_id: 0,
+            stamp_ns: 0,
+            odom_frame_id: 0,
+            submap_root: 0,
+            odom: Pose2::IDENTITY,
+            step_covariance: Matrix3::identity(),
+            speed_m_s: 0.0,
+            path_m: 0.0,
+            beams: Vec::new(),
+            points: points.collect(),
+        }
+    }
+
+    fn register(pose: &Pose2, start: &Pose2, corner: bool) -> Registration {
+        let config = Config::default();
+        let mut submaps = Submaps::new(&config);
+        submaps.push(&[place(&Pose2::IDENTITY, corner)]);
+        let mut trail = Trail::new(&config);
+        trail.follow(&[place(pose, corner)]);
+        let map = &submaps.all()[0].grid;
+        Registrar::new(&config)
+            .register(map, &trail, start)
+            .unwrap()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn a_room_is_registered_from_half_a_cell_away(
+            x in -0.5..0.5, y in -0.3..0.3, yaw in -0.3..0.3, dx in -0.4..0.4, dy in -0.4..0.4, turn in -0.1..0.1,
+        ) {
+            let pose = Pose2::new(x, y, yaw);
+            let found = register(&pose, &pose.compose(&Pose2::new(dx, dy, turn)), true);
+            let off = pose.between(&found.pose);
+            // Cells cut the walls where the robot stands: a few centimetres and a degree or two are theirs.
+            prop_assert!(off.translation().norm() < 0.08 && off.yaw_rad.abs() < 0.04, "{off:?}");
+            prop_assert!(found.fit() > 0.5, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_bare_corridor_does_not_say_how_far_along_it_is() {
+        let at = |corner| {
+            let [weak, strong] = register(&Pose2::IDENTITY, &Pose2::IDENTITY, corner).sigmas_m();
+            weak / strong
+        };
+        let (corridor, room) = (at(false), at(true));
+        assert!(corridor > 1.5 * room, "{corridor} {room}");
+    }
+
+    #[test]
+    fn a_turned_room_is_not_explained() {
+        let found = register(&Pose2::IDENTITY, &Pose2::new(0.0, 0.0, 1.57), true);
+        let right = register(&Pose2::IDENTITY, &Pose2::IDENTITY, true);
+        assert!(
+            found.fit() < 0.6 * right.fit(),
+            "{} {}",
+            found.fit(),
+            right.fit()
+        );
+    }
+}

@@ -177,3 +177,77 @@ fn insert(grid: &mut Grid, root: &Place, place: &Place) {
         grid.add([p.x, p.y, f64::from(point.intensity)]);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Matrix3;
+    use randt_messages::KeyframePoint;
+
+    /// A keyframe every half metre along x that sees a wall two metres to its left; the frame changes at place 30.
+    fn drive() -> Vec<Place> {
+        let place = |i: u32| Place {
+            keyframe_id: u64::from(i),
+            stamp_ns: i64::from(i),
+            odom_frame_id: u64::from(i >= 30),
+            submap_root: 0,
+            odom: Pose2::new(0.5 * f64::from(i), 0.0, 0.0),
+            step_covariance: Matrix3::identity(),
+            speed_m_s: 1.0,
+            path_m: 0.5 * f64::from(i),
+            beams: Vec::new(),
+            points: (0..40)
+                .map(|k| KeyframePoint {
+                    x_m: 0.1 * k as f32 - 2.0,
+                    y_m: 2.0 + 0.01 * (k % 4) as f32,
+                    intensity: 9.0 + (k % 3) as f32,
+                    beam: 0,
+                    reserved: 0,
+                })
+                .collect(),
+        };
+        (0..60).map(place).collect()
+    }
+
+    fn points(grid: &Grid) -> u32 {
+        let slots = (0..grid.slots()).filter_map(|slot| grid.distribution(slot));
+        slots.map(|sum| sum.count).sum()
+    }
+
+    #[test]
+    fn a_submap_holds_what_is_near_along_the_path_and_of_its_frame() {
+        let places = drive();
+        let mut submaps = Submaps::new(&Config::default());
+        for end in 1..=places.len() {
+            submaps.push(&places[..end]);
+        }
+        let roots: Vec<usize> = submaps.all().iter().map(|submap| submap.root).collect();
+        assert_eq!(roots[..4], [0, 5, 10, 15]);
+        assert!(roots.contains(&30), "a new frame begins with a root");
+        // Eight keyframes to each side and itself.
+        assert_eq!(points(&submaps.rooted_at(15).unwrap().grid), 17 * 40);
+        // Only its own frame: nothing before, eight after.
+        assert_eq!(points(&submaps.rooted_at(30).unwrap().grid), 9 * 40);
+        assert_eq!(submaps.of(&places[12], &places).unwrap().root, 10);
+        assert_eq!(submaps.of(&places[29], &places).unwrap().root, 25);
+        assert!(submaps.rooted_at(3).is_none());
+    }
+
+    #[test]
+    fn a_trail_is_the_last_metres_seen_from_its_end() {
+        let places = drive();
+        let mut trail = Trail::new(&Config::default());
+        trail.follow(&places[..33]);
+        assert_eq!(points(&trail.grid), 3 * 40);
+        trail.follow(&places[..=20]);
+        assert_eq!(points(&trail.grid), 9 * 40);
+        // The wall lies to the left, most of it behind.
+        assert!(
+            trail
+                .cells
+                .iter()
+                .all(|c| (c.cell.mean[1] - 2.0).abs() < 0.1)
+        );
+        assert!(trail.cells.iter().any(|c| c.cell.mean[0] < -4.0));
+    }
+}

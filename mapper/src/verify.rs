@@ -96,3 +96,63 @@ pub fn judge(scores: &Scores, config: &Loops) -> Result<(), Fate> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn good() -> Scores {
+        Scores {
+            forward: Some(0.8),
+            backward: Some(0.7),
+            flipped: None,
+            divergence: Some(0.4),
+            sigma_m: Some(0.06),
+            chi2: Some(3.0),
+            prior_sigma_m: Some(0.1),
+        }
+    }
+
+    #[test]
+    fn each_gate_says_what_it_refuses() {
+        let config = Loops::default();
+        let fate = |change: fn(&mut Scores)| {
+            let mut scores = good();
+            change(&mut scores);
+            judge(&scores, &config)
+        };
+        assert_eq!(fate(|_| ()), Ok(()));
+        assert_eq!(fate(|s| s.chi2 = Some(20.0)), Err(Fate::AgainstOdometry));
+        assert_eq!(
+            fate(|s| s.chi2 = Some(f64::NAN)),
+            Err(Fate::AgainstOdometry)
+        );
+        assert_eq!(fate(|s| s.backward = Some(0.2)), Err(Fate::Unlike));
+        assert_eq!(fate(|s| s.forward = None), Err(Fate::Unlike));
+        assert_eq!(fate(|s| s.divergence = Some(4.0)), Err(Fate::Divergent));
+        assert_eq!(fate(|s| s.sigma_m = Some(0.5)), Err(Fate::Degenerate));
+        assert_eq!(fate(|s| s.flipped = Some(0.68)), Err(Fate::Ambiguous));
+        // The opposite heading fits worse: no doubt.
+        assert_eq!(fate(|s| s.flipped = Some(0.4)), Ok(()));
+    }
+
+    #[test]
+    fn a_deviation_is_weighed_by_both_covariances_in_the_measured_frame() {
+        let prior = Prior {
+            pose: Pose2::new(3.0, 1.0, 1.0),
+            covariance: Matrix3::from_diagonal(&Vector3::new(0.03, 0.01, 0.0005)),
+        };
+        let own = Matrix3::from_diagonal(&Vector3::new(0.01, 0.01, 0.0005));
+        // 0.2 m ahead of where it should be, in its own frame: 0.04 / 0.04.
+        let ahead = prior.pose.compose(&Pose2::new(0.2, 0.0, 0.0));
+        assert!((prior.chi2(&ahead, &own) - 1.0).abs() < 1e-9);
+        let turned = prior.pose.compose(&Pose2::new(0.0, 0.0, -0.1));
+        assert!((prior.chi2(&turned, &own) - 10.0).abs() < 1e-9);
+        assert!(!prior.is_tight());
+        let sharp = Prior {
+            covariance: prior.covariance * 0.2,
+            ..prior
+        };
+        assert!(sharp.is_tight() && (sharp.sigma_m() - 0.006_f64.sqrt()).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,126 @@
+//! `cargo bench -p randt-mapper --bench loops`: what a loop costs among a thousand keyframes, and what they weigh.
+//!
+//! Prints machine, data, median and p99. The keyframes are odometry's on a simulated drive through the building.
+#![allow(
+    clippy::unwrap_used,
+    reason = "a benchmark says by panicking what is wrong"
+)]
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use randt_geometry::Pose2;
+use randt_mapper::{Mapper, Place, Registrar, Search, Submaps, Trail};
+use randt_simulator::World;
+use std::fs;
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+use support::{Drive, config};
+
+/// Keyframes of the map.
+const KEYFRAMES: usize = 1000;
+/// Sweeps that make so many: three laps and a little.
+const SCANS: u64 = 4600;
+/// Searches that are timed.
+const SEARCHES: usize = 500;
+/// How far a refinement starts from its end: what the estimate is off when a lap of 155 m closes, m and rad.
+const OFF: [f64; 3] = [0.3, -0.2, 0.03];
+/// Limits: ms, ms, MB.
+const SEARCH_MAX_MS: f64 = 0.5;
+const REFINEMENT_MAX_MS: f64 = 3.0;
+const MEMORY_MAX_MB: f64 = 100.0;
+
+fn main() {
+    println!("machine: {}", machine());
+    let world = World::building();
+    let mut drive = Drive::new(&world, SCANS, 1, &[]);
+    drive.keyframes.truncate(KEYFRAMES);
+    let config = config(&world);
+
+    let before_mb = resident_mb();
+    let mut mapper = Mapper::new(&config);
+    let mut pushes = Vec::new();
+    for keyframe in &drive.keyframes {
+        let begin = Instant::now();
+        mapper.push(keyframe.as_ref());
+        pushes.push(begin.elapsed());
+    }
+    mapper.update_grid();
+    let memory_mb = resident_mb() - before_mb;
+    println!(
+        "\nbuilding, {} keyframes of {} points, {} loops",
+        mapper.places().len(),
+        drive.keyframes.iter().map(|k| k.items.len()).sum::<usize>() / KEYFRAMES,
+        mapper.loops().count(),
+    );
+    print("keyframe, all of the mapper but the grid", pushes, None);
+    println!("memory, grid included    {memory_mb:.0} MB (at most {MEMORY_MAX_MB:.0})");
+
+    let places = mapper.places();
+    let mut search = Search::new(&config);
+    places.iter().for_each(|place| search.push(place));
+    let searches = (0..SEARCHES).map(|_| time(|| search.look_alikes(places, |_| None)));
+    print(
+        "ScanContext search",
+        searches.collect(),
+        Some(SEARCH_MAX_MS),
+    );
+
+    let mut submaps = Submaps::new(&config);
+    for end in 1..=places.len() {
+        submaps.push(&places[..end]);
+    }
+    let (mut trail, mut registrar) = (Trail::new(&config), Registrar::new(&config));
+    let mut refinements = Vec::new();
+    for found in mapper.loops() {
+        trail.follow(&places[..=found.to]);
+        let grid = &submaps.rooted_at(found.from).unwrap().grid;
+        let start = found.relative.compose(&Pose2::from_array(OFF));
+        refinements.push(time(|| registrar.register(grid, &trail, &start)));
+    }
+    print("loop refinement", refinements, Some(REFINEMENT_MAX_MS));
+    let followed = places.iter().enumerate();
+    let trails = followed.map(|(i, _): (usize, &Place)| time(|| trail.follow(&places[..=i])));
+    print("trail, once a search", trails.collect(), None);
+}
+
+fn time<T>(work: impl FnOnce() -> T) -> Duration {
+    let begin = Instant::now();
+    black_box(work());
+    begin.elapsed()
+}
+
+fn print(what: &str, mut times: Vec<Duration>, allowed_ms: Option<f64>) {
+    times.sort_unstable();
+    let at = |share: f64| {
+        let index = ((times.len() as f64 * share) as usize).min(times.len() - 1);
+        times[index].as_secs_f64() * 1e3
+    };
+    let allowed = allowed_ms.map_or(String::new(), |ms| format!(" (at most {ms})"));
+    println!(
+        "{what:42} median {:.3} ms   p99 {:.3} ms   max {:.3} ms{allowed}",
+        at(0.5),
+        at(0.99),
+        at(1.0)
+    );
+}
+
+/// Resident memory of this process, MB.
+fn resident_mb() -> f64 {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let kb = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
+    kb.unwrap_or(f64::NAN) / 1024.0
+}
+
+fn machine() -> String {
+    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"));
+    let model = model.map_or("unknown", |model| {
+        model.trim_start_matches([' ', '\t', ':'])
+    });
+    let cores = std::thread::available_parallelism().map_or(0, |n| n.get());
+    format!("{model}, {cores} cores")
+}
