@@ -278,7 +278,7 @@ fn loops_make_the_room_more_exact() {
 #[test]
 fn a_log_of_one_scan_or_without_motion_has_a_map_too() {
     // The drive begins with 2.5 s of standstill, five scans a second.
-    for scans in [1, 12] {
+    for scans in [1, 10] {
         let folder = tempfile::tempdir().unwrap();
         let log = folder.path().join("drive.mcap");
         drive::write(&drive::events(scans), &log);
@@ -286,10 +286,13 @@ fn a_log_of_one_scan_or_without_motion_has_a_map_too() {
         let ended = run(&log, &out, &[]);
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
         assert_eq!(names(&out), OUTPUTS);
-        assert_eq!(tum(&out.join("trajectory.tum")).len() as u64, scans);
+        let trajectory = positions(&tum(&out.join("trajectory.tum")));
+        assert_eq!(trajectory.len() as u64, scans);
+        let moved_m = trajectory.iter().map(|p| distance_m(*p, trajectory[0]));
+        let moved_m = moved_m.fold(0.0, f64::max);
         let (map, report) = (Map::read(&out), report(&out));
         println!(
-            "{scans} scans: {} keyframes, map of {} x {}, {} cells occupied",
+            "{scans} scans: moved {moved_m:.4} m, {} keyframes, map of {} x {}, {} cells occupied",
             report["keyframes"],
             map.width,
             map.height,
@@ -297,6 +300,6 @@ fn a_log_of_one_scan_or_without_motion_has_a_map_too() {
         );
         assert_eq!(report["scans"], scans);
         assert_eq!(report["loops"]["candidates"], serde_json::json!([]));
-        assert!(report["path_m"].as_f64().unwrap() < 0.1);
+        assert!(moved_m < 0.05, "a robot that stands");
     }
 }

@@ -11,6 +11,7 @@ use crate::selection::SelectionArguments;
 use crate::{job, machine, progress};
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
+use randt_readers::Source;
 use randt_simulator::World;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -171,7 +172,7 @@ fn trial(
 ) -> anyhow::Result<Trial> {
     let mut source = drive.source();
     let selection = arguments.selection.with(variant.set);
-    let loaded = selection.load(randt_readers::Source::info(&source).sensor)?;
+    let loaded = selection.load(source.info().sensor)?;
     let config = job::with_mounting(&loaded, &source);
     let done = job::run(&mut source, &config, variant.use_imu, bar)?;
     if done.interrupted {
