@@ -70,7 +70,10 @@ pub fn judge(scores: &Scores, config: &Loops) -> Result<(), Fate> {
         .forward
         .zip(scores.backward)
         .map_or(0.0, |(a, b)| a.min(b));
-    if scores.chi2.is_some_and(|chi2| !(chi2 <= CHI2_MAX)) {
+    if scores
+        .chi2
+        .is_some_and(|chi2| chi2.is_nan() || chi2 > CHI2_MAX)
+    {
         return Err(Fate::AgainstOdometry);
     }
     if fit < config.fit_min {
