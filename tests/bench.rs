@@ -73,12 +73,12 @@ fn every_part_that_is_left_out_makes_a_difference() {
             }
             assert_eq!(rows[row]["false_loops"], 0, "{variant}");
         }
-        for row in 1..VARIANTS.len() - 1 {
-            assert_ne!(ate_m(row), ate_m(0), "{} changes nothing", VARIANTS[row]);
-        }
-        // Nothing is seen again so early: the loops are missed by nobody.
+        // Nothing is seen again so early: the loops are missed by nobody, every other part is.
         assert_eq!(rows[0]["loops"], 0);
-        assert_eq!(ate_m(VARIANTS.len() - 1), ate_m(0));
+        for (row, variant) in VARIANTS.iter().enumerate().skip(1) {
+            let differs = ate_m(row) != ate_m(0);
+            assert_eq!(differs, *variant != "no loops", "{variant}");
+        }
     }
 }
 
