@@ -30,7 +30,7 @@ impl Drive {
         let mut events = Vec::new();
         for event in Simulation::new(world, robot, scans, seed) {
             if job::interrupted() {
-                bail!("interrupted");
+                bail!("interrupted; nothing was written");
             }
             if matches!(event, Simulated::Scan(_)) {
                 bar.inc(1);
