@@ -1,6 +1,7 @@
 //! What whole-program tests share: the binary with a time limit, the recordings, trajectories, hostile inputs.
 #![allow(
     dead_code,
+    unused_imports,
     reason = "every test is a program of its own and uses a part of this"
 )]
 #![allow(
@@ -12,6 +13,7 @@
 
 pub mod bag;
 pub mod drive;
+pub mod hall;
 mod recordings;
 
 pub use recordings::recording;
@@ -49,7 +51,12 @@ pub fn randt(arguments: &[&str]) -> Command {
 }
 
 /// Runs a command; fails where it takes more than 30 s.
-pub fn ended(mut command: Command) -> Ended {
+pub fn ended(command: Command) -> Ended {
+    ended_within(command, TIME_MAX)
+}
+
+/// The same with a limit of its own, for drives of many minutes.
+pub fn ended_within(mut command: Command, time_max: Duration) -> Ended {
     let folder = tempfile::tempdir().unwrap();
     let [out, err] = ["stdout", "stderr"].map(|name| folder.path().join(name));
     let mut child = command
@@ -63,9 +70,9 @@ pub fn ended(mut command: Command) -> Ended {
         if let Some(status) = child.try_wait().unwrap() {
             break status;
         }
-        if begin.elapsed() > TIME_MAX {
+        if begin.elapsed() > time_max {
             child.kill().unwrap();
-            panic!("{command:?}: not ended after {TIME_MAX:?}");
+            panic!("{command:?}: not ended after {time_max:?}");
         }
         std::thread::sleep(Duration::from_millis(5));
     };
@@ -97,7 +104,15 @@ pub fn names(folder: &Path) -> Vec<String> {
 }
 
 /// What a run writes.
-pub const OUTPUTS: [&str; 4] = ["odometry.tum", "plot.svg", "report.json", "trajectory.tum"];
+pub const OUTPUTS: [&str; 7] = [
+    "keyframes.tum",
+    "map.pgm",
+    "map.yaml",
+    "odometry.tum",
+    "plot.svg",
+    "report.json",
+    "trajectory.tum",
+];
 
 /// The report without what may differ between runs.
 pub fn report(out: &Path) -> serde_json::Value {
@@ -108,6 +123,16 @@ pub fn report(out: &Path) -> serde_json::Value {
         "timing stands in one object"
     );
     report
+}
+
+/// The figures of `randt eval` for a trajectory of a run, its loops included.
+pub fn figures(out: &Path, trajectory: &str, truth: &Path) -> serde_json::Value {
+    let mut command = randt(&["eval", "--json"]);
+    command.arg(out.join(trajectory)).arg(truth);
+    command.arg("--loops").arg(out.join("report.json"));
+    let ended = ended(command);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    serde_json::from_str(&ended.stdout).unwrap()
 }
 
 /// One row of a TUM file.

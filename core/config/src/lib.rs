@@ -31,7 +31,7 @@ pub use config::{Config, Section};
 pub use error::Error;
 pub use input::{InputGeometry, check_input};
 pub use layer::Origins;
-pub use load::{Loaded, Selection, check_file};
+pub use load::{DEFAULT_PROFILE, Loaded, Selection, check_file};
 pub use place::Place;
 pub use rule::Rule;
 pub use section::Key;

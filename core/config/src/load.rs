@@ -5,7 +5,7 @@ use crate::layer::{Layer, Origins, apply_override, nearest, read_text};
 use crate::{Config, Error};
 
 /// The environment where the user names none.
-const DEFAULT_PROFILE: &str = "mixed";
+pub const DEFAULT_PROFILE: &str = "mixed";
 /// The radar where neither the user nor the input names one.
 const DEFAULT_SENSOR: &str = "isdr-c";
 

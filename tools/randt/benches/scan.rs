@@ -3,7 +3,7 @@
 //! Prints machine, data, median and p99. A scan's cost is filter + NDT + motion estimation in this process; the
 //! whole run is the binary itself on one core, every output written.
 
-use randt::{job, pipeline::Timing, report::Cost};
+use randt::{job, machine, report::Cost};
 use randt_config::{Config, Selection};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ const SCANS: u32 = 1000;
 const PERIOD_S: f64 = 0.2;
 
 fn main() -> anyhow::Result<()> {
-    println!("machine: {}", machine());
+    println!("machine: {}", machine::description());
     let folder = std::env::temp_dir().join(format!("randt-bench-{}", std::process::id()));
     fs::create_dir_all(&folder)?;
     let result = measure(&folder);
@@ -92,7 +92,7 @@ fn scan_cost(input: &Path, profile: &str) -> anyhow::Result<()> {
             true,
             &indicatif::ProgressBar::hidden(),
         )?;
-        costs.push(Cost::of(&both(&done.pipeline.timing)));
+        costs.push(Cost::of(&done.pipeline.timing.filter_and_odometry_ns()));
     }
     costs.sort_by(|a, b| a.median_ms.total_cmp(&b.median_ms));
     let cost = &costs[RUNS / 2];
@@ -107,31 +107,10 @@ fn scan_cost(input: &Path, profile: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn both(timing: &Timing) -> Vec<u64> {
-    timing
-        .filter_ns
-        .iter()
-        .zip(&timing.odometry_ns)
-        .map(|(filter, odometry)| filter + odometry)
-        .collect()
-}
-
 fn data() -> Option<PathBuf> {
     let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
     std::env::var_os("RANDT_DATA")
         .map(PathBuf::from)
         .or(Some(beside))
         .filter(|path| path.is_dir())
-}
-
-fn machine() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let models: Vec<&str> = text
-        .lines()
-        .filter_map(|line| line.strip_prefix("model name"))
-        .collect();
-    let model = models
-        .first()
-        .map_or("unknown", |m| m.trim_start_matches([' ', '\t', ':']));
-    format!("{} x {model}", models.len())
 }

@@ -1,8 +1,9 @@
-//! The accepted loops of a run, out of its `report.json`.
+//! The accepted loops of a run, out of its mapper or its `report.json`.
 
 use anyhow::Context;
 use randt_evaluation::LoopEdge;
 use randt_geometry::Pose2;
+use randt_mapper::Mapper;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -27,6 +28,19 @@ struct Candidate {
     /// x m, y m, yaw rad.
     relative: [f64; 3],
     fate: String,
+}
+
+/// The loops in a mapper's graph, in the order in which they were found.
+pub fn of(mapper: &Mapper) -> Vec<LoopEdge> {
+    let stamp_ns = |place: usize| mapper.places().get(place).map(|place| place.stamp_ns);
+    let edge = |candidate: &randt_mapper::Candidate| {
+        Some(LoopEdge {
+            from_ns: stamp_ns(candidate.from)?,
+            to_ns: stamp_ns(candidate.to)?,
+            relative: candidate.relative,
+        })
+    };
+    mapper.loops().filter_map(edge).collect()
 }
 
 /// Reads the loops of a report that were accepted, in its order.

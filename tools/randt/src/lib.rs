@@ -5,11 +5,14 @@
 pub mod accepted;
 pub mod commands;
 pub mod digest;
+pub mod drive;
 pub mod exit;
 pub mod final_poses;
 pub mod input;
 pub mod job;
+pub mod judgement;
 pub mod loops;
+pub mod machine;
 pub mod output;
 pub mod pipeline;
 pub mod progress;

@@ -31,6 +31,14 @@ pub struct Timing {
     pub mapper_ns: Vec<u64>,
 }
 
+impl Timing {
+    /// Filter and motion estimation together, per scan, ns.
+    pub fn filter_and_odometry_ns(&self) -> Vec<u64> {
+        let both = self.filter_ns.iter().zip(&self.odometry_ns);
+        both.map(|(filter, odometry)| filter + odometry).collect()
+    }
+}
+
 /// What odometry publishes goes to the mapper too.
 struct Publish<'a, S> {
     sink: &'a mut S,

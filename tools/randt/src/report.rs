@@ -115,16 +115,13 @@ impl Cost {
 
 /// Per stage: what each scan cost.
 pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> BTreeMap<&'static str, Cost> {
-    let both: Vec<u64> = timing
-        .filter_ns
-        .iter()
-        .zip(&timing.odometry_ns)
-        .map(|(a, b)| a + b)
-        .collect();
     BTreeMap::from([
         ("filter", Cost::of(&timing.filter_ns)),
         ("odometry", Cost::of(&timing.odometry_ns)),
-        ("filter_and_odometry", Cost::of(&both)),
+        (
+            "filter_and_odometry",
+            Cost::of(&timing.filter_and_odometry_ns()),
+        ),
         ("mapper_per_keyframe", Cost::of(&timing.mapper_ns)),
         ("read", Cost::of(read_ns)),
         ("run", Cost::of(&[whole_ns])),

@@ -67,6 +67,11 @@ impl Results {
             .push(truth.header.stamp_ns, 0, Pose2::from_array(truth.pose));
     }
 
+    /// The true poses; none where the log does not have them.
+    pub fn truth(&self) -> &Trajectory {
+        &self.truth
+    }
+
     /// The live poses, in `odom`.
     pub fn odometry(&self) -> Trajectory {
         let mut trajectory = Trajectory::stamped();

@@ -1,6 +1,6 @@
 //! The options that choose a configuration, shared by every command that needs one.
 
-use randt_config::{Config, Loaded, Selection};
+use randt_config::{Config, DEFAULT_PROFILE, Loaded, Selection};
 use randt_messages::SensorKind;
 
 /// Options that choose a configuration.
@@ -21,6 +21,28 @@ pub struct SelectionArguments {
 }
 
 impl SelectionArguments {
+    /// The same with more keys set, over those that the user has set.
+    pub fn with(&self, set: &[&str]) -> Self {
+        let mut with = self.clone();
+        with.set.extend(set.iter().map(|text| (*text).to_owned()));
+        with
+    }
+
+    /// What was chosen, in a line.
+    pub fn description(&self) -> String {
+        let profile = self.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
+        let mut text = format!("profile {profile}");
+        for (kind, name) in [("sensor", &self.sensor), ("robot", &self.robot)] {
+            if let Some(name) = name {
+                text += &format!(", {kind} {name}");
+            }
+        }
+        for set in &self.set {
+            text += &format!(", {set}");
+        }
+        text
+    }
+
     /// The configuration in force for an input of this sensor.
     pub fn load(&self, input: SensorKind) -> anyhow::Result<Loaded> {
         Ok(Config::load(&Selection {

@@ -2,11 +2,9 @@
 
 use crate::accepted;
 use crate::exit::Outcome;
+use crate::judgement::Judgement;
 use crate::output::print;
-use randt_evaluation::{
-    Evaluation, LoopEvaluation, LoopLimits, Track, Trajectory, Worst, evaluate, evaluate_loops,
-    track,
-};
+use randt_evaluation::{Evaluation, LoopEvaluation, LoopLimits, Trajectory, Worst};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -32,13 +30,6 @@ pub struct Arguments {
     /// Print JSON
     #[arg(long)]
     json: bool,
-}
-
-/// All that was found.
-struct Found {
-    evaluation: Evaluation,
-    track: Track,
-    loops: Option<LoopEvaluation>,
 }
 
 /// The figures under the names that other programs read; null where one is not defined.
@@ -91,15 +82,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         translation_m: arguments.false_loop_m,
         ..LoopLimits::default()
     };
-    let judge = |path: &PathBuf| -> anyhow::Result<LoopEvaluation> {
-        let loops = accepted::read(path)?;
-        Ok(evaluate_loops(&loops, &estimate, &truth, &limits)?)
-    };
-    let found = Found {
-        evaluation: evaluate(&estimate, &truth)?,
-        track: track(&estimate, &truth),
-        loops: arguments.loops.as_ref().map(judge).transpose()?,
-    };
+    let loops = arguments.loops.as_deref().map(accepted::read).transpose()?;
+    let found = Judgement::of(&estimate, &truth, loops.as_deref(), &limits)?;
     let text = if arguments.json {
         format!("{}\n", serde_json::to_string_pretty(&figures(&found))?)
     } else {
@@ -147,8 +131,8 @@ fn reason(evaluation: &Evaluation, estimate: &Trajectory, truth: &Trajectory) ->
     )
 }
 
-fn figures(found: &Found) -> Figures {
-    let Found {
+fn figures(found: &Judgement) -> Figures {
+    let Judgement {
         evaluation, track, ..
     } = found;
     Figures {
@@ -192,8 +176,8 @@ fn loop_figures(loops: &LoopEvaluation) -> LoopFigures {
 }
 
 /// The figures for people.
-fn table(found: &Found) -> String {
-    let Found {
+fn table(found: &Judgement) -> String {
+    let Judgement {
         evaluation, track, ..
     } = found;
     let figure = |value: Option<f64>, decimals: usize, unit: &str| match value {

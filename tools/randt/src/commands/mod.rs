@@ -1,5 +1,6 @@
 //! One file per command: its arguments, what it does, what it prints.
 
+mod bench;
 mod config;
 mod demo;
 mod eval;
@@ -32,6 +33,8 @@ pub enum Command {
     Register(register::Arguments),
     /// Solve a pose graph in g2o's format, as it is or with false loops added
     Graph(graph::Arguments),
+    /// Measure what the parts of the method are worth
+    Bench(bench::Arguments),
     /// Show or check a configuration
     Config(config::Arguments),
 }
@@ -48,6 +51,7 @@ impl Command {
             Self::Imu(arguments) => imu::run(arguments),
             Self::Register(arguments) => register::run(arguments),
             Self::Graph(arguments) => graph::run(arguments),
+            Self::Bench(arguments) => bench::run(arguments),
             Self::Config(arguments) => config::run(arguments),
         }
     }

@@ -1,0 +1,75 @@
+//! A simulated drive in memory, to be computed again and again.
+
+use crate::job;
+use anyhow::bail;
+use indicatif::ProgressBar;
+use randt_geometry::Quaternion;
+use randt_readers::{Counter, Error, Event, Extrinsics, InputInfo, Source};
+use randt_simulator::{Event as Simulated, Robot, Simulation, World};
+use std::slice::Iter;
+
+/// All events of a drive. Some 120 kB a sweep.
+pub struct Drive {
+    info: InputInfo,
+    events: Vec<Simulated>,
+}
+
+impl Drive {
+    /// Drives through a world; fails on Ctrl-C only.
+    pub fn new(world: &World, scans: u64, seed: u64, bar: &ProgressBar) -> anyhow::Result<Self> {
+        let robot = Robot::of(world);
+        let info = InputInfo {
+            format: "simulation",
+            sensor: robot.sensor(),
+            scans: Some(scans),
+            extrinsics: Extrinsics {
+                radar: Some(robot.radar_mounting),
+                imu: Some(Quaternion::IDENTITY),
+            },
+        };
+        let mut events = Vec::new();
+        for event in Simulation::new(world, robot, scans, seed) {
+            if job::interrupted() {
+                bail!("interrupted; nothing was written");
+            }
+            if matches!(event, Simulated::Scan(_)) {
+                bar.inc(1);
+            }
+            events.push(event);
+        }
+        bar.finish_and_clear();
+        Ok(Self { info, events })
+    }
+
+    /// The drive from its beginning, as if it were a log.
+    pub fn source(&self) -> impl Source {
+        Replay {
+            info: &self.info,
+            events: self.events.iter(),
+        }
+    }
+}
+
+/// The events that are still to come.
+struct Replay<'a> {
+    info: &'a InputInfo,
+    events: Iter<'a, Simulated>,
+}
+
+impl Source for Replay<'_> {
+    fn info(&self) -> &InputInfo {
+        self.info
+    }
+
+    fn next_event(&mut self) -> Result<Option<Event>, Error> {
+        Ok(self.events.next().cloned().map(|event| match event {
+            Simulated::Scan(scan) => Event::Scan(scan),
+            Simulated::Imu(sample) => Event::Imu(sample),
+            Simulated::Truth(pose) => Event::Truth(pose),
+        }))
+    }
+
+    fn counters(&self) -> Vec<Counter> {
+        Vec::new()
+    }
+}
