@@ -23,8 +23,8 @@ const DAMPING: f64 = 1e-3;
 
 /// What odometry's warp inside trail and submap adds to every registration, m and rad. Against the truth of simulated
 /// drives loops are off by 2 cm and 0.3 degrees, whatever the scans' own noise; and loops a metre apart share most of
-/// their 8 m of trail and submap, so that each counts for about a sixth: 2.5 times these.
-const WARP_SIGMA: [f64; 3] = [0.05, 0.05, 0.015];
+/// their 8 m of trail and submap, so that each counts for an eighth: three times these.
+const WARP_SIGMA: [f64; 3] = [0.06, 0.06, 0.018];
 
 /// A trail's pose in a submap, and how well it fits there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -193,7 +193,7 @@ mod tests {
             KeyframePoint {
                 x_m: p.x as f32,
                 y_m: p.y as f32,
-                intensity: (9.0 + 30.0 * rough) as f32,
+                intensity: (9.0 + 0.5 * f64::from((i * 53) % 7)) as f32,
                 beam: 0,
                 reserved: 0,
             }

@@ -135,6 +135,7 @@ pub fn counters(
     path: &Path,
     input: &[Counter],
     odometry: &Counters,
+    mapper: &randt_mapper::Counters,
 ) -> BTreeMap<&'static str, Count> {
     let mut all = BTreeMap::new();
     let folder = path
@@ -179,6 +180,8 @@ pub fn counters(
         ("odometry_imu_rejected", odometry.imu_rejected, true),
         ("odometry_imu_holes", odometry.imu_holes, true),
         ("odometry_points_outside", odometry.points_outside, false),
+        ("mapper_keyframes_rejected", mapper.keyframes_rejected, true),
+        ("mapper_solver_failures", mapper.solver_failures, false),
     ] {
         if count > 0 {
             all.insert(

@@ -1,4 +1,6 @@
-//! `randt run`: a radar log in, a trajectory out.
+//! `randt run`: a radar log in, a trajectory and a map out.
+
+mod summary;
 
 use crate::{
     digest,
@@ -16,7 +18,6 @@ use anyhow::{Context, bail};
 use randt_config::Config;
 use randt_readers::Source;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -132,7 +133,7 @@ fn finish(
     let trajectory = final_poses(&results.states, mapper);
     let rows = results.write(out, &name, &trajectory, mapper)?;
     let odometry = done.pipeline.counters();
-    let mut counters = report::counters(input, &source.counters(), &odometry);
+    let mut counters = report::counters(input, &source.counters(), &odometry, &mapper.counters());
     if let Some(misfit) = &done.first_misfit {
         let count = Count {
             count: done.misfits,
@@ -188,10 +189,14 @@ fn finish(
     let mut json = serde_json::to_string_pretty(&report)?;
     json.push('\n');
     write_whole(&out.join("report.json"), json.as_bytes())?;
-    print(&summary(&report, out))?;
+    print(&summary::text(&report, out))?;
     // Why a run ends with 3 belongs where its errors go.
     for (name, counter) in report.counters.iter().filter(|(_, c)| c.loss) {
-        eprintln!("lost: {}: {}", input.display(), counted(name, counter));
+        eprintln!(
+            "lost: {}: {}",
+            input.display(),
+            summary::counted(name, counter)
+        );
     }
     let ate_rmse_m = evaluation.and_then(|e| e.ate_rmse_m);
     Ok(Shown {
@@ -200,65 +205,4 @@ fn finish(
         timing: report.timing,
         lost,
     })
-}
-
-fn counted(name: &str, counter: &Count) -> String {
-    let first = if counter.first.is_empty() {
-        String::new()
-    } else {
-        format!(" (first: {})", counter.first)
-    };
-    format!("{name} {}{first}", counter.count)
-}
-
-fn summary(report: &Report<'_>, out: &Path) -> String {
-    let mut text = String::new();
-    // Writing to a String cannot fail.
-    let seconds: f64 = report
-        .frames
-        .iter()
-        .map(|f| (f.end_ns - f.begin_ns) as f64 * 1e-9)
-        .sum();
-    let _ = writeln!(
-        text,
-        "{} ({}): {} scans, {seconds:.1} s, {:.1} m driven",
-        report.input.name, report.input.format, report.scans, report.path_m
-    );
-    if let Some(ate_m) = report.accuracy.as_ref().and_then(|a| a.ate_rmse_m) {
-        let _ = writeln!(text, "accuracy: ATE {ate_m:.3} m against the log's truth");
-    }
-    if report.frames.len() > 1 {
-        let _ = writeln!(
-            text,
-            "{} odometry frames: each starts at its own origin, none is joined to another",
-            report.frames.len()
-        );
-    }
-    let trust = &report.trust;
-    let _ = writeln!(
-        text,
-        "trust: {} good, {} degraded, {} lost",
-        trust.good, trust.degraded, trust.lost
-    );
-    if let (Some(cost), Some(whole)) = (
-        report.timing.get("filter_and_odometry"),
-        report.timing.get("run"),
-    ) {
-        let _ = writeln!(
-            text,
-            "per scan: median {:.2} ms, p99 {:.2} ms; whole run {:.1} s",
-            cost.median_ms,
-            cost.p99_ms,
-            whole.median_ms * 1e-3
-        );
-    }
-    for (name, counter) in report.counters.iter().filter(|(_, c)| !c.loss) {
-        let _ = writeln!(text, "note: {}", counted(name, counter));
-    }
-    let _ = writeln!(
-        text,
-        "written to {}: odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
-        out.display()
-    );
-    text
 }

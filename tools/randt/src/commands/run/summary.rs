@@ -1,0 +1,82 @@
+//! What `randt run` prints at its end.
+
+use crate::report::{Count, Report};
+use std::fmt::Write;
+use std::path::Path;
+
+/// A counter with its first case.
+pub fn counted(name: &str, counter: &Count) -> String {
+    let first = if counter.first.is_empty() {
+        String::new()
+    } else {
+        format!(" (first: {})", counter.first)
+    };
+    format!("{name} {}{first}", counter.count)
+}
+
+/// The summary of a run, as it is printed.
+pub fn text(report: &Report<'_>, out: &Path) -> String {
+    let mut text = String::new();
+    // Writing to a String cannot fail.
+    let seconds: f64 = report
+        .frames
+        .iter()
+        .map(|f| (f.end_ns - f.begin_ns) as f64 * 1e-9)
+        .sum();
+    let _ = writeln!(
+        text,
+        "{} ({}): {} scans, {seconds:.1} s, {:.1} m driven",
+        report.input.name, report.input.format, report.scans, report.path_m
+    );
+    let live = report.accuracy.as_ref().and_then(|a| a.odometry_ate_rmse_m);
+    let live = live.map_or(String::new(), |m| format!("; odometry's, live, {m:.3} m"));
+    if let Some(ate_m) = report.accuracy.as_ref().and_then(|a| a.ate_rmse_m) {
+        let _ = writeln!(
+            text,
+            "accuracy: ATE {ate_m:.3} m against the log's truth{live}"
+        );
+    }
+    if report.frames.len() > 1 {
+        let _ = writeln!(
+            text,
+            "{} odometry frames in {} unconnected parts of the map: nothing but verified loops joins them",
+            report.frames.len(),
+            report.loops.parts
+        );
+    }
+    if report.configuration.loops.enabled {
+        let _ = writeln!(
+            text,
+            "loops: {} closed, of {} candidates",
+            report.loops.fates.get("accepted").unwrap_or(&0),
+            report.loops.candidates.len()
+        );
+    }
+    let trust = &report.trust;
+    let _ = writeln!(
+        text,
+        "trust: {} good, {} degraded, {} lost",
+        trust.good, trust.degraded, trust.lost
+    );
+    if let (Some(cost), Some(whole)) = (
+        report.timing.get("filter_and_odometry"),
+        report.timing.get("run"),
+    ) {
+        let _ = writeln!(
+            text,
+            "per scan: median {:.2} ms, p99 {:.2} ms; whole run {:.1} s",
+            cost.median_ms,
+            cost.p99_ms,
+            whole.median_ms * 1e-3
+        );
+    }
+    for (name, counter) in report.counters.iter().filter(|(_, c)| !c.loss) {
+        let _ = writeln!(text, "note: {}", counted(name, counter));
+    }
+    let _ = writeln!(
+        text,
+        "written to {}: odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
+        out.display()
+    );
+    text
+}
