@@ -67,7 +67,7 @@ impl Cell {
 /// by 1 + slack (l / full)^2, `full` being the variance of an evenly filled square.
 ///
 /// A wall that runs through a square is cut by it, so the middle of the piece says where the square is, not where the
-/// wall is: squares of a scan move with the robot, and without this they hold it back (0.1 to 0.4 % of the path).
+/// wall is: squares of a scan move with the robot, and hold it back.
 fn slacken([xx, xy, yy]: [f64; 3], full: f64, slack: f64) -> [f64; 3] {
     let half_difference = 0.5 * (xx - yy);
     let radius = (half_difference * half_difference + xy * xy).sqrt();

@@ -19,8 +19,8 @@ pub struct Arguments {
     /// Seed of the simulation
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Number of radar sweeps, five a second
-    #[arg(long, default_value_t = 300)]
+    /// Number of radar sweeps, five a second; as many as a lap takes that closes, and a little, where nothing is said
+    #[arg(long, default_value_t = 1600)]
     scans: u64,
 }
 
@@ -53,9 +53,10 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     };
     let ate = ate_m.map_or("unknown".to_owned(), |ate_m| format!("{ate_m:.3} m"));
     text += &format!(
-        "   ATE {ate} over {:.1} m driven: {verdict} (at most {ATE_MAX_M} m)\n   look at {}\n",
+        "   ATE {ate} over {:.1} m driven: {verdict} (at most {ATE_MAX_M} m)\n   look at {} and {}\n",
         report.path_m,
-        out.join("plot.svg").display()
+        out.join("plot.svg").display(),
+        out.join("map.pgm").display()
     );
     print(&text)?;
     Ok(outcome)
