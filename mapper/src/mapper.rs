@@ -35,7 +35,7 @@ const SEARCH_KEYFRAMES: f64 = 2.0;
 /// What was dropped or failed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Keyframes left out: numbers that do not rise, values that are not finite.
+    /// Keyframes left out: numbers, frames or stamps that do not rise, values that are not finite.
     pub keyframes_rejected: u64,
     /// Optimisations without a result; the estimate stayed where it was.
     pub solver_failures: u64,
@@ -113,8 +113,12 @@ impl Mapper {
     fn add(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
         let before = self.places.last();
         let head = keyframe.head;
+        // A clock that was set back opens a new frame of odometry.
         let rises = before.is_none_or(|before| {
-            head.id > before.keyframe_id && head.header.stamp_ns > before.stamp_ns
+            head.id > before.keyframe_id
+                && (head.odom_frame_id > before.odom_frame_id
+                    || head.odom_frame_id == before.odom_frame_id
+                        && head.header.stamp_ns > before.stamp_ns)
         });
         if !rises || !head.pose.iter().all(|value| value.is_finite()) {
             return false;

@@ -4,8 +4,10 @@
 
 mod support;
 
+use randt_config::Config;
 use randt_geometry::elementary::wrap;
 use randt_mapper::Mapper;
+use randt_messages::{Keyframe, Message};
 use randt_simulator::World;
 use std::collections::BTreeSet;
 use support::{Drive, config};
@@ -84,4 +86,28 @@ fn a_part_without_a_revisit_stays_by_itself() {
         assert!(worst_m < 0.5 && worst_deg < 5.0, "a false loop");
         assert_eq!(parts(&mapper).len(), 2);
     }
+}
+
+#[test]
+fn keyframes_that_cannot_be_are_left_out_and_counted() {
+    let mut mapper = Mapper::new(&Config::default());
+    let mut keyframe = Message::<Keyframe>::default();
+    let mut push = |id, odom_frame_id, stamp_ns, x_m| {
+        let head = &mut keyframe.head;
+        (head.id, head.odom_frame_id, head.header.stamp_ns) = (id, odom_frame_id, stamp_ns);
+        head.pose = [x_m, 0.0, 0.0];
+        mapper.push(keyframe.as_ref());
+        (mapper.places().len(), mapper.counters().keyframes_rejected)
+    };
+    assert_eq!(push(0, 0, 5_000, 0.0), (1, 0));
+    assert_eq!(push(1, 0, 6_000, 0.5), (2, 0));
+    assert_eq!(push(1, 0, 7_000, 1.0), (2, 1), "a number again");
+    assert_eq!(push(2, 0, 6_000, 1.0), (2, 2), "a stamp again");
+    assert_eq!(push(3, 0, 7_000, f64::NAN), (2, 3));
+    assert_eq!(push(4, 0, 7_000, 1e300), (2, 4));
+    // The clock was set back: another frame, and a part by itself.
+    assert_eq!(push(5, 1, 1_000, 0.0), (3, 4));
+    assert_eq!(push(6, 0, 8_000, 1.0), (3, 5), "an old frame again");
+    mapper.finish();
+    assert_eq!(parts(&mapper).into_iter().collect::<Vec<_>>(), [0, 2]);
 }

@@ -15,6 +15,7 @@ use nalgebra::Matrix3;
 const APART_KEYFRAMES: f64 = 2.0;
 /// ... and at most so many: beyond it the drive between is no sharper than the estimate.
 const TOGETHER_KEYFRAMES: f64 = 40.0;
+
 impl Mapper {
     /// Takes the unconfirmed candidates from `first` on, and older ones that they confirm.
     pub(super) fn confirm(&mut self, first: usize) {

@@ -37,6 +37,7 @@ const OFF_MAX_RAD: f64 = 0.08;
 /// Where the robot can have come to while nothing was seen: so many times its fastest speed so far, and a little, m.
 const REACH_SPEEDS: f64 = 1.5;
 const REACH_MIN_M: f64 = 2.0;
+
 /// A way to lay one part over another.
 struct Position {
     /// The other part.
@@ -155,7 +156,8 @@ impl Mapper {
             if let Some((last, last_ns, from)) = before
                 && last != of
             {
-                let dark_s = (place.stamp_ns - last_ns) as f64 * 1e-9;
+                // A clock that was set between the parts says nothing.
+                let dark_s = place.stamp_ns.abs_diff(last_ns) as f64 * 1e-9;
                 let reach_m = REACH_MIN_M + REACH_SPEEDS * fastest_m_s * dark_s;
                 if (pose.translation() - from.translation()).norm() > reach_m {
                     return false;

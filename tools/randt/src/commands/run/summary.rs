@@ -37,12 +37,14 @@ pub fn text(report: &Report<'_>, out: &Path) -> String {
         );
     }
     if report.frames.len() > 1 {
-        let _ = writeln!(
-            text,
-            "{} odometry frames in {} unconnected parts of the map: nothing but verified loops joins them",
-            report.frames.len(),
-            report.loops.parts
-        );
+        let frames = report.frames.len();
+        let _ = match report.loops.parts {
+            1 => writeln!(text, "{frames} odometry frames, joined by verified loops"),
+            parts => writeln!(
+                text,
+                "{frames} odometry frames in {parts} parts, each with its own origin: nothing says where they are to one another"
+            ),
+        };
     }
     if report.configuration.loops.enabled {
         let _ = writeln!(
