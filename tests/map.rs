@@ -268,9 +268,9 @@ fn loops_do_no_harm_in_a_room_that_odometry_holds_alone() {
     );
     assert!(ate_m(&last) <= 0.018);
     assert!(ate_m(&last) <= live_m);
-    // In one room every scan meets the first one's submap: loops have nothing to win, and may not cost what nobody
-    // could measure (0.1 mm).
-    assert!(ate_m(&last) <= without_m + 1e-4);
+    // In one room every scan meets the first one's submap: loops have nothing to win there, and may cost no more than
+    // half a millimetre.
+    assert!(ate_m(&last) <= without_m + 5e-4);
     assert_eq!(loops["false_loops"], serde_json::json!([]));
     assert!(
         loops["loops"].as_u64() > loops["unjudged"].as_u64(),

@@ -53,6 +53,8 @@ pub struct Scores {
     pub backward: Option<f64>,
     /// The better-fitting share under the opposite heading, where that was possible.
     pub flipped: Option<f64>,
+    /// Largest share explained of the newer surroundings where they are moved along their least certain direction.
+    pub displaced: Option<f64>,
     /// Cauchy-Schwarz divergence.
     pub divergence: Option<f64>,
     /// Standard deviation of the position along its least certain direction, m.

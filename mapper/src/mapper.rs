@@ -13,6 +13,7 @@ use crate::{
     registration::Registrar,
     search::Search,
     submap::{Submaps, Trail},
+    verify::position_sigma_m,
 };
 use nalgebra::Matrix3;
 use randt_config::Config;
@@ -28,6 +29,10 @@ const STEP_SIGMA_MIN: [f64; 3] = [1e-3, 1e-3, 1e-4];
 /// loops of the tunnel away.
 const SUBMAP_SIGMA_M: [f64; 2] = [0.015, 0.003];
 const SUBMAP_SIGMA_RAD: [f64; 2] = [0.003, 0.0003];
+
+/// A keyframe is tied to its submap where its step is this sure in every direction, m: half of the keyframes in building
+/// and yard.
+const TIED_SIGMA_MAX_M: f64 = 0.02;
 
 /// Loops are searched for every so many keyframe distances of path.
 const SEARCH_KEYFRAMES: f64 = 2.0;
@@ -158,6 +163,10 @@ impl Mapper {
         };
         // The step before says that already, or another frame has nothing to say.
         if from + 1 >= node || root.odom_frame_id != place.odom_frame_id {
+            return;
+        }
+        // Along a bare wall the scan did not hold on to the submap: errors do add up there.
+        if position_sigma_m(&place.step_covariance) > TIED_SIGMA_MAX_M {
             return;
         }
         let measured = root.odom.between(&place.odom);

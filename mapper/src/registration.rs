@@ -4,9 +4,12 @@
 //! and associations are made again before every step.
 
 use crate::submap::Trail;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use randt_config::Config;
-use randt_geometry::Pose2;
+use randt_geometry::{
+    Pose2,
+    elementary::{atan2, sin_cos},
+};
 use randt_ndt::{AdaptiveLoss, Association, Grid, ScanCell};
 
 /// Factors on c^2, one solve each: a loop starts farther from its end than a scan does, so the basin begins wider.
@@ -26,6 +29,9 @@ const DAMPING: f64 = 1e-3;
 /// their 8 m of trail and submap, so that each counts for an eighth: three times these.
 const WARP_SIGMA: [f64; 3] = [0.06, 0.06, 0.018];
 
+/// A trail is moved by so many cells to see whether it fits there as well: no whole number, as cells repeat themselves.
+const DISPLACED_CELLS: f64 = 1.4;
+
 /// A trail's pose in a submap, and how well it fits there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Registration {
@@ -37,6 +43,8 @@ pub struct Registration {
     pub forward: f64,
     /// Share of the submap, as far as the trail sees it, that the trail explains, 0..1.
     pub backward: f64,
+    /// Largest share that the submap explains of the trail moved along its least certain direction, 0..1.
+    pub displaced: f64,
 }
 
 impl Registration {
@@ -45,15 +53,29 @@ impl Registration {
         self.forward.min(self.backward)
     }
 
-    /// Standard deviations along the least and most certain direction of the position, m, with the heading free.
-    pub fn sigmas_m(&self) -> [f64; 2] {
+    /// Unit vector of the position's least certain direction, with the heading free, in the trail's frame.
+    pub fn weak_direction(&self) -> Vector2<f64> {
+        let [a, b, c] = self.reduced();
+        // Angle of the larger eigenvalue's axis; the smaller one's is across.
+        let angle = 0.5 * atan2(2.0 * b, a - c);
+        let (sin, cos) = sin_cos(angle);
+        Vector2::new(-sin, cos)
+    }
+
+    /// Information about the position with the heading free: xx, xy, yy.
+    fn reduced(&self) -> [f64; 3] {
         let h = &self.information;
         let yaw = h.m33.max(f64::MIN_POSITIVE);
-        let (a, b, c) = (
+        [
             h.m11 - h.m13 * h.m13 / yaw,
             h.m12 - h.m13 * h.m23 / yaw,
             h.m22 - h.m23 * h.m23 / yaw,
-        );
+        ]
+    }
+
+    /// Standard deviations along the least and most certain direction of the position, m, with the heading free.
+    pub fn sigmas_m(&self) -> [f64; 2] {
+        let [a, b, c] = self.reduced();
         let middle = 0.5 * (a + c);
         let radius = (0.25 * (a - c) * (a - c) + b * b).sqrt();
         [middle - radius, middle + radius].map(|l| 1.0 / l.max(f64::MIN_POSITIVE).sqrt())
@@ -131,9 +153,32 @@ impl Registrar {
             information: (scan + warp).try_inverse()?,
             forward,
             backward: 0.0,
+            displaced: 0.0,
         };
         registration.backward = self.backward(map, trail, &pose, &loss);
+        registration.displaced = self.displaced(map, trail, &registration, &loss);
         Some(registration)
+    }
+
+    /// Share of the trail that the submap still explains where the trail is moved along the least certain direction: as
+    /// much as before in a bare corridor, whatever the information claims.
+    fn displaced(
+        &mut self,
+        map: &Grid,
+        trail: &Trail,
+        found: &Registration,
+        loss: &AdaptiveLoss,
+    ) -> f64 {
+        let along = found.weak_direction() * DISPLACED_CELLS * map.cell_size_m();
+        [1.0, -1.0]
+            .into_iter()
+            .map(|sign| {
+                let shift = Pose2::new(sign * along.x, sign * along.y, 0.0);
+                let pose = found.pose.compose(&shift);
+                Association::find(map, &trail.cells, &pose, 1, &mut self.associations);
+                explained(&self.associations, loss)
+            })
+            .fold(0.0, f64::max)
     }
 
     /// Share of the submap around the trail's end that the trail explains.

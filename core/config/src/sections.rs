@@ -128,8 +128,8 @@ section! {
         /// experiments only, one false loop breaks a map.
         pub verify: bool = true,
         /// Factor on the covariance of odometry's steps, which takes their errors for independent. They are not: scans
-        /// of one submap share its errors.
-        pub odometry_covariance_factor: f64 = 9.0 => Positive,
+        /// of one submap share its errors, and on drives with truth odometry is off by 4 times what its steps add up to.
+        pub odometry_covariance_factor: f64 = 16.0 => Positive,
         /// Path after which meeting a place again is a loop, m; before it odometry's own submaps hold it.
         pub path_min_m: f64 = 15.0 => Positive,
         /// ScanContext: rings (paper: 20, Oxford 30).

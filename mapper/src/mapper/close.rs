@@ -164,6 +164,7 @@ impl Mapper {
         candidate.scores = Scores {
             forward: Some(registration.forward),
             backward: Some(registration.backward),
+            displaced: Some(registration.displaced),
             sigma_m: Some(registration.sigmas_m()[0]),
             divergence: grid
                 .map(|grid| divergence(grid, &self.trail.grid, &registration.pose, sight_m)),

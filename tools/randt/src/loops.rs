@@ -40,6 +40,9 @@ pub struct Entry {
     /// The same under the opposite heading.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flipped: Option<f64>,
+    /// The largest share that is explained where they are moved along their least certain direction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub displaced: Option<f64>,
     /// Cauchy-Schwarz divergence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub divergence: Option<f64>,
@@ -93,6 +96,7 @@ fn entry(mapper: &Mapper, candidate: &Candidate) -> Entry {
         forward: scores.forward,
         backward: scores.backward,
         flipped: scores.flipped,
+        displaced: scores.displaced,
         divergence: scores.divergence,
         sigma_m: scores.sigma_m,
         chi2: scores.chi2.filter(|chi2| chi2.is_finite()),
