@@ -192,6 +192,11 @@ fn what_cannot_be_solved_is_refused_in_words() {
             &[],
             "not positive definite",
         ),
+        (
+            "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 7 1 0 0 1 0 0 1 0 1\n",
+            &[],
+            "EDGE_SE2 0 7: there is no VERTEX_SE2 7",
+        ),
         (good, &["--false-loops", "10"], "no loops in it"),
     ] {
         fs::write(&file, text).unwrap();

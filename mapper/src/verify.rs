@@ -74,10 +74,17 @@ pub fn deviation(expected: &Pose2, measured: &Pose2) -> Vector3<f64> {
 
 /// The gates, in order; `Ok` where all are passed.
 pub fn judge(scores: &Scores, config: &Loops) -> Result<(), Fate> {
+    is_alike(scores, config)?;
+    is_fixed(scores)
+}
+
+/// Whether the places look like one, from both sides, where odometry has them.
+pub fn is_alike(scores: &Scores, config: &Loops) -> Result<(), Fate> {
     let fit = scores
         .forward
         .zip(scores.backward)
         .map_or(0.0, |(a, b)| a.min(b));
+    // Not a number is no agreement.
     if scores
         .chi2
         .is_some_and(|chi2| chi2.is_nan() || chi2 > CHI2_MAX)
@@ -87,30 +94,26 @@ pub fn judge(scores: &Scores, config: &Loops) -> Result<(), Fate> {
     if fit < config.fit_min {
         return Err(Fate::Unlike);
     }
-    if scores
-        .divergence
-        .is_none_or(|divergence| divergence > config.divergence_max)
-    {
+    let divergence = scores.divergence;
+    if divergence.is_none_or(|divergence| divergence > config.divergence_max) {
         return Err(Fate::Divergent);
     }
-    if scores.sigma_m.is_none_or(|sigma| sigma > SIGMA_MAX_M) {
-        return Err(Fate::Degenerate);
-    }
-    let explained = scores.forward.unwrap_or(0.0);
-    let displaced_max = DISPLACED_MAX * explained;
-    if scores
-        .displaced
-        .is_none_or(|displaced| displaced > displaced_max)
-    {
-        return Err(Fate::Degenerate);
-    }
-    if scores
-        .flipped
-        .is_some_and(|flipped| flipped > FLIPPED_MAX * fit)
-    {
+    let flipped_max = FLIPPED_MAX * fit;
+    if scores.flipped.is_some_and(|flipped| flipped > flipped_max) {
         return Err(Fate::Ambiguous);
     }
     Ok(())
+}
+
+/// Whether a registration is fixed in every direction.
+pub fn is_fixed(scores: &Scores) -> Result<(), Fate> {
+    let displaced_max = DISPLACED_MAX * scores.forward.unwrap_or(0.0);
+    let is_certain = scores.sigma_m.is_some_and(|sigma| sigma <= SIGMA_MAX_M);
+    let displaced = scores.displaced;
+    if is_certain && displaced.is_some_and(|displaced| displaced <= displaced_max) {
+        return Ok(());
+    }
+    Err(Fate::Degenerate)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use super::Mapper;
 use crate::{
     Candidate, Fate,
     search::Source,
-    verify::{deviation, judge},
+    verify::{deviation, is_alike, is_fixed},
 };
 use randt_geometry::Pose2;
 
@@ -217,18 +217,24 @@ impl Mapper {
     }
 
     /// Registers a place to a submap near where it is expected to be in the submap's part; `None` where it does not
-    /// fit.
+    /// fit. One that fits as well a metre on counts too, but makes no loop.
     fn fit(&mut self, from: usize, to: usize, expected: &Pose2) -> Option<Candidate> {
         self.trail.follow(self.places.get(..=to)?);
         let start = self.graph.poses().get(from)?.between(expected);
-        let candidate = self.measure(from, to, &[start], Source::Estimate);
+        let mut candidate = self.measure(from, to, &[start], Source::Estimate);
         let off = deviation(&start, &candidate.relative);
         let is_near = off.xy().norm() < OFF_MAX_M && off.z.abs() < OFF_MAX_RAD;
-        let is_good = judge(&candidate.scores, &self.config.loops).is_ok();
-        (is_near && is_good).then_some(candidate)
+        if !is_near || is_alike(&candidate.scores, &self.config.loops).is_err() {
+            return None;
+        }
+        candidate.fate = match is_fixed(&candidate.scores) {
+            Ok(()) => Fate::Unconfirmed,
+            Err(fate) => fate,
+        };
+        Some(candidate)
     }
 
-    /// Moves a part to its position and takes all its fits as loops.
+    /// Moves a part to its position and takes its fits as loops.
     fn lay_over(&mut self, part: usize, overlay: Overlay) {
         let Position {
             part: other, pose, ..
@@ -241,7 +247,9 @@ impl Mapper {
         }
         let first = self.candidates.len();
         self.candidates.extend(overlay.fits);
-        let all: Vec<usize> = (first..self.candidates.len()).collect();
-        self.accept(&all);
+        let is_loop = |(_, candidate): &(usize, &Candidate)| candidate.fate == Fate::Unconfirmed;
+        let added = self.candidates.iter().enumerate().skip(first);
+        let loops: Vec<usize> = added.filter(is_loop).map(|(index, _)| index).collect();
+        self.accept(&loops);
     }
 }

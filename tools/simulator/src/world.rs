@@ -53,6 +53,21 @@ impl World {
     /// The names that [`World::named`] knows.
     pub const NAMES: [&'static str; 3] = [BUILT_IN[0].0, BUILT_IN[1].0, BUILT_IN[2].0];
 
+    /// How far a point is from the nearest wall, m; infinite where there is none.
+    pub fn clearance_m(&self, point_m: Vector2<f64>) -> f64 {
+        let distance_m = |wall: &Wall| {
+            let along = wall.to_m - wall.from_m;
+            let share = (point_m - wall.from_m).dot(&along) / along.norm_squared();
+            let nearest = wall.from_m + along * share.clamp(0.0, 1.0);
+            (point_m - nearest).norm()
+        };
+        // A wall without length has no nearest point: NaN is never the least.
+        self.walls
+            .iter()
+            .map(distance_m)
+            .fold(f64::INFINITY, f64::min)
+    }
+
     /// The world of a name; `None` for any other.
     pub fn named(name: &str) -> Option<Self> {
         let (name, text) = BUILT_IN.iter().find(|(known, _)| *known == name)?;

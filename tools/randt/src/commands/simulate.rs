@@ -14,6 +14,9 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 
+/// A robot that comes nearer than this to a wall drives into it, m: half of a narrow one's width.
+const CLEARANCE_MIN_M: f64 = 0.15;
+
 /// Arguments of `randt simulate`.
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("place").required(true).args(["world", "file"])))]
@@ -90,6 +93,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut rows = String::new();
     let mut truth = TruthPose::default();
     let mut first_ns = None;
+    let mut nearest = (f64::INFINITY, [0.0; 3]);
     for event in simulation.by_ref() {
         if job::interrupted() {
             bail!("interrupted; nothing was written");
@@ -98,6 +102,11 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         match event {
             Event::Scan(scan) => {
                 log.write(scan.as_ref())?;
+                let [x_m, y_m, _] = truth.pose;
+                let clearance_m = world.clearance_m([x_m, y_m].into());
+                if clearance_m < nearest.0 {
+                    nearest = (clearance_m, truth.pose);
+                }
                 if arguments.truth.is_some() {
                     tum_row(&mut rows, &truth);
                 }
@@ -123,6 +132,12 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         write_whole(path, rows.as_bytes())?;
     }
     bar.finish_and_clear();
+    if nearest.0 < CLEARANCE_MIN_M {
+        let (clearance_m, [x_m, y_m, _]) = nearest;
+        eprintln!(
+            "warning: the robot drives through a wall: it comes within {clearance_m:.2} m of one at {x_m:.1},{y_m:.1}; it rounds the route's corners, so give it more points there"
+        );
+    }
     let duration_s = (truth.header.stamp_ns - first_ns.unwrap_or_default()) as f64 * 1e-9;
     print(&format!(
         "{}: {} sweeps, {duration_s:.1} s, {:.1} m driven, {:.1} MB\n",

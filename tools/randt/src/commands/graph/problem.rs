@@ -19,6 +19,18 @@ impl Problem {
     /// Nodes in the order of their ids. The first edge from an id to the next is odometry, every other one a loop.
     pub fn new(file: &g2o::Graph) -> anyhow::Result<Self> {
         let vertices: BTreeMap<u64, Pose2> = file.vertices.iter().copied().collect();
+        // A file may leave its vertices out, but not some of them.
+        if !vertices.is_empty() {
+            for edge in &file.edges {
+                for id in [edge.from, edge.to] {
+                    let (from, to) = (edge.from, edge.to);
+                    ensure!(
+                        vertices.contains_key(&id),
+                        "EDGE_SE2 {from} {to}: there is no VERTEX_SE2 {id} in it"
+                    );
+                }
+            }
+        }
         let edge_ids = file.edges.iter().flat_map(|edge| [edge.from, edge.to]);
         let mut ids: Vec<u64> = vertices.keys().copied().chain(edge_ids).collect();
         ids.sort_unstable();
