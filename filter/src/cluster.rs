@@ -68,6 +68,8 @@ impl ClusterFilter {
         };
         self.sequence += 1;
         head.scan_sequence = scan.head.header.sequence;
+        head.scan_epoch = scan.head.header.epoch;
+        head.scan_published_ns = scan.head.header.published_ns;
         head.sweep = scan.head.sweep;
 
         let total = scan.items.len().min(RadarScan::MAX_ITEMS);

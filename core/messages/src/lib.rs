@@ -20,17 +20,24 @@
 //! assert!(RadarScan::TYPE_NAME.starts_with("RadarScan-"));
 //! ```
 
+pub mod health;
 mod imu;
 mod keyframe;
 pub mod layout;
+mod mapper;
 mod odometry;
 mod radar;
 mod topic;
 mod truth;
 
+pub use health::{HEALTH_PORTS, PortHealth, StageHealth, StageHealthTopic, StageState};
 pub use imu::{ImuSample, ImuSampleTopic};
 pub use keyframe::{Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint};
 pub use layout::Layout;
+pub use mapper::{
+    Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphEntryKind, GraphHead, MapperCorrection,
+    MapperGraph, MapperGrid, TILE_CELLS, TileHead,
+};
 pub use odometry::{ImuUse, OdometryState, OdometryStateTopic, Trust};
 pub use radar::{
     Beam, MAX_BEAMS, MAX_RETURNS, PointsHead, RadarPoints, RadarScan, Return, ScanHead, SensorKind,

@@ -31,8 +31,12 @@ plain! {
     pub struct OdometryState {
         /// Stamp: the sweep's end.
         pub header: Header,
+        /// From 0, without gaps over restarts: a state that is sent twice keeps its number.
+        pub id: u64,
         /// Sequence of the scan.
         pub scan_sequence: u64,
+        /// Epoch of the scan.
+        pub scan_epoch: u64,
         /// New whenever odometry starts without its past or declares itself lost.
         pub odom_frame_id: u64,
         /// x m, y m, yaw rad in `odom`.
@@ -55,6 +59,12 @@ plain! {
         pub cost: f64,
         /// Sequence of the last IMU sample that was used; `u64::MAX` where none was.
         pub imu_sequence: u64,
+        /// Epoch of that sample.
+        pub imu_epoch: u64,
+        /// When the scan was published, for diagnosis only.
+        pub scan_published_ns: i64,
+        /// When that last sample was published, for diagnosis only.
+        pub imu_published_ns: i64,
         /// An [`ImuUse`] as its code.
         pub imu_use: u32,
         /// A [`Trust`] as its code.

@@ -89,6 +89,10 @@ plain! {
         pub header: Header,
         /// Sequence of the `radar/scan` that this was made of.
         pub scan_sequence: u64,
+        /// Epoch of that scan: with its sequence it names the scan, however often it is filtered.
+        pub scan_epoch: u64,
+        /// When that scan was published, for diagnosis only.
+        pub scan_published_ns: i64,
         /// Times, beams, counters; `first_return` counts in the filtered slice.
         pub sweep: SweepHead,
     }

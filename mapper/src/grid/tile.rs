@@ -3,7 +3,8 @@
 use super::stencil::{HIT, MISS};
 
 /// Cells along an edge: 6.4 m of cells of 0.1 m, a room. Counters of a tile take 32 KiB.
-pub const TILE_CELLS: usize = 64;
+pub use randt_messages::TILE_CELLS;
+
 const COUNT: usize = TILE_CELLS * TILE_CELLS;
 
 /// Column and row of a tile; cell (0, 0) is the lower left one of tile (0, 0).

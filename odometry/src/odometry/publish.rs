@@ -41,7 +41,10 @@ impl Odometry {
         let mut state = OdometryState::default();
         state.header.sequence = self.sequence;
         state.header.stamp_ns = slot.scan.head.header.stamp_ns;
+        state.id = self.sequence;
         state.scan_sequence = slot.scan.head.scan_sequence;
+        state.scan_epoch = slot.scan.head.scan_epoch;
+        state.scan_published_ns = slot.scan.head.scan_published_ns;
         state.odom_frame_id = self.frame.id;
         state.pose = slot.state.pose.to_array();
         if let Some((stamp_ns, pose)) = self.leaving.take() {

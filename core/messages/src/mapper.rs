@@ -1,0 +1,102 @@
+//! `mapper/correction`, `mapper/graph`, `mapper/grid`: the global map as it becomes known.
+
+use crate::{Header, layout::plain, topic::topic};
+
+/// Cells along an edge of a tile of the occupancy grid.
+pub const TILE_CELLS: usize = 64;
+/// Most entries in one message of the graph; larger graphs come in pages.
+pub const GRAPH_ENTRIES_MAX: usize = 1024;
+
+/// What an entry of the graph is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum GraphEntryKind {
+    /// A keyframe and where it stands.
+    Node = 0,
+    /// A loop that is in force.
+    Loop = 1,
+}
+
+plain! {
+    /// Where `odom` lies in `map`, as of a version of the graph.
+    pub struct Correction {
+        /// Stamp: that of the newest keyframe.
+        pub header: Header,
+        /// Rises with every change of the map.
+        pub graph_version: u64,
+        /// Frame that this places in `map`.
+        pub odom_frame_id: u64,
+        /// First `odom_frame_id` of the part of the map that it belongs to; parts have nothing in common.
+        pub part: u64,
+        /// Pose of `odom` in `map`: x m, y m, yaw rad.
+        pub pose: [f64; 3],
+    }
+
+    /// The fixed part of a message of the graph.
+    pub struct GraphHead {
+        /// Stamp: that of the newest keyframe.
+        pub header: Header,
+        /// Rises with every change of the map.
+        pub graph_version: u64,
+        /// Keyframes in the graph.
+        pub keyframes: u64,
+        /// The keyframe that the mapper waits for: one more than the newest that it has, 0 where it has none.
+        pub wanted_keyframe: u64,
+        /// Keyframes below this number are on disk and need not be kept by anybody else.
+        pub on_disk: u64,
+        /// Odometry frame of the newest keyframe.
+        pub odom_frame_id: u64,
+        /// Loops in force.
+        pub loops: u64,
+        /// Parts that nothing joins.
+        pub parts: u64,
+        /// Path over all keyframes, m.
+        pub path_m: f64,
+        /// Tiles of the occupancy grid.
+        pub tiles: u64,
+        /// Number of the first entry in this message among those of this version.
+        pub first_entry: u32,
+        /// Whether keyframes from `wanted_keyframe` on shall be sent again: 1 or 0.
+        pub send_again: u32,
+    }
+
+    /// A node or a loop.
+    pub struct GraphEntry {
+        /// Node: the keyframe. Loop: the older keyframe.
+        pub a: u64,
+        /// Node: the first keyframe of its part. Loop: the newer keyframe.
+        pub b: u64,
+        /// Stamp of the keyframe; 0 for a loop.
+        pub stamp_ns: i64,
+        /// Node: in `map`. Loop: the newer keyframe seen from the older one. x m, y m, yaw rad.
+        pub pose: [f64; 3],
+        /// Loop: how far it is believed, 0..1; 1 for a node.
+        pub weight: f32,
+        /// A [`GraphEntryKind`] as its code.
+        pub kind: u32,
+    }
+
+    /// The fixed part of a tile of the occupancy grid; its cells follow row by row from the lower left one:
+    /// 0 free to 100 occupied, 255 unknown.
+    pub struct TileHead {
+        /// Stamp: that of the newest keyframe.
+        pub header: Header,
+        /// Version of the grid in which the tile last changed.
+        pub grid_version: u64,
+        /// Column of the tile, to the right.
+        pub column: i32,
+        /// Row of the tile, upwards; cell (0, 0) is the lower left one of tile (0, 0) and has its corner at the origin.
+        pub row: i32,
+        /// Edge of a cell, m.
+        pub resolution_m: f64,
+    }
+}
+
+topic! {
+    /// Topic of [`Correction`], on change.
+    MapperCorrection = "mapper/correction/v1": Correction, [(); 0];
+    /// Topic of the pose graph, on change and at least twice a second.
+    MapperGraph = "mapper/graph/v1": GraphHead, [GraphEntry; GRAPH_ENTRIES_MAX];
+    /// Topic of the occupancy grid's tiles that changed, paced.
+    MapperGrid = "mapper/grid/v1": TileHead, [u8; TILE_CELLS * TILE_CELLS];
+}
