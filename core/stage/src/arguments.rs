@@ -1,6 +1,7 @@
-//! The options that name a realm, shared by every program of the pipeline.
+//! The options that every program of the pipeline shares.
 
-use crate::{Error, Realm};
+use crate::{Error, Realm, Stage};
+use randt_config::SelectionArguments;
 use std::path::PathBuf;
 
 /// Which pipeline a program belongs to.
@@ -19,5 +20,28 @@ impl RealmArguments {
     /// The realm.
     pub fn realm(&self) -> Result<Realm, Error> {
         Realm::new(&self.prefix, self.run.as_deref())
+    }
+}
+
+/// Options of a stage.
+#[derive(Clone, Debug, clap::Args)]
+pub struct StageArguments {
+    #[command(flatten)]
+    realm: RealmArguments,
+    /// What the stage computes by.
+    #[command(flatten)]
+    pub selection: SelectionArguments,
+    /// End with this process, which has started the stage
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<u32>,
+}
+
+impl StageArguments {
+    /// Enters the pipeline under a name.
+    pub fn open(&self, name: &str) -> Result<Stage, Error> {
+        if let Some(parent) = self.parent {
+            crate::end_with(parent);
+        }
+        Stage::open(name, &self.realm.realm()?)
     }
 }

@@ -118,8 +118,3 @@ fn hint(cause: &str) -> &'static str {
         ""
     }
 }
-
-/// Whether an error says that the end was asked for while something was opened.
-pub fn is_interruption(error: &Error) -> bool {
-    matches!(error, Error::Bus { cause, .. } if cause.contains("Interrupt"))
-}

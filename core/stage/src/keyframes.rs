@@ -35,6 +35,9 @@ pub struct KeyframeRing {
 }
 
 impl KeyframeRing {
+    /// Memory of a ring.
+    pub const BYTES: usize = LIST + BYTES;
+
     /// Opens or makes the ring; its writer is the only one.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let mut ring = Self {
@@ -113,11 +116,6 @@ impl KeyframeRing {
         let inside = end(&entry) <= LIST + BYTES && entry.offset as usize >= LIST;
         (entry.number == 0 || inside).then_some(entry)
     }
-}
-
-/// Memory of a ring, bytes.
-pub(crate) const fn ring_bytes() -> usize {
-    LIST + BYTES
 }
 
 fn slot(id: u64) -> usize {

@@ -12,7 +12,8 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{CallbackProgression, WaitSet, WaitSetBuilder, ipc};
 use iceoryx2::waitset::WaitSetRunResult;
-use randt_messages::{MessageRef, SensorKind, StageHealthTopic, StageState, Topic};
+use randt_config::Sensor;
+use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
 use std::fmt::Debug;
 use std::path::Path;
 use std::rc::Rc;
@@ -22,6 +23,9 @@ use std::time::{Duration, Instant};
 const JOINED: &str = "stage/joined";
 /// What a process needs beside its topics: services' own tables, checkpoints' folders and the like, bytes.
 const BESIDE: usize = 500_000;
+
+/// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
+const LONG_RANGE_M: f64 = 50.0;
 
 /// Why a wait ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,9 +125,9 @@ impl Stage {
         })
     }
 
-    /// Says which sensor's scans are to be expected: they decide how much memory is needed.
-    pub fn expect(&mut self, sensor: SensorKind) {
-        self.navtech = sensor == SensorKind::NavtechCts;
+    /// Says which radar's scans are to be expected: they decide how much memory is needed.
+    pub fn expect(&mut self, sensor: &Sensor) {
+        self.navtech = sensor.range_max_m > LONG_RANGE_M;
     }
 
     /// The realm that it is in.
@@ -202,6 +206,12 @@ impl Stage {
                 self.say(message);
             }
         }
+    }
+
+    /// There is nothing more to do, but what was sent last stays in reach.
+    pub fn finished(&mut self) -> Result<(), Error> {
+        self.condition.state = StageState::Finished;
+        self.tell()
     }
 
     /// A line on standard error, for the journal.

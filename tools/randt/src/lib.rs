@@ -18,4 +18,3 @@ pub mod pipeline;
 pub mod progress;
 pub mod report;
 pub mod results;
-pub mod selection;

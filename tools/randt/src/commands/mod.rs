@@ -7,6 +7,7 @@ mod eval;
 mod graph;
 mod import;
 mod imu;
+mod play;
 mod register;
 mod run;
 mod simulate;
@@ -27,6 +28,8 @@ pub enum Command {
     Simulate(simulate::Arguments),
     /// Turn a recording of another format into our log
     Import(import::Arguments),
+    /// Publish a recording to the pipeline as the drivers would
+    Play(play::Arguments),
     /// Examine an IMU recording: biases, standstills, mounting, attitude
     Imu(imu::Arguments),
     /// Register two radar scans to each other
@@ -48,6 +51,7 @@ impl Command {
             Self::Eval(arguments) => eval::run(arguments),
             Self::Simulate(arguments) => simulate::run(arguments),
             Self::Import(arguments) => import::run(arguments),
+            Self::Play(arguments) => play::run(arguments),
             Self::Imu(arguments) => imu::run(arguments),
             Self::Register(arguments) => register::run(arguments),
             Self::Graph(arguments) => graph::run(arguments),

@@ -12,10 +12,9 @@ use crate::{
     output::{print, write_whole},
     progress,
     report::{self, Accuracy, Cost, Count, Report},
-    selection::SelectionArguments,
 };
 use anyhow::{Context, bail};
-use randt_config::Config;
+use randt_config::{Config, SelectionArguments};
 use randt_readers::Source;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -83,7 +82,7 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     job::catch_interrupts();
     let begin = Instant::now();
     let mut source = randt_readers::open(&arguments.input, &arguments.options.options())?;
-    let loaded = arguments.selection.load(source.info().sensor)?;
+    let loaded = arguments.selection.load(source.info().sensor.name())?;
     let mut config = job::with_mounting(&loaded, source.as_ref());
     config.loops.enabled &= !arguments.no_loops;
     prepare_folder(&arguments.out)?;
