@@ -4,8 +4,8 @@ use crate::{Error, Qos, Realm, Registry, wire::Wire};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::{
-    Alignment, Config, FileName, LogLevel, Node, NodeBuilder, NodeName, Path, SemanticString,
-    ServiceName, ipc, set_log_level,
+    Config, FileName, LogLevel, Node, NodeBuilder, NodeName, Path, SemanticString, ServiceName,
+    ipc, set_log_level,
 };
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use randt_messages::Topic;
@@ -78,16 +78,11 @@ impl Bus {
     pub(crate) fn topic<T: Topic>(&self, registry: &Registry) -> Result<Service<T>, Error> {
         let qos = Qos::of::<T>();
         let name = service_name(T::NAME)?;
-        // That of the largest number in any message.
-        let alignment = Alignment::new(align_of::<u64>())
-            .ok_or_else(|| Error::bus(T::NAME, "alignment of 8"))?;
         let opened = self.patiently(T::NAME, || {
             self.node
                 .service_builder(&name)
                 .publish_subscribe::<[u8]>()
                 .user_header::<Wire<T>>()
-                // Items are read where they lie.
-                .payload_alignment(alignment)
                 .max_publishers(qos.writers)
                 .max_subscribers(qos.readers)
                 .max_nodes(NODES)

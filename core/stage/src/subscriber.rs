@@ -53,13 +53,18 @@ impl<T: Topic> Subscriber<T> {
         let Some(sample) = sample else {
             return Ok(None);
         };
-        let item = size_of::<T::Item>();
-        let bytes = sample.payload().len();
-        if (item == 0 && bytes > 0) || (item > 0 && bytes % item != 0) {
+        // Items follow the head, whose size and alignment are those of 8 bytes: they are read where they lie.
+        let bytes = sample.payload();
+        let (item, length) = (size_of::<T::Item>(), bytes.len());
+        let good = match item {
+            0 => length == 0,
+            _ => bytemuck::try_cast_slice::<u8, T::Item>(bytes).is_ok(),
+        };
+        if !good {
             self.counters.lose(1);
             return Err(Error::BadMessage {
                 topic: T::NAME,
-                bytes,
+                bytes: length,
                 item,
             });
         }
@@ -108,7 +113,7 @@ impl<T: Topic> Received<T> {
     /// The message, where it lies.
     pub fn message(&self) -> MessageRef<'_, T> {
         let bytes = self.sample.payload();
-        // Size and alignment were seen to when the topic was opened and the message received.
+        // Size and alignment were seen to when the message was received.
         let items = if size_of::<T::Item>() == 0 {
             &[]
         } else {
