@@ -11,11 +11,11 @@ use iceoryx2::service::port_factory::{event, publish_subscribe};
 use randt_messages::Topic;
 use std::time::Duration;
 
-/// A stage that was killed while it started may have left something half made; iceoryx2 waits for it so long.
-const CREATION_TIMEOUT: Duration = Duration::from_millis(200);
-/// Attempts to open something, and the pause between them: what others are making or clearing away takes milliseconds.
-const ATTEMPTS: u32 = 12;
-const PAUSE: Duration = Duration::from_millis(25);
+/// iceoryx2 waits so long for what somebody else is making; nobody is while this process starts.
+const CREATION_TIMEOUT: Duration = Duration::from_millis(50);
+/// Attempts to open something, and the pause between them: what others are clearing away takes milliseconds.
+const ATTEMPTS: u32 = 10;
+const PAUSE: Duration = Duration::from_millis(20);
 /// Event services have room for every stage and tool, and for those that were killed while they started.
 const EVENT_PORTS: usize = 32;
 /// Nodes that may have a service open at once.
@@ -46,15 +46,11 @@ pub(crate) fn configuration(realm: &Realm) -> Result<Config, Error> {
 }
 
 impl Bus {
-    /// Makes the node, after the remains of dead ones are cleared away.
+    /// Makes the node, after the remains of dead ones are cleared away. Call it under the lock of those who start.
     pub(crate) fn open(realm: &Realm, name: &str) -> Result<Self, Error> {
         // Every failure comes back as an error, which is told once.
         set_log_level(LogLevel::Fatal);
-        {
-            let _broom = realm.lock("janitor", true)?;
-            // Before there is a node of our own: closing a file gives its locks up.
-            crate::janitor::sweep(realm)?;
-        }
+        crate::janitor::sweep(realm)?;
         let config = configuration(realm)?;
         let node_name =
             NodeName::new(name).map_err(|cause| Error::bus(format!("node {name}"), cause))?;

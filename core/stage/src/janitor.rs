@@ -1,18 +1,20 @@
 //! Clears away what dead stages leave behind.
 //!
 //! iceoryx2 clears away nodes that died in steady state by itself. A process that is killed in the milliseconds in which
-//! it starts leaves a node that nobody may touch; such nodes pile up and make every start slower.
+//! it starts leaves a node that nobody may touch, or a service that is half made and that everybody waits for. Such nodes
+//! pile up and make every start slower; such a service keeps all its stages from starting. So processes start one at a
+//! time, under one lock: whoever holds it knows that what is half made was left by a dead one.
 
 use crate::{Error, Realm, bus, realm::SHARED_MEMORY};
 use iceoryx2::prelude::{CallbackProgression, Node, NodeState, ipc};
 use rustix::fs::{FlockOperation, fcntl_lock};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
 
-/// A node younger than this may be in the making.
-const GRACE: Duration = Duration::from_secs(2);
+/// Permission to write is taken from a service's file when it is whole.
+const HALF_MADE: u32 = 0o200;
 /// Files of a node beside its folder; the first is locked while the node lives.
 const NODE_FILES: [&str; 3] = [
     ".node_monitor",
@@ -29,9 +31,10 @@ pub struct Leftover {
     pub bytes: u64,
 }
 
-/// Clears dead nodes away. Call it under the janitor's lock and before this process has a node of its own: whoever
-/// closes a file gives up all locks that he has on it.
+/// Clears dead nodes and half-made services away. Call it under the lock of those who start, and before this process has
+/// a node of its own: whoever closes a file gives up all locks that he has on it.
 pub(crate) fn sweep(realm: &Realm) -> Result<(), Error> {
+    remove_half_made(realm);
     let configuration = bus::configuration(realm)?;
     // What iceoryx2 can clear away itself, ports and segments included.
     let listed = Node::<ipc::Service>::list(&configuration, |state| {
@@ -48,7 +51,21 @@ pub(crate) fn sweep(realm: &Realm) -> Result<(), Error> {
     Ok(())
 }
 
-/// Nodes that nobody holds and that are old enough to have been made.
+/// Services whose maker died over them; clearing a node away waits for its services.
+fn remove_half_made(realm: &Realm) {
+    let services = realm.root().join("services");
+    for entry in fs::read_dir(services).into_iter().flatten().flatten() {
+        let mode = entry
+            .metadata()
+            .map_or(0, |found| found.permissions().mode());
+        if mode & HALF_MADE != 0 {
+            // Best effort, as with nodes.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Nodes that nobody holds.
 fn dead_nodes(realm: &Realm) -> BTreeSet<String> {
     let nodes = nodes(realm);
     let Ok(found) = fs::read_dir(&nodes) else {
@@ -63,18 +80,8 @@ fn dead_nodes(realm: &Realm) -> BTreeSet<String> {
     names
         .collect::<BTreeSet<_>>()
         .into_iter()
-        .filter(|id| is_old(realm, id) && !is_held(&node_file(realm, id, NODE_FILES[0])))
+        .filter(|id| !is_held(&node_file(realm, id, NODE_FILES[0])))
         .collect()
-}
-
-/// Whether the youngest file of a node is past the grace.
-fn is_old(realm: &Realm, id: &str) -> bool {
-    let files = NODE_FILES.map(|suffix| node_file(realm, id, suffix));
-    let paths = files.iter().cloned().chain([nodes(realm).join(id)]);
-    let now = SystemTime::now();
-    paths
-        .filter_map(|path| fs::metadata(path).ok()?.modified().ok())
-        .all(|modified| now.duration_since(modified).is_ok_and(|age| age > GRACE))
 }
 
 /// Whether a process holds the lock of a file; nobody holds one that is not there.
@@ -117,7 +124,6 @@ pub fn leftovers(realm: &Realm) -> Vec<Leftover> {
 }
 
 fn add(path: PathBuf, found: &mut Vec<Leftover>) {
-    use std::os::unix::fs::MetadataExt;
     // Blocks, not length: segments are full of holes.
     let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.blocks() * 512);
     found.push(Leftover { path, bytes });

@@ -1,14 +1,19 @@
 //! Realm: the world that the stages of one pipeline share, and that no other pipeline sees.
 
 use crate::Error;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// Where the run folder is on a robot: systemd makes it.
 const SYSTEM_RUN: &str = "/run/randt";
 /// Where shared memory lives.
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+
+/// A start takes a few hundredths of a second.
+const START_WAIT: Duration = Duration::from_secs(2);
+const START_PAUSE: Duration = Duration::from_millis(3);
 
 /// A prefix and a run folder. Stages with the same ones find each other; nothing else decides that, above all not the
 /// folder in which a stage was started.
@@ -116,16 +121,34 @@ impl Realm {
         })
     }
 
+    /// The lock of those who start: one at a time. It is waited for a while; a process that was stopped over it must not
+    /// keep all others from starting.
+    pub(crate) fn start(&self) -> Result<File, Error> {
+        let path = self.folder().join("start.lock");
+        let file = open_lock(&path)?;
+        let give_up = Instant::now() + START_WAIT;
+        loop {
+            match file.try_lock() {
+                Ok(()) => return Ok(file),
+                Err(TryLockError::WouldBlock) if Instant::now() < give_up => {
+                    std::thread::sleep(START_PAUSE);
+                }
+                Err(TryLockError::WouldBlock) => return Ok(file),
+                Err(TryLockError::Error(cause)) => {
+                    return Err(Error::file(path, "cannot be locked")(cause));
+                }
+            }
+        }
+    }
+
     /// The lock that says that nobody is in, where that is so. Hold `door` meanwhile, or somebody may enter.
     pub(crate) fn try_alone(&self) -> Result<Option<File>, Error> {
         let path = self.folder().join("alive.lock");
         let file = open_lock(&path)?;
         match file.try_lock() {
             Ok(()) => Ok(Some(file)),
-            Err(fs::TryLockError::WouldBlock) => Ok(None),
-            Err(fs::TryLockError::Error(cause)) => {
-                Err(Error::file(path, "cannot be locked")(cause))
-            }
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(cause)) => Err(Error::file(path, "cannot be locked")(cause)),
         }
     }
 

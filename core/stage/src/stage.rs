@@ -15,6 +15,7 @@ use iceoryx2::waitset::WaitSetRunResult;
 use randt_config::Sensor;
 use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
 use std::fmt::Debug;
+use std::fs::File;
 use std::path::Path;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
@@ -67,6 +68,8 @@ pub struct Stage {
     bus: Bus,
     registry: Registry,
     _presence: Presence,
+    /// Held until the loop begins.
+    start: Option<File>,
     realm: Realm,
     clock: Clock,
     condition: Condition,
@@ -85,6 +88,7 @@ impl Stage {
         let mut registry = Registry::enter(realm, name, started_ns)?;
         let mut needed = vec![("tables".to_owned(), BESIDE)];
         require(name, &needed)?;
+        let start = realm.start()?;
         let bus = Bus::open(realm, name)?;
         let service = bus.topic::<StageHealthTopic>(&registry)?;
         registry.add_topic(StageHealthTopic::NAME, StageHealthTopic::TYPE_NAME)?;
@@ -107,6 +111,7 @@ impl Stage {
             waits,
             bus,
             _presence: presence,
+            start: Some(start),
             realm: realm.clone(),
             clock,
             condition: Condition {
@@ -188,6 +193,7 @@ impl Stage {
     /// The loop begins: tells everybody at once.
     pub fn running(&mut self) -> Result<(), Error> {
         self.condition.state = StageState::Running;
+        self.start = None;
         self.tell()
     }
 
