@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use randt_config::{Attitude, Odometry, Robot};
 use randt_filter::{AttitudeFilter, GyroBias, Standstill};
 use randt_geometry::Quaternion;
-use randt_messages::ImuSample;
+use randt_messages::{Header, ImuSample};
 use std::collections::VecDeque;
 
 /// Samples kept: two seconds at 1 kHz, more than the longest sweep and its wait.
@@ -14,6 +14,11 @@ const CAPACITY: usize = 2048;
 const CLOCK_SET_BACK_NS: i64 = 1_000_000_000;
 /// A hole in the samples above this is not bridged by a straight line, ns (0.1 s).
 const HOLE_NS: i64 = 100_000_000;
+
+/// Whether a stamp is so far before the last one that the clock must have been set back.
+pub fn is_set_back(stamp_ns: i64, last_ns: i64) -> bool {
+    stamp_ns < last_ns - CLOCK_SET_BACK_NS
+}
 
 /// One moment of the gyro.
 #[derive(Clone, Copy, Debug)]
@@ -52,7 +57,7 @@ pub struct Heading {
     attitude: AttitudeFilter,
     standstill: Standstill,
     moments: VecDeque<Moment>,
-    last_sequence: Option<u64>,
+    last: Option<Header>,
     /// Of all three axes, from standstills; the window knows the yaw's better.
     bias: GyroBias,
     yaw_bias_rad_s: f64,
@@ -74,7 +79,7 @@ impl Heading {
             attitude: AttitudeFilter::new(attitude),
             standstill: Standstill::new(attitude),
             moments: VecDeque::with_capacity(CAPACITY),
-            last_sequence: None,
+            last: None,
             bias: GyroBias::new(odometry.gyro_bias_sigma_rad_s, odometry.gyro_bias_walk),
             yaw_bias_rad_s: 0.0,
             rejected: 0,
@@ -93,7 +98,7 @@ impl Heading {
         let last = self.moments.back().copied();
         let last = match last {
             // The clock was set back: what was integrated belongs to another time.
-            Some(last) if stamp_ns < last.stamp_ns - CLOCK_SET_BACK_NS => {
+            Some(last) if is_set_back(stamp_ns, last.stamp_ns) => {
                 self.moments.clear();
                 None
             }
@@ -103,7 +108,7 @@ impl Heading {
             self.rejected += 1;
             return None;
         }
-        self.last_sequence = Some(sample.header.sequence);
+        self.last = Some(sample.header);
         if let Some(last) = last {
             self.bias.advance((stamp_ns - last.stamp_ns) as f64 * 1e-9);
         }
@@ -141,9 +146,9 @@ impl Heading {
         self.moments.back().map(|m| m.stamp_ns)
     }
 
-    /// Sequence of the newest sample.
-    pub fn newest_sequence(&self) -> Option<u64> {
-        self.last_sequence
+    /// Which sample is the newest.
+    pub fn newest(&self) -> Option<&Header> {
+        self.last.as_ref()
     }
 
     /// Integrated heading at an instant, straight between samples, at the last rate beyond them.

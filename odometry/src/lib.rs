@@ -8,6 +8,7 @@ mod chain;
 mod deskew;
 mod factors;
 mod heading;
+mod imu_queue;
 mod keyframe;
 mod ndt_term;
 mod odometry;

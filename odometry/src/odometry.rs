@@ -1,5 +1,6 @@
 //! Odometry: the paper's motion estimation, scan by scan.
 
+mod arrive;
 mod founding;
 mod predict;
 mod publish;
@@ -7,6 +8,7 @@ mod settle;
 
 use crate::{
     heading::Heading,
+    imu_queue::ImuQueue,
     keyframe::KeyframeMaker,
     slot::{CellMaker, Slot},
     state::{State, StateMatrix},
@@ -16,21 +18,13 @@ use crate::{
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
-use randt_messages::{ImuSample, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Topic};
+use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, Topic};
 use std::collections::VecDeque;
 
 /// Rounds in which the first scan is de-skewed again with the speed that the second one shows.
 const FOUNDING_ROUNDS: u32 = 8;
 /// Change of speed below which those rounds end, m/s: 1 mm in a sweep.
 const FOUNDING_SPEED_CHANGE_M_S: f64 = 0.005;
-/// Stamps that a clock can give, ns since 1970 (or since the boot): up to the year 2116. Sums of two stay in range.
-const STAMPS_NS: core::ops::Range<i64> = 0..1 << 62;
-/// Longest sweep, ns: the slowest radars turn once in seconds.
-const SWEEP_MAX_NS: i64 = 60_000_000_000;
-/// No gyro measures more, rad/s.
-const RATE_MAX_RAD_S: f64 = 100.0;
-/// No accelerometer on a robot measures more, m/s^2 (200 g).
-const ACCELERATION_MAX_M_S2: f64 = 2000.0;
 /// Scans that may wait for the IMU; a wait of 0.1 s never holds more than one or two.
 const PENDING: usize = 4;
 
@@ -67,11 +61,15 @@ pub struct Counters {
     pub points_outside: u64,
 }
 
-/// The live estimate from filtered scans and IMU samples, given in order of their stamps.
+/// The live estimate from filtered scans and IMU samples, each given in order of their stamps.
+///
+/// How scans and samples interleave has no say in the result, as long as no scan's wait for the IMU runs out.
 #[derive(Debug)]
 pub struct Odometry {
     config: Config,
     heading: Option<Heading>,
+    /// Samples that the heading has not seen yet.
+    imu: ImuQueue,
     /// Scans that wait for the IMU, and messages to reuse.
     pending: VecDeque<Message<RadarPoints>>,
     spare: Vec<Message<RadarPoints>>,
@@ -100,6 +98,8 @@ pub struct Odometry {
 struct Frame {
     id: u64,
     last_stamp_ns: Option<i64>,
+    /// Whether the clock was set back for the scans and not yet for the IMU.
+    imu_is_old: bool,
     lost: bool,
 }
 
@@ -110,6 +110,7 @@ impl Odometry {
         Self {
             heading: use_imu
                 .then(|| Heading::new(&config.attitude, &config.robot, &config.odometry)),
+            imu: ImuQueue::new(),
             pending: VecDeque::with_capacity(PENDING),
             spare: (0..PENDING).map(|_| with_room()).collect(),
             standstill: None,
@@ -134,45 +135,6 @@ impl Odometry {
         }
     }
 
-    /// Takes an IMU sample; scans that waited for it are processed.
-    pub fn push_imu(&mut self, sample: &ImuSample, sink: &mut impl Sink) {
-        let Some(heading) = &mut self.heading else {
-            return;
-        };
-        if !is_measurement(sample) {
-            self.counters.imu_rejected += 1;
-            return;
-        }
-        if let Some(standstill) = heading.push(sample) {
-            self.standstill = Some(standstill);
-        }
-        self.process_ready(sample.header.stamp_ns, sink);
-    }
-
-    /// Takes a filtered scan; it is processed as soon as the IMU covers its sweep, or has kept it waiting too long.
-    pub fn push_points(&mut self, scan: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
-        let sweep = &scan.head.sweep;
-        if !STAMPS_NS.contains(&sweep.end_ns)
-            || !(0..=SWEEP_MAX_NS).contains(&(sweep.end_ns.saturating_sub(sweep.begin_ns)))
-        {
-            self.counters.scans_rejected += 1;
-            return;
-        }
-        let mut message = self.spare.pop().unwrap_or_default();
-        copy(scan, &mut message);
-        let stamp_ns = message.head.header.stamp_ns;
-        self.pending.push_back(message);
-        self.process_ready(stamp_ns, sink);
-    }
-
-    /// Ends: processes what waits and hands the window's scans over.
-    pub fn finish(&mut self, sink: &mut impl Sink) {
-        while let Some(scan) = self.pending.pop_front() {
-            self.step(&scan, sink);
-        }
-        self.settle_all(sink);
-    }
-
     /// What was dropped, repaired or lacked support so far.
     pub fn counters(&self) -> Counters {
         let mut counters = self.counters;
@@ -184,30 +146,9 @@ impl Odometry {
         counters
     }
 
-    /// Processes waiting scans that the IMU covers, or that have waited too long by the stamps of the data.
-    fn process_ready(&mut self, now_ns: i64, sink: &mut impl Sink) {
-        let wait_ns = (self.config.odometry.imu_wait_max_s * 1e9) as i64;
-        while let Some(scan) = self.pending.front() {
-            let end_ns = scan.head.sweep.end_ns;
-            let covered = self
-                .heading
-                .as_ref()
-                .is_none_or(|heading| heading.newest_ns().is_some_and(|t| t >= end_ns));
-            // A stamp far back means that the clock was set: nothing more will come for this scan.
-            let waited = now_ns > end_ns.saturating_add(wait_ns)
-                || now_ns < end_ns.saturating_sub(1_000_000_000);
-            if !covered && !waited && self.pending.len() < PENDING {
-                return;
-            }
-            if let Some(scan) = self.pending.pop_front() {
-                self.step(&scan, sink);
-                self.spare.push(scan);
-            }
-        }
-    }
-
-    /// One scan (paper, III): predict, de-skew, make cells, estimate over the window, judge, publish.
-    fn step(&mut self, scan: &Message<RadarPoints>, sink: &mut impl Sink) {
+    /// One scan (paper, III): predict, de-skew, make cells, estimate over the window, judge, publish. So many of the
+    /// waiting IMU samples are the scan's.
+    fn step(&mut self, scan: &Message<RadarPoints>, samples: usize, sink: &mut impl Sink) {
         let stamp_ns = scan.head.sweep.end_ns;
         if self.frame.last_stamp_ns == Some(stamp_ns) {
             self.counters.scans_repeated += 1;
@@ -221,6 +162,8 @@ impl Odometry {
         if !follows || self.frame.lost {
             self.open_frame(sink);
         }
+        self.feed(samples);
+        self.frame.imu_is_old = self.imu_is_old(stamp_ns);
         self.frame.last_stamp_ns = Some(stamp_ns);
 
         let imu_use = self.predict(scan);
@@ -321,17 +264,6 @@ impl Odometry {
             motion,
         );
     }
-}
-
-/// Whether a reading can be one.
-fn is_measurement(sample: &ImuSample) -> bool {
-    // NaN compares false.
-    STAMPS_NS.contains(&sample.header.stamp_ns)
-        && sample.rate_rad_s.iter().all(|v| v.abs() <= RATE_MAX_RAD_S)
-        && sample
-            .acceleration_m_s2
-            .iter()
-            .all(|v| v.abs() <= ACCELERATION_MAX_M_S2)
 }
 
 /// A message that never has to grow. What is never written costs no memory.

@@ -74,11 +74,12 @@ impl Odometry {
         let solution = solution.unwrap_or_default();
         state.information_eigenvalues = position_information(&solution);
         state.cost = solution.cost;
-        state.imu_sequence = self
-            .heading
-            .as_ref()
-            .and_then(Heading::newest_sequence)
-            .unwrap_or(u64::MAX);
+        state.imu_sequence = u64::MAX;
+        if let Some(newest) = self.heading.as_ref().and_then(Heading::newest) {
+            state.imu_sequence = newest.sequence;
+            state.imu_epoch = newest.epoch;
+            state.imu_published_ns = newest.published_ns;
+        }
         state.imu_use = imu_use as u32;
         state.trust = trust as u32;
         state.points = slot.points.len() as u32;

@@ -1,0 +1,78 @@
+//! IMU samples that wait for the scan they belong to.
+//!
+//! Scans and samples come in two queues of their own, and how these interleave is nobody's doing. So samples are not
+//! used as they come: each scan takes from the queue up to the first sample at or after its sweep's end, and no more.
+//! What a scan sees is then a function of the two sequences alone.
+
+use crate::heading::{Heading, is_set_back};
+use randt_messages::ImuSample;
+use std::collections::VecDeque;
+
+/// Samples that may wait: 8 s at 250 Hz, 2 s at 1 kHz.
+const ROOM: usize = 2048;
+
+/// The samples that no scan has asked for yet, in the order in which they came.
+#[derive(Debug)]
+pub struct ImuQueue {
+    samples: VecDeque<ImuSample>,
+}
+
+impl ImuQueue {
+    /// Empty; it never grows.
+    pub fn new() -> Self {
+        Self {
+            samples: VecDeque::with_capacity(ROOM),
+        }
+    }
+
+    /// Adds a sample; gives the oldest back where there is no room for both: no scan has come for long.
+    pub fn push(&mut self, sample: &ImuSample) -> Option<ImuSample> {
+        let oldest = (self.samples.len() >= ROOM)
+            .then(|| self.samples.pop_front())
+            .flatten();
+        self.samples.push_back(*sample);
+        oldest
+    }
+
+    /// The oldest sample.
+    pub fn pop(&mut self) -> Option<ImuSample> {
+        self.samples.pop_front()
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// How many samples a sweep that ends at `end_ns` takes, after those that `heading` has; `None` where the one that
+    /// ends the count has not come yet.
+    ///
+    /// Where the clock was set back, and for the heading not yet (`is_old_time`), samples of the old time do not cover
+    /// the sweep, whatever their stamps. A sweep of the old time in turn takes no samples of the new, unless they are
+    /// all that is left: then it was the samples' clock alone.
+    pub fn covering(&self, end_ns: i64, mut is_old_time: bool, heading: &Heading) -> Option<usize> {
+        let mut newest_ns = heading.newest_ns();
+        if !is_old_time && newest_ns.is_some_and(|t| t >= end_ns) {
+            return Some(0);
+        }
+        for (i, sample) in self.samples.iter().enumerate() {
+            let stamp_ns = sample.header.stamp_ns;
+            match newest_ns {
+                Some(newest_ns) if is_set_back(stamp_ns, newest_ns) => {
+                    if !is_old_time && i > 0 {
+                        return Some(i);
+                    }
+                    is_old_time = false;
+                }
+                // Out of order: the heading will leave it out.
+                Some(newest_ns) if stamp_ns <= newest_ns => continue,
+                _ => {}
+            }
+            if !is_old_time && stamp_ns >= end_ns {
+                return Some(i + 1);
+            }
+            newest_ns = Some(stamp_ns);
+        }
+        None
+    }
+}

@@ -1,0 +1,143 @@
+//! What comes in: checks, and the order in which scans and IMU samples are used whatever the order they come in.
+
+use super::{Odometry, PENDING, Sink, copy};
+use crate::heading::{Heading, is_set_back};
+use randt_messages::{ImuSample, MessageRef, RadarPoints};
+
+/// Stamps that a clock can give, ns since 1970 (or since the boot): up to the year 2116. Sums of two stay in range.
+const STAMPS_NS: core::ops::Range<i64> = 0..1 << 62;
+/// Longest sweep, ns: the slowest radars turn once in seconds.
+const SWEEP_MAX_NS: i64 = 60_000_000_000;
+/// No gyro measures more, rad/s.
+const RATE_MAX_RAD_S: f64 = 100.0;
+/// No accelerometer on a robot measures more, m/s^2 (200 g).
+const ACCELERATION_MAX_M_S2: f64 = 2000.0;
+
+impl Odometry {
+    /// Takes an IMU sample; scans that waited for it are processed.
+    pub fn push_imu(&mut self, sample: &ImuSample, sink: &mut impl Sink) {
+        let Some(heading) = &mut self.heading else {
+            return;
+        };
+        if !is_measurement(sample) {
+            self.counters.imu_rejected += 1;
+            return;
+        }
+        if let Some(oldest) = self.imu.push(sample)
+            && let Some(standstill) = heading.push(&oldest)
+        {
+            self.standstill = Some(standstill);
+        }
+        self.process_covered(sink);
+    }
+
+    /// Takes a filtered scan; it is processed as soon as the IMU covers its sweep. A later scan ends the wait of those
+    /// whose sweep ended `imu_wait_max_s` before its own: in a file there is no other clock. A process, whose scans may
+    /// run ahead of their samples, keeps the next scan back while [`Self::waiting_for_ns`] has one, and [proceeds]
+    /// when its own clock says so.
+    ///
+    /// [proceeds]: Self::proceed
+    pub fn push_points(&mut self, scan: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
+        if !is_sweep(scan) {
+            self.counters.scans_rejected += 1;
+            return;
+        }
+        let mut message = self.spare.pop().unwrap_or_default();
+        copy(scan, &mut message);
+        let stamp_ns = message.head.sweep.end_ns;
+        self.pending.push_back(message);
+        self.process_covered(sink);
+        let wait_ns = (self.config.odometry.imu_wait_max_s * 1e9) as i64;
+        while let Some(end_ns) = self.waiting_for_ns() {
+            // A stamp far back means that the clock was set: nothing more will come for the scan before.
+            let waited = stamp_ns > end_ns.saturating_add(wait_ns) || is_set_back(stamp_ns, end_ns);
+            if !waited && self.pending.len() < PENDING {
+                return;
+            }
+            self.proceed(sink);
+        }
+    }
+
+    /// The end of the sweep that waits for the IMU, the first where there are several.
+    pub fn waiting_for_ns(&self) -> Option<i64> {
+        self.pending.front().map(|scan| scan.head.sweep.end_ns)
+    }
+
+    /// The wait of the first scan that waits is over: it is processed with the IMU samples that are there, and its
+    /// state says so.
+    pub fn proceed(&mut self, sink: &mut impl Sink) {
+        self.process_first(self.imu.len(), sink);
+        self.process_covered(sink);
+    }
+
+    /// Ends: processes what waits and hands the window's scans over.
+    pub fn finish(&mut self, sink: &mut impl Sink) {
+        while self.waiting_for_ns().is_some() {
+            self.proceed(sink);
+        }
+        // Nothing asks for the samples that are left, but they are counted.
+        self.feed(self.imu.len());
+        self.settle_all(sink);
+    }
+
+    /// Processes waiting scans as far as the IMU covers them.
+    fn process_covered(&mut self, sink: &mut impl Sink) {
+        while let Some(end_ns) = self.waiting_for_ns() {
+            let samples = self.heading.as_ref().map_or(Some(0), |heading| {
+                self.imu.covering(end_ns, self.imu_is_old(end_ns), heading)
+            });
+            match samples {
+                Some(samples) => self.process_first(samples, sink),
+                None => return,
+            }
+        }
+    }
+
+    fn process_first(&mut self, samples: usize, sink: &mut impl Sink) {
+        if let Some(scan) = self.pending.pop_front() {
+            self.step(&scan, samples, sink);
+            self.spare.push(scan);
+        }
+    }
+
+    /// Whether the clock was set back for a scan that ends at `end_ns`, and not yet for the samples that the heading has.
+    pub(super) fn imu_is_old(&self, end_ns: i64) -> bool {
+        let last_ns = self.frame.last_stamp_ns;
+        let newest_ns = self.heading.as_ref().and_then(Heading::newest_ns);
+        (self.frame.imu_is_old || last_ns.is_some_and(|t| is_set_back(end_ns, t)))
+            && newest_ns.is_some_and(|t| is_set_back(end_ns, t))
+    }
+
+    /// Lets the heading see so many of the waiting samples.
+    pub(super) fn feed(&mut self, samples: usize) {
+        let Some(heading) = &mut self.heading else {
+            return;
+        };
+        for _ in 0..samples {
+            let Some(sample) = self.imu.pop() else {
+                return;
+            };
+            if let Some(standstill) = heading.push(&sample) {
+                self.standstill = Some(standstill);
+            }
+        }
+    }
+}
+
+/// Whether a scan's times can be.
+fn is_sweep(scan: MessageRef<'_, RadarPoints>) -> bool {
+    let sweep = &scan.head.sweep;
+    STAMPS_NS.contains(&sweep.end_ns)
+        && (0..=SWEEP_MAX_NS).contains(&(sweep.end_ns.saturating_sub(sweep.begin_ns)))
+}
+
+/// Whether a reading can be one.
+fn is_measurement(sample: &ImuSample) -> bool {
+    // NaN compares false.
+    STAMPS_NS.contains(&sample.header.stamp_ns)
+        && sample.rate_rad_s.iter().all(|v| v.abs() <= RATE_MAX_RAD_S)
+        && sample
+            .acceleration_m_s2
+            .iter()
+            .all(|v| v.abs() <= ACCELERATION_MAX_M_S2)
+}

@@ -1,0 +1,169 @@
+//! How scans and IMU samples interleave has no say in the result, nor has who waits for whom.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use proptest::prelude::*;
+use randt_messages::{ImuSample, ImuUse, Message, RadarPoints};
+use randt_odometry::Odometry;
+use std::sync::LazyLock;
+use support::{Input, Outcome, config, inputs, shift};
+
+const SECOND_NS: i64 = 1_000_000_000;
+
+/// The two streams of a drive with its troubles, each in its own order: scans missing, the clock set back, samples
+/// missing, repeated and out of order.
+struct Streams {
+    scans: Vec<Message<RadarPoints>>,
+    samples: Vec<ImuSample>,
+}
+
+static DRIVE: LazyLock<Streams> = LazyLock::new(|| {
+    let mut all = inputs(90);
+    // From here on the clock is 5000 s back.
+    let set_back = support::place(&all, 60) + 7;
+    all[set_back..]
+        .iter_mut()
+        .for_each(|input| shift(input, -5000 * SECOND_NS));
+    let (mut scans, mut samples) = (Vec::new(), Vec::new());
+    for input in all {
+        match input {
+            Input::Points(scan) => scans.push(scan),
+            Input::Imu(sample) => samples.push(sample),
+        }
+    }
+    scans.drain(30..36);
+    samples.drain(800..840);
+    samples.swap(300, 303);
+    samples.insert(500, samples[498]);
+    Streams { scans, samples }
+});
+
+impl Streams {
+    /// One interleaving. `ahead(n)` says by how many samples more than it must the IMU is ahead when scan n comes; where
+    /// it is behind, the scan waits for the samples that it lacks. A scan that comes while another one waits would end
+    /// that one's wait, so it is kept back.
+    fn run(&self, mut ahead: impl FnMut(usize) -> i64) -> Outcome {
+        let mut odometry = Odometry::new(&config(), true);
+        let mut outcome = Outcome::default();
+        let mut samples = self.samples.iter();
+        let mut pushed = 0;
+        for (n, scan) in self.scans.iter().enumerate() {
+            // About as many samples as belong before this scan.
+            let due = (n as i64 + 1) * self.samples.len() as i64 / self.scans.len() as i64;
+            while pushed < due + ahead(n) {
+                let Some(sample) = samples.next() else { break };
+                odometry.push_imu(sample, &mut outcome);
+                pushed += 1;
+            }
+            while odometry.waiting_for_ns().is_some() {
+                let Some(sample) = samples.next() else { break };
+                odometry.push_imu(sample, &mut outcome);
+                pushed += 1;
+            }
+            odometry.push_points(scan.as_ref(), &mut outcome);
+        }
+        samples.for_each(|sample| odometry.push_imu(sample, &mut outcome));
+        odometry.finish(&mut outcome);
+        outcome.counters = odometry.counters();
+        outcome
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn every_interleaving_gives_the_same_bits(seed in any::<u64>(), spread in 1..400_i64) {
+        let plain = DRIVE.run(|_| 0);
+        // A small generator: the two streams run ahead of each other now and then.
+        let mut random = seed | 1;
+        let other = DRIVE.run(|_| {
+            random ^= random << 13;
+            random ^= random >> 7;
+            random ^= random << 17;
+            (random % (2 * spread as u64 + 1)) as i64 - spread
+        });
+        prop_assert_eq!(other.counters, plain.counters);
+        prop_assert!(other.bytes == plain.bytes);
+    }
+}
+
+#[test]
+fn the_troubles_are_met_and_told() {
+    let outcome = DRIVE.run(|_| 0);
+    let (states, counters) = (&outcome.states, outcome.counters);
+    assert_eq!(states.len(), 84);
+    // A gap of scans and a clock set back.
+    assert_eq!(counters.frames_reopened, 2);
+    assert_eq!(counters.imu_rejected, 4);
+    assert_eq!(counters.imu_holes, 1);
+    let covered = states
+        .iter()
+        .filter(|state| state.imu_use == ImuUse::Covered as u32)
+        .count();
+    assert!(covered >= 80, "{covered} of 84 scans covered");
+}
+
+#[test]
+fn a_scan_takes_the_samples_up_to_the_first_that_covers_it() {
+    let outcome = DRIVE.run(|n| (n as i64 % 5) * 40);
+    for state in &outcome.states {
+        let used = DRIVE
+            .samples
+            .iter()
+            .find(|sample| sample.header.sequence == state.imu_sequence)
+            .unwrap();
+        if state.imu_use == ImuUse::Covered as u32 {
+            let beyond_ns = used.header.stamp_ns - state.header.stamp_ns;
+            assert!((0..SECOND_NS / 5).contains(&beyond_ns), "{beyond_ns} ns");
+            assert_eq!(state.imu_epoch, used.header.epoch);
+        }
+    }
+}
+
+#[test]
+fn a_wait_that_is_over_is_told() {
+    let mut odometry = Odometry::new(&config(), true);
+    let mut outcome = Outcome::default();
+    let mut samples = DRIVE.samples.iter().take(200).peekable();
+    for scan in &DRIVE.scans[..3] {
+        let end_ns = scan.head.sweep.end_ns;
+        // Half the sweep is covered.
+        while let Some(sample) =
+            samples.next_if(|sample| sample.header.stamp_ns < end_ns - SECOND_NS / 10)
+        {
+            odometry.push_imu(sample, &mut outcome);
+        }
+        odometry.push_points(scan.as_ref(), &mut outcome);
+        assert_eq!(odometry.waiting_for_ns(), Some(end_ns));
+        odometry.proceed(&mut outcome);
+        assert_eq!(odometry.waiting_for_ns(), None);
+        assert_eq!(outcome.states.last().unwrap().imu_use, ImuUse::Late as u32);
+    }
+    assert_eq!(outcome.counters.scans_imu_late, 0);
+    assert_eq!(odometry.counters().scans_imu_late, 3);
+}
+
+#[test]
+fn samples_without_scans_do_not_pile_up() {
+    let mut odometry = Odometry::new(&config(), true);
+    let mut outcome = Outcome::default();
+    let mut sample = DRIVE.samples[0];
+    for i in 0..20_000 {
+        sample.header.stamp_ns += 4_000_000;
+        sample.header.sequence = i;
+        odometry.push_imu(&sample, &mut outcome);
+    }
+    let mut scan = DRIVE.scans[0].clone();
+    let by_ns = sample.header.stamp_ns - SECOND_NS - scan.head.sweep.end_ns;
+    support::shift_scan(&mut scan, by_ns);
+    odometry.push_points(scan.as_ref(), &mut outcome);
+    assert_eq!(outcome.states[0].imu_use, ImuUse::Covered as u32);
+    // The last second is still to come.
+    assert!((19_740..19_752).contains(&outcome.states[0].imu_sequence));
+}
