@@ -43,22 +43,18 @@ pub fn interrupted() -> bool {
 }
 
 /// Takes the mounting from the input where nobody has configured one.
-pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
-    let mut config = loaded.config.clone();
-    if loaded.is_set("robot") {
-        return config;
-    }
+pub fn with_mounting(mut loaded: Loaded, source: &dyn Source) -> Loaded {
     let extrinsics = source.info().extrinsics;
+    let mut robot = loaded.config.robot.clone();
     if let Some(radar) = extrinsics.radar {
-        let robot = &mut config.robot;
         (robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad) =
             (radar.x_m, radar.y_m, radar.yaw_rad);
     }
     if let Some(imu) = extrinsics.imu {
-        let robot = &mut config.robot;
         (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad) = imu.roll_pitch_yaw();
     }
-    config
+    loaded.mount(robot);
+    loaded
 }
 
 /// Runs a source to its end.

@@ -173,7 +173,7 @@ fn trial(
     let mut source = drive.source();
     let selection = arguments.selection.with(variant.set);
     let loaded = selection.load(source.info().sensor.name())?;
-    let config = job::with_mounting(&loaded, &source);
+    let config = job::with_mounting(loaded, &source).config;
     let done = job::run(&mut source, &config, variant.use_imu, bar)?;
     if done.interrupted {
         bail!("interrupted; nothing was written");
