@@ -60,9 +60,16 @@ const USERS: &[(&str, &[&str])] = &[
 
 /// Crates without I/O, and all that they may use.
 const PURE: &[(&str, &[&str])] = &[
-    ("randt-geometry", &["libm", "nalgebra"]),
+    ("randt-geometry", &["libm", "nalgebra", "randt-saved"]),
     ("randt-messages", &["bytemuck"]),
-    ("randt-ndt", &["nalgebra", "randt-geometry", "wide"]),
+    (
+        "randt-ndt",
+        &["nalgebra", "randt-geometry", "randt-saved", "wide"],
+    ),
+    (
+        "randt-saved",
+        &["bytemuck", "crc32fast", "nalgebra", "thiserror"],
+    ),
 ];
 
 /// The machines we build for.

@@ -7,6 +7,7 @@
 use crate::clock::{Pace, SampleClock};
 use nalgebra::Vector3;
 use randt_geometry::{Quaternion, elementary};
+use randt_saved::saved;
 
 /// Standard gravity; its local deviation is far below the tolerance of the gain.
 const GRAVITY_M_S2: f64 = 9.806_65;
@@ -37,6 +38,17 @@ pub struct AttitudeFilter {
     attitude: Option<Quaternion>,
 }
 
+saved!(AttitudeFilter {
+    bias_rad_s,
+    clock,
+    last_rate_rad_s,
+    settled_s,
+    attitude,
+} kept {
+    correction_time_s,
+    gravity_tolerance,
+});
+
 impl AttitudeFilter {
     /// A filter that waits for its first sample.
     pub fn new(attitude: &randt_config::Attitude) -> Self {
@@ -57,6 +69,11 @@ impl AttitudeFilter {
         if bias_rad_s.iter().all(|b| b.is_finite()) {
             self.bias_rad_s = bias_rad_s;
         }
+    }
+
+    /// Starts from an attitude of before: its heading goes on, the tilt comes from gravity.
+    pub fn start_from(&mut self, attitude: Quaternion) {
+        self.attitude = Some(attitude);
     }
 
     /// Takes one sample: angular rate, rad/s, and specific force, m/s^2, in the body.

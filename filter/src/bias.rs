@@ -5,6 +5,7 @@
 
 use crate::StandstillBias;
 use nalgebra::{Matrix3, Vector3};
+use randt_saved::saved;
 
 /// Kalman filter of the three-axis bias.
 ///
@@ -25,6 +26,8 @@ pub struct GyroBias {
     covariance: Matrix3<f64>,
 }
 
+saved!(GyroBias { mean_rad_s, covariance } kept { walk_rad_s_sqrt_s });
+
 impl GyroBias {
     /// Zero, with the standard deviation that a bias has at the start, rad/s, and its random walk, rad/s per square
     /// root of s (`odometry.gyro_bias_sigma_rad_s` and `odometry.gyro_bias_walk`).
@@ -33,6 +36,13 @@ impl GyroBias {
             walk_rad_s_sqrt_s,
             mean_rad_s: Vector3::zeros(),
             covariance: Matrix3::identity() * (sigma_rad_s * sigma_rad_s),
+        }
+    }
+
+    /// Starts from a bias of before, as uncertain as one that is not known: time has passed.
+    pub fn start_from(&mut self, bias_rad_s: Vector3<f64>) {
+        if bias_rad_s.iter().all(|b| b.is_finite()) {
+            self.mean_rad_s = bias_rad_s;
         }
     }
 

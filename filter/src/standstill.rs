@@ -6,6 +6,7 @@
 use crate::clock::{Pace, SampleClock};
 use crate::statistics::Statistics;
 use nalgebra::Vector3;
+use randt_saved::saved;
 
 /// Blocks in a window. Finer ones find the ends of a standstill better, coarser ones cost less.
 const BLOCKS: usize = 20;
@@ -77,7 +78,37 @@ struct Pending {
     means: Statistics,
 }
 
+saved!(Block {
+    begin_ns,
+    end_ns,
+    rate,
+    acceleration
+});
+saved!(Pending { samples, means });
+saved!(Standstill {
+    expected,
+    clock,
+    last_ns,
+    block,
+    ring,
+    next,
+    filled,
+    still_since_ns,
+    pending,
+    given_ns,
+} kept {
+    block_ns,
+    rate_max_rad_s,
+    acceleration_max_m_s2,
+    bias_max_rad_s,
+    bias_change_max_rad_s,
+} sound is_sound);
+
 impl Standstill {
+    fn is_sound(&self) -> bool {
+        self.next < BLOCKS && self.filled <= BLOCKS
+    }
+
     /// A detector that has seen nothing.
     pub fn new(attitude: &randt_config::Attitude) -> Self {
         Self {

@@ -1,6 +1,7 @@
 //! Running mean and variance of vectors, mergeable without loss.
 
 use nalgebra::Vector3;
+use randt_saved::saved;
 
 /// Count, mean and squared deviations, by the updates of Welford (one value) and Chan (two sets):
 /// nothing cancels, however small the variance beside the mean.
@@ -10,6 +11,12 @@ pub(crate) struct Statistics {
     mean: Vector3<f64>,
     squares: Vector3<f64>,
 }
+
+saved!(Statistics {
+    count,
+    mean,
+    squares
+});
 
 impl Statistics {
     pub(crate) fn push(&mut self, value: Vector3<f64>) {

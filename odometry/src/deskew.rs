@@ -83,12 +83,13 @@ pub fn beam_poses(
     let (mut position, mut yaw, mut lever, mut after) = (Vector2::zeros(), 0.0, 0.0, 0.0);
     for (beam, out) in beams.iter().zip(out).rev() {
         if let Some(motion) = motion {
-            let s = (beam.stamp_ns.clamp(scan.head.sweep.begin_ns, end_ns) - end_ns) as f64 * 1e-9;
+            let stamp_ns = beam.stamp_ns.clamp(scan.head.sweep.begin_ns, end_ns);
+            let s = (stamp_ns - end_ns) as f64 * 1e-9;
             let (step, middle) = (after - s, 0.5 * (after + s));
             let velocity = motion.velocity_at(middle);
             let new_yaw = match (motion.gyro, end_heading) {
                 (Some((heading, bias)), Some(end)) => {
-                    heading.at(beam.stamp_ns).unwrap_or(end) - end - bias * s
+                    heading.at(stamp_ns).unwrap_or(end) - end - bias * s
                 }
                 _ => yaw - velocity.z * step,
             };

@@ -5,7 +5,8 @@ use nalgebra::Vector3;
 use randt_config::{Attitude, Odometry, Robot};
 use randt_filter::{AttitudeFilter, GyroBias, Standstill};
 use randt_geometry::Quaternion;
-use randt_messages::{Header, ImuSample};
+use randt_messages::ImuSample;
+use randt_saved::saved;
 use std::collections::VecDeque;
 
 /// Samples kept: two seconds at 1 kHz, more than the longest sweep and its wait.
@@ -15,19 +16,33 @@ const CLOCK_SET_BACK_NS: i64 = 1_000_000_000;
 /// A hole in the samples above this is not bridged by a straight line, ns (0.1 s).
 const HOLE_NS: i64 = 100_000_000;
 
+/// Stamps that a clock can give, ns since 1970 (or since the boot): up to the year 2116. Sums of two stay in range.
+pub const STAMPS_NS: core::ops::Range<i64> = 0..1 << 62;
+
 /// Whether a stamp is so far before the last one that the clock must have been set back.
 pub fn is_set_back(stamp_ns: i64, last_ns: i64) -> bool {
     stamp_ns < last_ns - CLOCK_SET_BACK_NS
 }
 
 /// One moment of the gyro.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Moment {
     stamp_ns: i64,
     /// Integrated rate of the heading, bias and all, rad.
     heading_rad: f64,
     rate_rad_s: f64,
     tilt: Tilt,
+}
+
+/// Which sample it was.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Newest {
+    /// Its number.
+    pub sequence: u64,
+    /// Its publisher's start.
+    pub epoch: u64,
+    /// When it was published.
+    pub published_ns: i64,
 }
 
 /// How the heading turned over a span of time.
@@ -57,7 +72,7 @@ pub struct Heading {
     attitude: AttitudeFilter,
     standstill: Standstill,
     moments: VecDeque<Moment>,
-    last: Option<Header>,
+    newest: Option<Newest>,
     /// Of all three axes, from standstills; the window knows the yaw's better.
     bias: GyroBias,
     yaw_bias_rad_s: f64,
@@ -66,6 +81,39 @@ pub struct Heading {
     /// Holes in the samples above 0.1 s.
     pub holes: u64,
 }
+
+saved!(Moment {
+    stamp_ns,
+    heading_rad,
+    rate_rad_s,
+    tilt
+});
+saved!(Newest {
+    sequence,
+    epoch,
+    published_ns
+});
+saved!(Turn {
+    angle_rad,
+    uncovered_s
+});
+saved!(GyroTerm {
+    turn,
+    rate_rad_s,
+    standstill
+});
+saved!(Heading {
+    attitude,
+    standstill,
+    moments,
+    newest,
+    bias,
+    yaw_bias_rad_s,
+    rejected,
+    holes,
+} kept {
+    mounting,
+} sound is_sound);
 
 impl Heading {
     /// Nothing known yet.
@@ -79,12 +127,35 @@ impl Heading {
             attitude: AttitudeFilter::new(attitude),
             standstill: Standstill::new(attitude),
             moments: VecDeque::with_capacity(CAPACITY),
-            last: None,
+            newest: None,
             bias: GyroBias::new(odometry.gyro_bias_sigma_rad_s, odometry.gyro_bias_walk),
             yaw_bias_rad_s: 0.0,
             rejected: 0,
             holes: 0,
         }
+    }
+
+    /// Starts from what was known before: bias and heading.
+    pub fn start_from(&mut self, bias_rad_s: Vector3<f64>, attitude: Quaternion) {
+        self.bias.start_from(bias_rad_s);
+        self.yaw_bias_rad_s = bias_rad_s.z;
+        self.attitude.start_from(attitude);
+    }
+
+    /// Whether the moments are in order, of stamps that leave room for sums, and the counters have room.
+    fn is_sound(&self) -> bool {
+        let stamps = self.moments.iter().map(|m| m.stamp_ns);
+        stamps.clone().all(|t| STAMPS_NS.contains(&t))
+            && stamps.is_sorted_by(|a, b| a < b)
+            && self.moments.len() <= CAPACITY
+            && self.rejected.max(self.holes) <= u64::MAX / 2
+    }
+
+    /// Forgets what lies before an instant that nothing will ask about.
+    pub fn forget_before(&mut self, stamp_ns: i64) {
+        let after = self.moments.partition_point(|m| m.stamp_ns <= stamp_ns);
+        // The last moment before it stays: between it and the next lies the instant.
+        self.moments.drain(..after.saturating_sub(1));
     }
 
     /// Takes a sample; gives the yaw bias and its standard deviation where the robot stands still.
@@ -108,7 +179,11 @@ impl Heading {
             self.rejected += 1;
             return None;
         }
-        self.last = Some(sample.header);
+        self.newest = Some(Newest {
+            sequence: sample.header.sequence,
+            epoch: sample.header.epoch,
+            published_ns: sample.header.published_ns,
+        });
         if let Some(last) = last {
             self.bias.advance((stamp_ns - last.stamp_ns) as f64 * 1e-9);
         }
@@ -147,8 +222,8 @@ impl Heading {
     }
 
     /// Which sample is the newest.
-    pub fn newest(&self) -> Option<&Header> {
-        self.last.as_ref()
+    pub fn newest(&self) -> Option<&Newest> {
+        self.newest.as_ref()
     }
 
     /// Integrated heading at an instant, straight between samples, at the last rate beyond them.

@@ -4,12 +4,17 @@
 //! used as they come: each scan takes from the queue up to the first sample at or after its sweep's end, and no more.
 //! What a scan sees is then a function of the two sequences alone.
 
-use crate::heading::{Heading, is_set_back};
+use crate::heading::{Heading, STAMPS_NS, is_set_back};
 use randt_messages::ImuSample;
+use randt_saved::{Error, Reader, Saved, Writer};
 use std::collections::VecDeque;
 
 /// Samples that may wait: 8 s at 250 Hz, 2 s at 1 kHz.
 const ROOM: usize = 2048;
+/// No gyro measures more, rad/s.
+const RATE_MAX_RAD_S: f64 = 100.0;
+/// No accelerometer on a robot measures more, m/s^2 (200 g).
+const ACCELERATION_MAX_M_S2: f64 = 2000.0;
 
 /// The samples that no scan has asked for yet, in the order in which they came.
 #[derive(Debug)]
@@ -75,4 +80,35 @@ impl ImuQueue {
         }
         None
     }
+}
+
+impl Saved for ImuQueue {
+    fn save(&self, out: &mut Writer<'_>) {
+        self.samples.len().save(out);
+        self.samples.iter().for_each(|sample| out.plain(sample));
+    }
+
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        self.samples.clear();
+        let mut count = 0_usize;
+        count.restore(from)?;
+        for _ in 0..count {
+            let sample = from.plain()?;
+            if !is_measurement(&sample) || self.push(&sample).is_some() {
+                return Err(Error::Unsound("IMU samples"));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a reading can be one.
+pub fn is_measurement(sample: &ImuSample) -> bool {
+    // NaN compares false.
+    STAMPS_NS.contains(&sample.header.stamp_ns)
+        && sample.rate_rad_s.iter().all(|v| v.abs() <= RATE_MAX_RAD_S)
+        && sample
+            .acceleration_m_s2
+            .iter()
+            .all(|v| v.abs() <= ACCELERATION_MAX_M_S2)
 }

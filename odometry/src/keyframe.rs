@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use randt_config::{Config, Keyframe as KeyframeConfig};
 use randt_geometry::{Pose2, elementary::wrap};
 use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, MAX_BEAMS, Message};
+use randt_saved::saved;
 
 /// Chooses keyframes and fills their messages.
 #[derive(Debug)]
@@ -12,11 +13,21 @@ pub struct KeyframeMaker {
     config: KeyframeConfig,
     last: Option<Pose2>,
     next_id: u64,
-    sequence: u64,
+    has_made: bool,
     /// Covariance of the pose since the last keyframe, in the present robot's frame.
     covariance: Matrix3<f64>,
     message: Message<Keyframe>,
 }
+
+saved!(KeyframeMaker {
+    last,
+    next_id,
+    has_made,
+    covariance,
+} kept {
+    config,
+    message,
+} sound has_room);
 
 impl KeyframeMaker {
     /// None made yet.
@@ -25,7 +36,7 @@ impl KeyframeMaker {
             config: config.clone(),
             last: None,
             next_id: 0,
-            sequence: 0,
+            has_made: false,
             covariance: Matrix3::zeros(),
             message: Message::default(),
         }
@@ -35,6 +46,23 @@ impl KeyframeMaker {
     pub fn restart(&mut self) {
         self.last = None;
         self.covariance = Matrix3::zeros();
+    }
+
+    /// Whether there are numbers left.
+    fn has_room(&self) -> bool {
+        self.next_id <= u64::MAX / 2
+    }
+
+    /// Numbers go on from here, as long as none was given.
+    pub fn continue_from(&mut self, next_id: u64) {
+        if !self.has_made {
+            self.next_id = next_id;
+        }
+    }
+
+    /// Whether one was made.
+    pub fn has_made(&self) -> bool {
+        self.has_made
     }
 
     /// Number of the next keyframe.
@@ -64,7 +92,7 @@ impl KeyframeMaker {
         submap: (u64, u64),
     ) -> &Message<Keyframe> {
         let (head, items) = (&mut *self.message.head, &mut self.message.items);
-        head.header.sequence = self.sequence;
+        head.header.sequence = self.next_id;
         head.header.stamp_ns = slot.scan.head.header.stamp_ns;
         head.id = self.next_id;
         head.odom_frame_id = odom_frame_id;
@@ -100,7 +128,7 @@ impl KeyframeMaker {
             reserved: 0,
         }));
         self.next_id += 1;
-        self.sequence += 1;
+        self.has_made = true;
         self.last = Some(slot.state.pose);
         self.covariance = Matrix3::zeros();
         &self.message

@@ -2,7 +2,8 @@
 //!
 //! Responsible for the live pose: de-skew, sliding-window motion estimation against submaps, trust, keyframes.
 //! Not responsible for loops (mapper) nor for carrying messages (core/stage, tools). A struct with `push`
-//! methods: no I/O, no clock, no thread, no randomness; same inputs in the same order give the same bits.
+//! methods: no I/O, no clock, no thread, no randomness; the same scans and the same samples give the same bits,
+//! however the two interleave, and whether or not the state was saved and restored in between.
 
 mod chain;
 mod deskew;
@@ -12,6 +13,9 @@ mod imu_queue;
 mod keyframe;
 mod ndt_term;
 mod odometry;
+#[cfg(feature = "process")]
+pub mod process;
+mod scan;
 mod slot;
 mod state;
 mod submap;
@@ -19,4 +23,5 @@ mod tilt;
 mod trust;
 mod window;
 
-pub use odometry::{Counters, Odometry, Sink};
+pub use odometry::{Counters, Odometry, Sink, Source};
+pub use randt_saved::Error;

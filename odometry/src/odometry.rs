@@ -4,12 +4,15 @@ mod arrive;
 mod founding;
 mod predict;
 mod publish;
+mod resume;
+mod save;
 mod settle;
 
 use crate::{
-    heading::Heading,
+    heading::{Heading, STAMPS_NS},
     imu_queue::ImuQueue,
     keyframe::KeyframeMaker,
+    scan,
     slot::{CellMaker, Slot},
     state::{State, StateMatrix},
     submap::Submaps,
@@ -18,7 +21,8 @@ use crate::{
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
-use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, Topic};
+use randt_messages::{Keyframe, Message, MessageRef, OdometryState, PoseRecord, RadarPoints};
+use randt_saved::{Label, saved};
 use std::collections::VecDeque;
 
 /// Rounds in which the first scan is de-skewed again with the speed that the second one shows.
@@ -61,12 +65,44 @@ pub struct Counters {
     pub points_outside: u64,
 }
 
+saved!(Counters {
+    scans_rejected,
+    scans_repeated,
+    scans_unsupported,
+    scans_imu_late,
+    scans_without_imu,
+    frames_reopened,
+    solver_failures,
+    imu_rejected,
+    imu_holes,
+    points_outside,
+} sound has_room);
+
+impl Counters {
+    /// Whether they can go on counting.
+    fn has_room(&self) -> bool {
+        [
+            self.scans_rejected,
+            self.scans_repeated,
+            self.scans_unsupported,
+            self.scans_imu_late,
+            self.scans_without_imu,
+            self.frames_reopened,
+            self.solver_failures,
+            self.imu_rejected,
+        ]
+        .iter()
+        .all(|count| *count <= u64::MAX / 2)
+    }
+}
+
 /// The live estimate from filtered scans and IMU samples, each given in order of their stamps.
 ///
 /// How scans and samples interleave has no say in the result, as long as no scan's wait for the IMU runs out.
 #[derive(Debug)]
 pub struct Odometry {
     config: Config,
+    label: Label,
     heading: Option<Heading>,
     /// Samples that the heading has not seen yet.
     imu: ImuQueue,
@@ -89,9 +125,25 @@ pub struct Odometry {
     keyframes: KeyframeMaker,
     judge: TrustJudge,
     frame: Frame,
+    /// Number of the next state.
     sequence: u64,
     counters: Counters,
+    /// The last state, as far as another process can go on from it alone.
+    record: PoseRecord,
+    last_scan: Option<Source>,
+    last_imu: Option<Source>,
 }
+
+/// A message by its publisher's start and its number: what the source's epoch and sequence say. Later ones are greater.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Source {
+    /// New at each start of the publisher.
+    pub epoch: u64,
+    /// Number in that epoch.
+    pub sequence: u64,
+}
+
+saved!(Source { epoch, sequence });
 
 /// The odometry frame in force.
 #[derive(Clone, Copy, Debug, Default)]
@@ -101,6 +153,17 @@ struct Frame {
     /// Whether the clock was set back for the scans and not yet for the IMU.
     imu_is_old: bool,
     lost: bool,
+    /// Where its first scan stands.
+    origin: Pose2,
+}
+
+saved!(Frame { id, last_stamp_ns, imu_is_old, lost, origin } sound is_sound);
+
+impl Frame {
+    /// Whether there are numbers left, and the stamp is one.
+    fn is_sound(&self) -> bool {
+        self.id <= u64::MAX / 2 && self.last_stamp_ns.is_none_or(|t| STAMPS_NS.contains(&t))
+    }
 }
 
 impl Odometry {
@@ -112,7 +175,7 @@ impl Odometry {
                 .then(|| Heading::new(&config.attitude, &config.robot, &config.odometry)),
             imu: ImuQueue::new(),
             pending: VecDeque::with_capacity(PENDING),
-            spare: (0..PENDING).map(|_| with_room()).collect(),
+            spare: (0..PENDING).map(|_| scan::with_room()).collect(),
             standstill: None,
             slots: (0..=window).map(|_| Slot::with_room()).collect(),
             used: 0,
@@ -131,6 +194,10 @@ impl Odometry {
             frame: Frame::default(),
             sequence: 0,
             counters: Counters::default(),
+            record: PoseRecord::default(),
+            last_scan: None,
+            last_imu: None,
+            label: save::label(config, use_imu),
             config: config.clone(),
         }
     }
@@ -171,6 +238,15 @@ impl Odometry {
         let solution = self.estimate();
         self.publish(&solution, imu_use, sink);
         self.found_later();
+        self.forget();
+    }
+
+    /// The heading before the window's oldest sweep is of no more use.
+    fn forget(&mut self) {
+        let oldest = self.slots.first().filter(|_| self.used > 0);
+        if let (Some(heading), Some(oldest)) = (&mut self.heading, oldest) {
+            heading.forget_before(oldest.scan.head.sweep.begin_ns);
+        }
     }
 
     /// A new odometry frame: nothing of the old one is carried over but the gyro.
@@ -179,13 +255,14 @@ impl Odometry {
             self.settle_all(sink);
             self.counters.frames_reopened += 1;
             self.frame.id += 1;
+            self.frame.origin = Pose2::IDENTITY;
         }
         (self.used, self.settled, self.inserted, self.frame.lost) = (0, None, None, false);
         self.leaving = None;
         self.judge = TrustJudge::default();
         self.keyframes.restart();
         self.submaps
-            .restart(self.keyframes.next_id(), Pose2::IDENTITY);
+            .restart(self.keyframes.next_id(), self.frame.origin);
     }
 
     /// De-skew, cells, least squares; while the map is founded also the first scan's de-skew anew.
@@ -264,18 +341,4 @@ impl Odometry {
             motion,
         );
     }
-}
-
-/// A message that never has to grow. What is never written costs no memory.
-fn with_room() -> Message<RadarPoints> {
-    let mut message = Message::default();
-    message.items.reserve(RadarPoints::MAX_ITEMS);
-    message
-}
-
-fn copy(from: MessageRef<'_, RadarPoints>, to: &mut Message<RadarPoints>) {
-    *to.head = *from.head;
-    to.items.clear();
-    to.items
-        .extend_from_slice(&from.items[..from.items.len().min(RadarPoints::MAX_ITEMS)]);
 }

@@ -3,6 +3,7 @@
 use crate::{
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
     heading::{GyroTerm, Heading},
+    scan,
     state::State,
     tilt::Tilt,
 };
@@ -10,6 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use randt_config::{Config, Robot};
 use randt_messages::{MAX_BEAMS, MAX_RETURNS, Message, RadarPoints};
 use randt_ndt::{Association, Cell, CellRule, Grid, NormalEquations, ScanCell};
+use randt_saved::{Error, Reader, Saved, Writer};
 
 /// Cells of a scan that there is room for from the start: a Navtech's sweep of 30,000 returns has fewer than 2,000.
 const CELLS: usize = 8192;
@@ -100,6 +102,33 @@ impl Slot {
             change.z = 0.0;
         }
         change.into()
+    }
+}
+
+/// Poses of beams, points and associations are made anew before they are looked at again.
+impl Saved for Slot {
+    fn save(&self, out: &mut Writer<'_>) {
+        scan::save(&self.scan, out);
+        self.state.save(out);
+        self.dt_s.save(out);
+        self.gyro.save(out);
+        self.gyro_covers_sweep.save(out);
+        self.tilt.save(out);
+        self.deskew_velocity.save(out);
+        self.cells.save(out);
+        self.ndt.save(out);
+    }
+
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        scan::restore(&mut self.scan, from)?;
+        self.state.restore(from)?;
+        self.dt_s.restore(from)?;
+        self.gyro.restore(from)?;
+        self.gyro_covers_sweep.restore(from)?;
+        self.tilt.restore(from)?;
+        self.deskew_velocity.restore(from)?;
+        self.cells.restore(from)?;
+        self.ndt.restore(from)
     }
 }
 

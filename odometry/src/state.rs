@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 use randt_geometry::Pose2;
+use randt_saved::saved;
 
 /// Numbers in a state: x, y, yaw; forward, left, yaw rate; bias.
 pub const STATE: usize = 7;
@@ -20,6 +21,12 @@ pub struct State {
     /// Bias of the gyro's yaw rate, rad/s.
     pub bias_rad_s: f64,
 }
+
+saved!(State {
+    pose,
+    velocity,
+    bias_rad_s
+});
 
 impl State {
     /// This state, moved by a perturbation.

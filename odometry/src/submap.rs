@@ -5,6 +5,7 @@ use nalgebra::Vector2;
 use randt_config::{Config, Submap as SubmapConfig};
 use randt_geometry::Pose2;
 use randt_ndt::Grid;
+use randt_saved::saved;
 
 /// One submap; its grid stands in the frame of its root keyframe.
 #[derive(Clone, Debug)]
@@ -18,6 +19,13 @@ pub struct Submap {
     /// Its cells.
     pub grid: Grid,
 }
+
+saved!(Submap {
+    id,
+    root_keyframe,
+    root,
+    grid
+});
 
 impl Submap {
     fn open(&mut self, id: u64, root_keyframe: u64, root: Pose2) {
@@ -50,6 +58,16 @@ pub struct Submaps {
     pub outside: u64,
 }
 
+saved!(Submaps {
+    active,
+    next,
+    next_is_open,
+    ids,
+    outside,
+} kept {
+    config,
+} sound has_room);
+
 impl Submaps {
     /// Both grids, empty; nothing is allocated later.
     pub fn new(config: &Config) -> Self {
@@ -72,11 +90,31 @@ impl Submaps {
         }
     }
 
+    /// Whether there are numbers left.
+    fn has_room(&self) -> bool {
+        self.ids.max(self.outside) <= u64::MAX / 2
+    }
+
     /// Begins anew with a root; numbers of submaps go on.
     pub fn restart(&mut self, root_keyframe: u64, root: Pose2) {
         self.active.open(self.ids, root_keyframe, root);
         self.ids += 1;
-        self.next_is_open = false;
+        self.close_next();
+    }
+
+    /// The root in force has another number than was thought: no keyframe was made yet.
+    pub fn renumber_root(&mut self, root_keyframe: u64) {
+        self.active.root_keyframe = root_keyframe;
+    }
+
+    /// Number of the next submap.
+    pub fn next_id(&self) -> u64 {
+        self.ids
+    }
+
+    /// Numbers go on from here.
+    pub fn continue_from(&mut self, next_id: u64) {
+        self.ids = next_id;
     }
 
     /// The submap that scans are registered to.
@@ -107,8 +145,14 @@ impl Submaps {
             self.outside += self.next.insert(pose, points);
             if self.active.root.between(pose).translation().norm() >= self.config.radius_m {
                 core::mem::swap(&mut self.active, &mut self.next);
-                self.next_is_open = false;
+                self.close_next();
             }
         }
+    }
+
+    /// Emptied at once: what is not looked at any more must not be saved.
+    fn close_next(&mut self) {
+        self.next.grid.clear();
+        self.next_is_open = false;
     }
 }

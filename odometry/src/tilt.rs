@@ -1,6 +1,7 @@
 //! Slopes: what a tilted sensor measures, brought into the level plane.
 
 use nalgebra::{Vector2, Vector3};
+use randt_saved::saved;
 
 /// Roll and pitch of the robot, as what they do to ranges and to the yaw rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +20,13 @@ impl Default for Tilt {
         Self::LEVEL
     }
 }
+
+saved!(Tilt {
+    sin_pitch,
+    cos_pitch,
+    sin_roll,
+    cos_roll
+});
 
 impl Tilt {
     /// Upright.

@@ -4,6 +4,7 @@ use crate::window::Solution;
 use nalgebra::{Matrix2, SymmetricEigen};
 use randt_config::Config;
 use randt_messages::Trust;
+use randt_saved::saved;
 
 /// Mean robust weight below which most of a scan finds nothing alike in the map.
 const FIT_MIN: f64 = 0.1;
@@ -17,6 +18,8 @@ const CELLS_MIN: usize = 5;
 pub struct TrustJudge {
     unsupported: u32,
 }
+
+saved!(TrustJudge { unsupported } sound has_room);
 
 /// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2: yaw is free.
 pub fn position_information(solution: &Solution) -> [f64; 2] {
@@ -36,6 +39,11 @@ pub fn position_information(solution: &Solution) -> [f64; 2] {
 }
 
 impl TrustJudge {
+    /// Whether it can go on counting.
+    fn has_room(&self) -> bool {
+        self.unsupported <= u32::MAX / 2
+    }
+
     /// Judges one scan.
     pub fn judge(
         &mut self,

@@ -5,13 +5,15 @@
     reason = "a test says by panicking what is wrong"
 )]
 
-use randt_config::Config;
+mod support;
+
 use randt_filter::ClusterFilter;
 use randt_geometry::Pose2;
 use randt_messages::{ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints};
 use randt_odometry::{Counters, Odometry, Sink};
 use randt_simulator::{Event, Robot, Simulation, World};
 use std::sync::LazyLock;
+use support::config;
 
 /// Standstill ends here, as the simulated driver has it; 5 sweeps a second.
 const STANDING_SCANS: usize = 12;
@@ -66,14 +68,6 @@ impl Outcome {
             .filter(|state| state.imu_use == wanted as u32)
             .count()
     }
-}
-
-/// As simulated: the radar sits before the robot's middle.
-fn config() -> Config {
-    let mounting = Robot::default().radar_mounting;
-    let mut config = Config::default();
-    (config.robot.radar_x_m, config.robot.radar_y_m) = (mounting.x_m, mounting.y_m);
-    config
 }
 
 /// Filter and odometry over events; `after` sees what is out after each of them.

@@ -63,6 +63,20 @@ impl Config {
         self.ndt.cell_size_m.max(self.sensor.cell_size_min_m)
     }
 
+    /// A number that differs where any value differs: FNV-1a over all keys with their values.
+    pub fn fingerprint(&self) -> u64 {
+        let mut hash = 0xcbf2_9ce4_8422_2325;
+        for section in Self::SECTIONS {
+            for key in section.keys {
+                let value = self.get(section.name, key.name).unwrap_or_default();
+                for byte in format!("{}.{} = {value}\n", section.name, key.name).bytes() {
+                    hash = (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+                }
+            }
+        }
+        hash
+    }
+
     /// Farthest range whose returns are used, m: the environment's, or the sensor's where that is smaller.
     pub fn sight_m(&self) -> f64 {
         self.filter.range_max_m.min(self.sensor.range_max_m)

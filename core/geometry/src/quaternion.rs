@@ -2,6 +2,7 @@
 
 use crate::elementary::{asin, atan2, cos, sin_cos};
 use nalgebra::{Matrix3, Vector3};
+use randt_saved::saved;
 
 /// A rotation: v_fixed = q v_body q*.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,6 +16,8 @@ pub struct Quaternion {
     /// Imaginary part.
     pub z: f64,
 }
+
+saved!(Quaternion { w, x, y, z });
 
 impl Default for Quaternion {
     fn default() -> Self {

@@ -20,6 +20,7 @@
 //! assert!(RadarScan::TYPE_NAME.starts_with("RadarScan-"));
 //! ```
 
+mod checkpoint;
 pub mod health;
 mod imu;
 mod keyframe;
@@ -30,6 +31,7 @@ mod radar;
 mod topic;
 mod truth;
 
+pub use checkpoint::PoseRecord;
 pub use health::{HEALTH_PORTS, PortHealth, StageHealth, StageHealthTopic, StageState};
 pub use imu::{ImuSample, ImuSampleTopic};
 pub use keyframe::{Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint};

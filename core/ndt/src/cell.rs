@@ -1,6 +1,7 @@
 //! A cell: the normal distribution that stands for the points in one square of the grid.
 
 use crate::Distribution;
+use randt_saved::saved;
 
 /// Smaller eigenvalue of the position covariance, at least this share of the larger (paper, III-B):
 /// a wall in a cell must not become infinitely thin.
@@ -35,6 +36,12 @@ pub struct Cell {
     /// Points behind it.
     pub count: u32,
 }
+
+saved!(Cell {
+    mean,
+    covariance,
+    count
+});
 
 impl Cell {
     /// The cell of sample statistics; `None` where there are too few points.
@@ -122,6 +129,8 @@ pub struct ScanCell {
     /// 0 for a scan taken at one instant, about minus the mean age of its points otherwise.
     pub lever_s: f64,
 }
+
+saved!(ScanCell { cell, lever_s });
 
 impl ScanCell {
     /// A cell with its lever.

@@ -1,5 +1,7 @@
 //! Sample statistics of points (x, y, intensity) that add up exactly.
 
+use randt_saved::saved;
+
 /// Count, mean and scatter of points; the recursive update of Saarinen et al. 2013.
 ///
 /// Merging two equals adding all points of both, so no points need to be kept.
@@ -13,7 +15,14 @@ pub struct Distribution {
     pub scatter: [f64; 6],
 }
 
+saved!(Distribution { count, mean, scatter } sound has_room);
+
 impl Distribution {
+    /// Whether as many points can be added again as there are.
+    fn has_room(&self) -> bool {
+        self.count <= u32::MAX / 2
+    }
+
     /// Adds one point.
     #[inline]
     pub fn add(&mut self, point: [f64; 3]) {

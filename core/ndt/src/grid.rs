@@ -1,6 +1,7 @@
 //! A regular grid of cells over a square, with a dense index: no tree, no hash.
 
 use crate::{Cell, CellRule, Distribution};
+use randt_saved::{Error, Reader, Saved, Writer};
 
 const NONE: u32 = u32::MAX;
 /// Squares with points that room is made for at once (10 MB); no sensor's scans fill more, but tiny cells could ask
@@ -187,6 +188,39 @@ impl Grid {
     }
 }
 
+/// Squares and sums say all: the index, and the cells as of a refresh, are made of them again.
+impl Saved for Grid {
+    fn save(&self, out: &mut Writer<'_>) {
+        self.squares.save(out);
+        self.sums.iter().for_each(|sum| sum.save(out));
+    }
+
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        self.clear();
+        let mut count = 0_usize;
+        count.restore(from)?;
+        for slot in 0..count {
+            let mut square = 0_u32;
+            square.restore(from)?;
+            // Refuses a square twice, too; so there are never more than the grid has.
+            match self.index.get_mut(square as usize) {
+                Some(entry) if *entry == NONE => *entry = slot as u32,
+                _ => return Err(Error::Unsound("Grid")),
+            }
+            self.squares.push(square);
+        }
+        for _ in 0..count {
+            let mut sum = Distribution::default();
+            sum.restore(from)?;
+            self.cells
+                .push(Cell::new(&sum, self.rule).unwrap_or_default());
+            self.sums.push(sum);
+            self.is_dirty.push(false);
+        }
+        Ok(())
+    }
+}
+
 /// Largest whole number at or below, without the call that `f64::floor` is on baseline x86-64.
 ///
 /// `as` saturates: NaN goes to 0 and infinities to the far outside.
@@ -258,6 +292,42 @@ mod tests {
         let mut near = 0;
         grid.for_each_near(0.1, 0.1, 3, |_, _| near += 1);
         assert_eq!(near, 0);
+    }
+
+    #[test]
+    fn a_restored_grid_goes_on_as_if_nothing_had_been() {
+        let mut whole = grid();
+        let point = |i: u32| {
+            let i = f64::from(i);
+            [(i * 0.37) % 3.9, (i * 0.61) % 3.9 - 2.0, i % 7.0]
+        };
+        (0..200).for_each(|i| assert!(whole.add(point(i)).is_some()));
+        whole.refresh();
+        let mut bytes = vec![0; 1 << 16];
+        whole.save(&mut Writer::new(&mut bytes));
+        let mut restored = grid();
+        // What it held is gone.
+        restored.add([3.0, 3.0, 1.0]);
+        restored.restore(&mut Reader::new(&bytes)).unwrap();
+        for grid in [&mut whole, &mut restored] {
+            (200..300).for_each(|i| assert!(grid.add(point(i)).is_some()));
+            grid.refresh();
+        }
+        assert_eq!(whole.index, restored.index);
+        assert_eq!(whole.sums, restored.sums);
+        assert_eq!(whole.cells, restored.cells);
+        assert_eq!(whole.sums.capacity(), restored.sums.capacity());
+    }
+
+    #[test]
+    fn squares_that_are_twice_or_not_in_the_grid_are_refused() {
+        let mut bytes = [0; 1000];
+        for squares in [vec![3_u32, 3], vec![1 << 20]] {
+            let mut out = Writer::new(&mut bytes);
+            squares.save(&mut out);
+            let result = grid().restore(&mut Reader::new(&bytes));
+            assert_eq!(result, Err(Error::Unsound("Grid")));
+        }
     }
 
     #[test]

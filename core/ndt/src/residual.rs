@@ -7,6 +7,7 @@
 use crate::{AdaptiveLoss, Association, ScanCell, scalar};
 use nalgebra::{Matrix3, Vector3};
 use randt_geometry::Pose2;
+use randt_saved::saved;
 use wide::f64x4;
 
 /// Gauss-Newton normal equations of one scan, not yet weighted.
@@ -31,6 +32,16 @@ pub struct NormalEquations {
     /// Sum of the robust weights.
     pub weight: f64,
 }
+
+saved!(NormalEquations {
+    pose,
+    cross,
+    velocity,
+    pose_gradient,
+    velocity_gradient,
+    cost,
+    weight,
+});
 
 /// Sums over cells in the world's axes; turned into the pose's frame once at the end.
 #[derive(Default)]

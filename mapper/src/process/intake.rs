@@ -52,7 +52,9 @@ impl Intake {
         }
         let (mapper, restored) = Mapper::restore(config, &opened.bytes)?;
         if let Some(why) = restored.passed_over {
-            stage.say(&format!("{name}: its last snapshot is {why:?}: all keyframes are taken anew"));
+            stage.say(&format!(
+                "{name}: its last snapshot is {why:?}: all keyframes are taken anew"
+            ));
         }
         stage.say(&format!(
             "{name}: {} keyframes ({} from a snapshot) in {:.3} s",

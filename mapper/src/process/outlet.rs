@@ -57,7 +57,8 @@ impl Outlet {
             && let Some(head) = correction(intake.mapper())
         {
             let items = &[];
-            self.corrections.publish(MessageRef { head: &head, items })?;
+            self.corrections
+                .publish(MessageRef { head: &head, items })?;
             self.corrected = Some(version);
         }
         if at_once || now >= self.beat {
@@ -110,7 +111,13 @@ impl Outlet {
     /// How long to sleep at most.
     pub fn pause(&self) -> Duration {
         // Tiles that are left go out ten times a second.
-        let pace = if self.tiles.is_empty() { BEAT } else { BEAT / 5 };
-        self.beat.saturating_duration_since(Instant::now()).min(pace)
+        let pace = if self.tiles.is_empty() {
+            BEAT
+        } else {
+            BEAT / 5
+        };
+        self.beat
+            .saturating_duration_since(Instant::now())
+            .min(pace)
     }
 }

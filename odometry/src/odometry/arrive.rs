@@ -1,17 +1,12 @@
 //! What comes in: checks, and the order in which scans and IMU samples are used whatever the order they come in.
 
-use super::{Odometry, PENDING, Sink, copy};
-use crate::heading::{Heading, is_set_back};
+use super::{Odometry, PENDING, Sink, Source};
+use crate::{
+    heading::{Heading, is_set_back},
+    imu_queue::is_measurement,
+    scan,
+};
 use randt_messages::{ImuSample, MessageRef, RadarPoints};
-
-/// Stamps that a clock can give, ns since 1970 (or since the boot): up to the year 2116. Sums of two stay in range.
-const STAMPS_NS: core::ops::Range<i64> = 0..1 << 62;
-/// Longest sweep, ns: the slowest radars turn once in seconds.
-const SWEEP_MAX_NS: i64 = 60_000_000_000;
-/// No gyro measures more, rad/s.
-const RATE_MAX_RAD_S: f64 = 100.0;
-/// No accelerometer on a robot measures more, m/s^2 (200 g).
-const ACCELERATION_MAX_M_S2: f64 = 2000.0;
 
 impl Odometry {
     /// Takes an IMU sample; scans that waited for it are processed.
@@ -19,6 +14,10 @@ impl Odometry {
         let Some(heading) = &mut self.heading else {
             return;
         };
+        self.last_imu = Some(Source {
+            epoch: sample.header.epoch,
+            sequence: sample.header.sequence,
+        });
         if !is_measurement(sample) {
             self.counters.imu_rejected += 1;
             return;
@@ -37,13 +36,17 @@ impl Odometry {
     /// when its own clock says so.
     ///
     /// [proceeds]: Self::proceed
-    pub fn push_points(&mut self, scan: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
-        if !is_sweep(scan) {
+    pub fn push_points(&mut self, points: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
+        self.last_scan = Some(Source {
+            epoch: points.head.scan_epoch,
+            sequence: points.head.scan_sequence,
+        });
+        if !scan::is_sweep(points) {
             self.counters.scans_rejected += 1;
             return;
         }
         let mut message = self.spare.pop().unwrap_or_default();
-        copy(scan, &mut message);
+        scan::copy(points, &mut message);
         let stamp_ns = message.head.sweep.end_ns;
         self.pending.push_back(message);
         self.process_covered(sink);
@@ -56,6 +59,16 @@ impl Odometry {
             }
             self.proceed(sink);
         }
+    }
+
+    /// The last scan that was pushed: a process that comes back pushes those after it.
+    pub fn last_scan(&self) -> Option<Source> {
+        self.last_scan
+    }
+
+    /// The last IMU sample that was pushed.
+    pub fn last_imu(&self) -> Option<Source> {
+        self.last_imu
     }
 
     /// The end of the sweep that waits for the IMU, the first where there are several.
@@ -122,22 +135,4 @@ impl Odometry {
             }
         }
     }
-}
-
-/// Whether a scan's times can be.
-fn is_sweep(scan: MessageRef<'_, RadarPoints>) -> bool {
-    let sweep = &scan.head.sweep;
-    STAMPS_NS.contains(&sweep.end_ns)
-        && (0..=SWEEP_MAX_NS).contains(&(sweep.end_ns.saturating_sub(sweep.begin_ns)))
-}
-
-/// Whether a reading can be one.
-fn is_measurement(sample: &ImuSample) -> bool {
-    // NaN compares false.
-    STAMPS_NS.contains(&sample.header.stamp_ns)
-        && sample.rate_rad_s.iter().all(|v| v.abs() <= RATE_MAX_RAD_S)
-        && sample
-            .acceleration_m_s2
-            .iter()
-            .all(|v| v.abs() <= ACCELERATION_MAX_M_S2)
 }

@@ -1,8 +1,9 @@
 //! Where motion model and gyro say that a new scan is.
 
-use super::{Odometry, copy};
+use super::Odometry;
 use crate::{
     heading::GyroTerm,
+    scan,
     state::{State, StateMatrix},
     tilt::Tilt,
     window::Prior,
@@ -22,15 +23,15 @@ const UNCOVERED_MAX_S: f64 = 0.01;
 
 impl Odometry {
     /// Puts the scan into the window with its state predicted by motion model and gyro.
-    pub(super) fn predict(&mut self, scan: &Message<RadarPoints>) -> ImuUse {
+    pub(super) fn predict(&mut self, points: &Message<RadarPoints>) -> ImuUse {
         let before = self
             .used
             .checked_sub(1)
             .and_then(|i| self.slots.get(i))
             .map(|slot| (slot.state, slot.scan.head.sweep.end_ns));
-        let end_ns = scan.head.sweep.end_ns;
-        let begin_ns = before.map_or(scan.head.sweep.begin_ns, |(_, last_ns)| {
-            last_ns.min(scan.head.sweep.begin_ns)
+        let end_ns = points.head.sweep.end_ns;
+        let begin_ns = before.map_or(points.head.sweep.begin_ns, |(_, last_ns)| {
+            last_ns.min(points.head.sweep.begin_ns)
         });
         let sweep = self
             .heading
@@ -52,7 +53,7 @@ impl Odometry {
             return ImuUse::None;
         };
         self.used += 1;
-        copy(scan.as_ref(), &mut slot.scan);
+        scan::copy(points.as_ref(), &mut slot.scan);
         slot.gyro_covers_sweep = covered;
         slot.tilt = moment.map_or(Tilt::LEVEL, |(_, tilt)| tilt);
         slot.associations.clear();
@@ -84,7 +85,7 @@ impl Odometry {
                 (slot.dt_s, slot.gyro) = (0.0, None);
                 let yaw_rate = moment.map_or(0.0, |(rate_rad_s, _)| rate_rad_s - bias_rad_s);
                 slot.state = State {
-                    pose: Pose2::IDENTITY,
+                    pose: self.frame.origin,
                     velocity: Vector3::new(0.0, 0.0, yaw_rate),
                     bias_rad_s,
                 };

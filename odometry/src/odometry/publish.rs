@@ -3,7 +3,7 @@
 use super::{Odometry, Sink};
 use crate::{heading::Heading, state::StateMatrix, trust::position_information, window::Solution};
 use nalgebra::{Matrix3, Vector3};
-use randt_messages::{ImuUse, OdometryState, Trust};
+use randt_messages::{ImuUse, OdometryState, PoseRecord, Trust};
 
 /// Stands for "anywhere" where there is no solution, m^2 and rad^2.
 const UNKNOWN_VARIANCE: f64 = 1e6;
@@ -95,6 +95,22 @@ impl Odometry {
         state.iterations = solution.iterations;
         state.submap_id = self.submaps.active().id;
         self.sequence += 1;
+        self.record = record(&state);
         sink.state(&state);
+    }
+}
+
+/// What of a state another process can go on from.
+fn record(state: &OdometryState) -> PoseRecord {
+    PoseRecord {
+        stamp_ns: state.header.stamp_ns,
+        scan_epoch: state.scan_epoch,
+        scan_sequence: state.scan_sequence,
+        pose: state.pose,
+        velocity: state.velocity,
+        gyro_bias_rad_s: state.gyro_bias_rad_s,
+        attitude: state.attitude,
+        covariance: state.covariance,
+        ..PoseRecord::default()
     }
 }

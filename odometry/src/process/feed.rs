@@ -1,7 +1,7 @@
 //! The order in which a process takes what comes from two topics: samples as they come, one scan at a time.
 
 use super::Past;
-use crate::Odometry;
+use crate::{Odometry, Source};
 use randt_messages::{ImuSample, ImuSampleTopic, MessageRef, RadarPoints};
 use randt_saved::Error as SavedError;
 use randt_stage::Subscriber;
@@ -36,8 +36,8 @@ impl Feed {
         points: Subscriber<RadarPoints>,
         wait: Duration,
     ) -> Self {
-        if let Some((epoch, sequence)) = odometry.last_imu() {
-            samples.continue_after(epoch, sequence);
+        if let Some(last) = odometry.last_imu() {
+            samples.continue_after(last.epoch, last.sequence);
         }
         let deadline = odometry
             .waiting_for_ns()
@@ -59,7 +59,10 @@ impl Feed {
         loop {
             self.take_samples()?;
             if self.odometry.waiting_for_ns().is_some() {
-                if self.deadline.is_none_or(|deadline| Instant::now() < deadline) {
+                if self
+                    .deadline
+                    .is_none_or(|deadline| Instant::now() < deadline)
+                {
                     return Ok(());
                 }
                 // The samples may have come while this process was not running.
@@ -88,8 +91,11 @@ impl Feed {
         while let Some(sample) = self.samples.receive()? {
             self.patience = None;
             let sample: &ImuSample = sample.message().head;
-            let name = (sample.header.epoch, sample.header.sequence);
-            if self.odometry.last_imu().is_none_or(|last| name > last) {
+            let source = Source {
+                epoch: sample.header.epoch,
+                sequence: sample.header.sequence,
+            };
+            if self.odometry.last_imu().is_none_or(|last| source > last) {
                 self.odometry.push_imu(sample, &mut self.past.sink());
                 self.keep()?;
             }
@@ -99,14 +105,17 @@ impl Feed {
 
     /// Whether a scan was not taken before; those between that never came are counted.
     fn is_new(&mut self, scan: MessageRef<'_, RadarPoints>) -> bool {
-        let (epoch, sequence) = (scan.head.scan_epoch, scan.head.scan_sequence);
+        let source = Source {
+            epoch: scan.head.scan_epoch,
+            sequence: scan.head.scan_sequence,
+        };
         let Some(last) = self.odometry.last_scan() else {
             return true;
         };
-        if last.0 == epoch && sequence > last.1 + 1 {
-            self.scans_missed += sequence - last.1 - 1;
+        if last.epoch == source.epoch && source.sequence > last.sequence + 1 {
+            self.scans_missed += source.sequence - last.sequence - 1;
         }
-        (epoch, sequence) > last
+        source > last
     }
 
     /// Keeps the past where something came out.
@@ -133,4 +142,3 @@ impl Feed {
         }
     }
 }
-

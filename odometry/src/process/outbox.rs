@@ -52,7 +52,9 @@ impl Outbox {
     /// The states that have not been sent, oldest first; they then have been.
     pub fn take_states(&mut self) -> impl Iterator<Item = &OdometryState> {
         let unsent = std::mem::take(&mut self.unsent);
-        self.states.iter().skip(self.states.len().saturating_sub(unsent))
+        self.states
+            .iter()
+            .skip(self.states.len().saturating_sub(unsent))
     }
 
     /// Writes the last states in front of a record.

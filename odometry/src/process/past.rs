@@ -77,8 +77,8 @@ impl Past {
                     let next = odometry.pose_record().next_keyframe;
                     self.outbox.keyframes = (next.saturating_sub(AGAIN)..next).collect();
                     stage.say(&format!(
-                        "goes on after scan {:?}, state and map as they were",
-                        odometry.last_scan()
+                        "goes on after scan {}, state and map as they were",
+                        odometry.last_scan().unwrap_or_default().sequence
                     ));
                     return Ok((odometry, true));
                 }
@@ -116,10 +116,7 @@ impl Past {
             what: "cannot be written",
             cause,
         })?;
-        stage.say(&format!(
-            "{error}; it is set aside as {}",
-            path.display()
-        ));
+        stage.say(&format!("{error}; it is set aside as {}", path.display()));
         Ok(())
     }
 
@@ -136,12 +133,12 @@ impl Past {
         let outbox = &self.outbox;
         self.state.write(|slot| {
             let room = slot.len();
-            let (sent, state) = slot
-                .split_at_mut_checked(outbox::BYTES)
-                .ok_or(SavedError::Room {
-                    needed: outbox::BYTES,
-                    room,
-                })?;
+            let (sent, state) =
+                slot.split_at_mut_checked(outbox::BYTES)
+                    .ok_or(SavedError::Room {
+                        needed: outbox::BYTES,
+                        room,
+                    })?;
             outbox.save(sent);
             Ok(outbox::BYTES + odometry.save(state)?)
         })?;

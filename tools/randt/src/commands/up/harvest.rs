@@ -95,9 +95,7 @@ impl Drive<'_> {
             &mapper.counters(),
         );
         counters.extend(extra);
-        let timing = BTreeMap::from([
-            ("run", Cost::of(&[begin.elapsed().as_nanos() as u64])),
-        ]);
+        let timing = BTreeMap::from([("run", Cost::of(&[begin.elapsed().as_nanos() as u64]))]);
         let shown = Conclusion {
             input: log.input.unwrap_or(Input {
                 name: "live".to_owned(),
@@ -134,7 +132,12 @@ impl Drive<'_> {
             }
         }
         let use_imu = self.use_imu && log.imu_samples > 0;
-        log.input = Some(report::input(source.info(), path, use_imu, log.imu_samples)?);
+        log.input = Some(report::input(
+            source.info(),
+            path,
+            use_imu,
+            log.imu_samples,
+        )?);
         log.counters = source.counters();
         Ok(log)
     }

@@ -70,7 +70,9 @@ impl Watch {
 
     /// The last word of a stage's last life.
     fn newest(&self, name: &str) -> Option<&StageHealth> {
-        let lives = self.health.range((name.to_owned(), 0)..=(name.to_owned(), u64::MAX));
+        let lives = self
+            .health
+            .range((name.to_owned(), 0)..=(name.to_owned(), u64::MAX));
         lives.last().map(|(_, health)| health)
     }
 
@@ -91,9 +93,10 @@ impl Watch {
         let Some(play) = self.newest("play") else {
             return false;
         };
-        let sent = play.ports().iter().find(|port| {
-            port.publishes == 1 && text_of(&port.topic) == RadarScan::NAME
-        });
+        let sent = play
+            .ports()
+            .iter()
+            .find(|port| port.publishes == 1 && text_of(&port.topic) == RadarScan::NAME);
         let last = self.states.last();
         sent.zip(last).is_some_and(|(sent, state)| {
             state.scan_epoch == play.header.epoch && state.scan_sequence + 1 == sent.messages

@@ -1,0 +1,34 @@
+//! What a stage keeps outside of its process for the next one. Not on the bus.
+
+use crate::layout::plain;
+
+plain! {
+    /// Where odometry is and how far it has counted: small, and the same for every build that has this layout. For a
+    /// start where the whole state cannot be taken over.
+    pub struct PoseRecord {
+        /// End of the last scan's sweep.
+        pub stamp_ns: i64,
+        /// Epoch of that scan.
+        pub scan_epoch: u64,
+        /// Sequence of that scan.
+        pub scan_sequence: u64,
+        /// Frame of `pose`.
+        pub odom_frame_id: u64,
+        /// x m, y m, yaw rad in `odom`.
+        pub pose: [f64; 3],
+        /// Forward m/s, left m/s, yaw rate rad/s in `base_link`.
+        pub velocity: [f64; 3],
+        /// Gyro bias about the IMU's x, y, z, rad/s.
+        pub gyro_bias_rad_s: [f64; 3],
+        /// `base_link` in a level frame of the same yaw-free heading: quaternion w, x, y, z.
+        pub attitude: [f64; 4],
+        /// Covariance of x, y, yaw in the frame of `base_link`, row by row.
+        pub covariance: [f64; 9],
+        /// Id of the next state.
+        pub next_state: u64,
+        /// Id of the next keyframe.
+        pub next_keyframe: u64,
+        /// Id of the next submap.
+        pub next_submap: u64,
+    }
+}

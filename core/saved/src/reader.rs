@@ -1,0 +1,40 @@
+//! Reads values one after the other.
+
+use crate::Error;
+use bytemuck::Pod;
+
+/// What is left of a saved state.
+#[derive(Clone, Debug)]
+pub struct Reader<'a> {
+    bytes: &'a [u8],
+}
+
+impl<'a> Reader<'a> {
+    /// At the beginning of bytes.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes }
+    }
+
+    /// The next bytes.
+    #[inline]
+    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8], Error> {
+        let (taken, left) = self.bytes.split_at_checked(count).ok_or(Error::Shape)?;
+        self.bytes = left;
+        Ok(taken)
+    }
+
+    /// The next plain value.
+    #[inline]
+    pub fn plain<T: Pod>(&mut self) -> Result<T, Error> {
+        self.bytes(size_of::<T>()).map(bytemuck::pod_read_unaligned)
+    }
+
+    /// Makes sure that nothing is left.
+    pub fn end(&self) -> Result<(), Error> {
+        if self.bytes.is_empty() {
+            Ok(())
+        } else {
+            Err(Error::Shape)
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! How values are saved that structs are made of.
+
+use crate::{Error, Reader, Saved, Writer};
+use nalgebra::SMatrix;
+use std::collections::VecDeque;
+
+macro_rules! plain {
+    ($($ty:ty),+) => { $(
+        impl Saved for $ty {
+            #[inline]
+            fn save(&self, out: &mut Writer<'_>) {
+                out.plain(self);
+            }
+            #[inline]
+            fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+                *self = from.plain()?;
+                Ok(())
+            }
+        }
+    )+ };
+}
+plain!(u32, u64, i64, f64);
+
+impl Saved for usize {
+    fn save(&self, out: &mut Writer<'_>) {
+        out.plain(&(*self as u64));
+    }
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        *self = usize::try_from(from.plain::<u64>()?).map_err(|_| Error::Unsound("usize"))?;
+        Ok(())
+    }
+}
+
+impl Saved for bool {
+    fn save(&self, out: &mut Writer<'_>) {
+        out.plain(&u8::from(*self));
+    }
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        *self = match from.plain::<u8>()? {
+            0 => false,
+            1 => true,
+            _ => return Err(Error::Unsound("bool")),
+        };
+        Ok(())
+    }
+}
+
+impl<const R: usize, const C: usize> Saved for SMatrix<f64, R, C> {
+    fn save(&self, out: &mut Writer<'_>) {
+        self.iter().for_each(|value| value.save(out));
+    }
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        self.iter_mut().try_for_each(|value| value.restore(from))
+    }
+}
+
+impl<T: Saved, const N: usize> Saved for [T; N] {
+    fn save(&self, out: &mut Writer<'_>) {
+        self.iter().for_each(|value| value.save(out));
+    }
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        self.iter_mut().try_for_each(|value| value.restore(from))
+    }
+}
+
+impl<A: Saved, B: Saved> Saved for (A, B) {
+    fn save(&self, out: &mut Writer<'_>) {
+        self.0.save(out);
+        self.1.save(out);
+    }
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        self.0.restore(from)?;
+        self.1.restore(from)
+    }
+}
+
+impl<T: Saved + Default> Saved for Option<T> {
+    fn save(&self, out: &mut Writer<'_>) {
+        self.is_some().save(out);
+        self.iter().for_each(|value| value.save(out));
+    }
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        let mut is_some = false;
+        is_some.restore(from)?;
+        *self = if is_some { Some(next(from)?) } else { None };
+        Ok(())
+    }
+}
+
+/// A list: its length, then its values. It grows as they come, so that a false length cannot ask for memory.
+macro_rules! list {
+    ($list:ident, $push:ident) => {
+        impl<T: Saved + Default> Saved for $list<T> {
+            fn save(&self, out: &mut Writer<'_>) {
+                self.len().save(out);
+                self.iter().for_each(|value| value.save(out));
+            }
+            fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+                self.clear();
+                let mut count = 0_usize;
+                count.restore(from)?;
+                for _ in 0..count {
+                    self.$push(next(from)?);
+                }
+                Ok(())
+            }
+        }
+    };
+}
+list!(Vec, push);
+list!(VecDeque, push_back);
+
+fn next<T: Saved + Default>(from: &mut Reader<'_>) -> Result<T, Error> {
+    let mut value = T::default();
+    value.restore(from)?;
+    Ok(value)
+}

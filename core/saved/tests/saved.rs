@@ -1,0 +1,133 @@
+//! Values come back to the last bit, and nothing but what was saved is taken.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+use nalgebra::Matrix3;
+use randt_saved::{Error, Label, Reader, Saved, Writer, open, saved, seal};
+use std::collections::VecDeque;
+
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Part {
+    at: Option<i64>,
+    pairs: Vec<(f64, u32)>,
+}
+saved!(Part { at, pairs });
+
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Whole {
+    parts: VecDeque<Part>,
+    matrix: Matrix3<f64>,
+    on: [bool; 2],
+    used: usize,
+    room: usize,
+}
+saved!(Whole { parts, matrix, on, used } kept { room } sound is_sound);
+
+impl Whole {
+    fn is_sound(&self) -> bool {
+        self.used <= self.room
+    }
+}
+
+const LABEL: Label = Label {
+    magic: *b"A STATE ",
+    code: *b"00112233aabbccdd",
+    config: 7,
+};
+
+fn whole() -> Whole {
+    let part = |x: f64| Part {
+        at: (x > 0.0).then_some(-5),
+        pairs: vec![(x, 3), (-0.0, u32::MAX)],
+    };
+    Whole {
+        parts: [part(0.1 + 0.2), part(-1.0), Part::default()].into(),
+        matrix: Matrix3::new(1.0, 2.0, 3.0, 4.0, f64::MIN_POSITIVE, 6.0, 7.0, 8.0, 9.0),
+        on: [true, false],
+        used: 3,
+        room: 4,
+    }
+}
+
+fn bytes(whole: &Whole) -> Vec<u8> {
+    let mut bytes = vec![0; 1000];
+    let length = seal(&LABEL, &mut bytes, |out| whole.save(out)).unwrap();
+    bytes.truncate(length);
+    bytes
+}
+
+fn read(label: &Label, bytes: &[u8], room: usize) -> Result<Whole, Error> {
+    let mut whole = Whole {
+        room,
+        ..Whole::default()
+    };
+    let mut from = open(label, bytes)?;
+    whole.restore(&mut from)?;
+    from.end()?;
+    Ok(whole)
+}
+
+#[test]
+fn what_was_saved_comes_back() {
+    assert_eq!(read(&LABEL, &bytes(&whole()), 4), Ok(whole()));
+}
+
+#[test]
+fn a_buffer_that_is_too_small_is_told_how_much_is_needed() {
+    let length = bytes(&whole()).len();
+    for room in 0..length {
+        let result = seal(&LABEL, &mut vec![0; room], |out| whole().save(out));
+        let needed = length;
+        assert_eq!(result, Err(Error::Room { needed, room }));
+    }
+}
+
+#[test]
+fn every_cut_and_every_flipped_bit_is_found() {
+    let bytes = bytes(&whole());
+    for length in 0..bytes.len() {
+        assert!(
+            read(&LABEL, &bytes[..length], 4).is_err(),
+            "cut to {length}"
+        );
+    }
+    for bit in 0..8 * bytes.len() {
+        let mut bytes = bytes.clone();
+        bytes[bit / 8] ^= 1 << (bit % 8);
+        assert!(read(&LABEL, &bytes, 4).is_err(), "bit {bit}");
+    }
+    let longer: Vec<u8> = bytes.iter().copied().chain([0]).collect();
+    assert!(matches!(
+        read(&LABEL, &longer, 4),
+        Err(Error::Length { .. })
+    ));
+}
+
+#[test]
+fn a_state_of_another_build_or_configuration_is_refused_by_name() {
+    let bytes = bytes(&whole());
+    let text = |label: &Label| read(label, &bytes, 4).unwrap_err().to_string();
+    let code = *b"ffeeddccbbaa9988";
+    let other_code = text(&Label { code, ..LABEL });
+    assert!(other_code.contains("other source") && other_code.contains("00112233aabbccdd"));
+    assert!(text(&Label { config: 8, ..LABEL }).contains("another configuration"));
+    let magic = *b"B STATE ";
+    assert!(text(&Label { magic, ..LABEL }).contains("A STATE "));
+}
+
+#[test]
+fn impossible_values_are_refused_and_a_false_length_asks_for_no_memory() {
+    let result = read(&LABEL, &bytes(&whole()), 2);
+    assert_eq!(result, Err(Error::Unsound("Whole")));
+    let mut bytes = [0; 64];
+    let mut out = Writer::new(&mut bytes);
+    u64::MAX.save(&mut out);
+    let mut list = Vec::<f64>::new();
+    assert_eq!(list.restore(&mut Reader::new(&bytes)), Err(Error::Shape));
+    assert!(list.capacity() < 100);
+    let mut flag = true;
+    assert!(flag.restore(&mut Reader::new(&[2])).is_err());
+}
