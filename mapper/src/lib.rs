@@ -40,4 +40,4 @@ pub use place::Place;
 pub use registration::{Registrar, Registration};
 pub use scan_context::{Likeness, ScanContext};
 pub use search::{Lead, Search, Source};
-pub use submap::{Submap, Submaps, Trail};
+pub use submap::{Submaps, Trail};
