@@ -15,6 +15,20 @@ const AGAIN: u64 = 8;
 /// Room for the pose.
 const POSE_BYTES: usize = 8 + size_of::<PoseRecord>();
 
+/// Why a past cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum PastError {
+    /// The records cannot be opened.
+    #[error(transparent)]
+    Stage(#[from] Error),
+    /// The state cannot be taken over.
+    #[error("odometry's last state: {0}")]
+    Saved(#[from] SavedError),
+    /// There is none.
+    #[error("odometry left no state behind")]
+    Nothing,
+}
+
 /// The records of one realm; their writer is the only one.
 #[derive(Debug)]
 pub struct Past {
@@ -49,11 +63,11 @@ impl Past {
         realm: &Realm,
         config: &Config,
         use_imu: bool,
-    ) -> Result<(Odometry, KeyframeRing), Box<dyn std::error::Error + Send + Sync>> {
+    ) -> Result<(Odometry, KeyframeRing), PastError> {
         let past = Self::at(&realm.state())?;
         let newest = past.state.versions().into_iter().next();
         let bytes = newest.and_then(|bytes| bytes.get(outbox::BYTES..));
-        let bytes = bytes.ok_or("odometry left no state behind")?;
+        let bytes = bytes.ok_or(PastError::Nothing)?;
         Ok((Odometry::restore(config, use_imu, bytes)?, past.ring))
     }
 

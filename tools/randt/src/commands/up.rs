@@ -12,7 +12,7 @@ use crate::{
     progress,
     report::Count,
 };
-use anyhow::{Context, bail, ensure};
+use anyhow::{bail, ensure};
 use child::{Child, Program};
 use harvest::Drive;
 use indicatif::ProgressBar;
@@ -81,12 +81,12 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         log: arguments.play.as_deref(),
         options: arguments.options.options(),
     };
-    let mut extra = pipeline.watch.counters();
+    let (mut extra, begin) = (pipeline.watch.counters(), pipeline.begin);
     if interrupted && arguments.play.is_some() {
         let first = "the log was not played to its end".to_owned();
         extra.insert("interrupted", Count::lost(1, first));
     }
-    drive.harvest(pipeline.watch.into_states(), extra, pipeline.begin)
+    drive.harvest(pipeline.watch.take_states(), extra, begin)
 }
 
 /// What is in force, with the mounting that the log says.

@@ -177,8 +177,8 @@ impl Watch {
         counters
     }
 
-    /// The states.
-    pub fn into_states(self) -> Vec<OdometryState> {
-        self.states
+    /// The states; there are none left afterwards.
+    pub fn take_states(&mut self) -> Vec<OdometryState> {
+        std::mem::take(&mut self.states)
     }
 }
