@@ -66,10 +66,7 @@ impl Drive<'_> {
         if states.is_empty() {
             bail!("no scan was computed; nothing was written");
         }
-        let mut results = Results {
-            states,
-            ..Results::default()
-        };
+        let mut results = Results::of(states);
         let log = self.read_log(&mut results)?;
         let (mut odometry, ring) = Past::read(self.realm, self.config, self.use_imu)?;
         let path = self.out.join(JOURNAL);
