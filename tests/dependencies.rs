@@ -45,15 +45,28 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
 const USERS: &[(&str, &[&str])] = &[
     ("anyhow", &["randt"]),
     ("bzip2", &["randt-readers"]),
-    ("clap", &["randt"]),
+    (
+        "clap",
+        &[
+            "randt",
+            "randt-config",
+            "randt-filter",
+            "randt-mapper",
+            "randt-odometry",
+            "randt-stage",
+        ],
+    ),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
+    ("iceoryx2", &["randt-stage"]),
     ("indicatif", &["randt"]),
     ("lz4_flex", &["randt-readers"]),
     ("mcap", &["randt-log", "randt-readers"]),
+    ("memmap2", &["randt-stage"]),
     ("plotters", &["randt-evaluation"]),
     ("png", &["randt-readers"]),
     ("rusqlite", &["randt-readers"]),
+    ("rustix", &["randt", "randt-stage"]),
     ("toml", &["randt-config"]),
     ("wide", &["randt-ndt"]),
 ];
@@ -209,4 +222,31 @@ fn dependencies_are_as_agreed() {
         }
     }
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+/// Whoever computes offline builds neither shared memory nor the process shell.
+#[test]
+fn the_libraries_do_without_the_process_shell() {
+    for package in ["randt-filter", "randt-odometry", "randt-mapper"] {
+        let output = Command::new(env!("CARGO"))
+            .args(["tree", "--locked", "--offline", "--package", package])
+            .args([
+                "--no-default-features",
+                "--edges",
+                "normal",
+                "--prefix",
+                "none",
+            ])
+            .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("../.."))
+            .output()
+            .unwrap();
+        let tree = String::from_utf8_lossy(&output.stdout);
+        assert!(tree.contains("randt-messages"), "{output:?}");
+        for unwanted in ["iceoryx2", "randt-stage", "clap"] {
+            assert!(
+                !tree.contains(unwanted),
+                "{package} needs {unwanted}:\n{tree}"
+            );
+        }
+    }
 }

@@ -74,7 +74,7 @@ fn main() {
     let mut refinements = Vec::new();
     for found in mapper.loops() {
         trail.follow(&places[..=found.to]);
-        let grid = &submaps.rooted_at(found.from).unwrap().grid;
+        let grid = submaps.grid(found.from, places).unwrap();
         let start = found.relative.compose(&Pose2::from_array(OFF));
         refinements.push(time(|| registrar.register(grid, &trail, &start)));
     }

@@ -1,11 +1,12 @@
 //! A loop candidate: two places that may be one, what was measured between them, and what became of it.
 
-use crate::search::Source;
+use crate::{graph::Edge, plain, search::Source};
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
+use serde::{Deserialize, Serialize};
 
 /// What became of a candidate, and why.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Fate {
     /// In the graph.
     Accepted,
@@ -45,7 +46,7 @@ impl Fate {
 }
 
 /// What a candidate was judged by; `None` where it did not come so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
     /// Share of the newer place's surroundings that the older one's explain.
     pub forward: Option<f64>,
@@ -66,7 +67,7 @@ pub struct Scores {
 }
 
 /// Two places that may be one.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
     /// Index of the older place: the root of the submap.
     pub from: usize,
@@ -75,11 +76,25 @@ pub struct Candidate {
     /// Why it was looked at.
     pub source: Source,
     /// Pose of the newer place in the frame of the older one.
+    #[serde(with = "plain::pose")]
     pub relative: Pose2,
     /// Information of that pose, in the newer place's frame.
+    #[serde(with = "plain::matrix")]
     pub information: Matrix3<f64>,
     /// What it was judged by.
     pub scores: Scores,
     /// What became of it.
     pub fate: Fate,
+}
+
+impl Candidate {
+    /// What it says to the graph.
+    pub(crate) fn edge(&self) -> Edge {
+        Edge {
+            from: self.from,
+            to: self.to,
+            measured: self.relative,
+            information: (self.information + self.information.transpose()) * 0.5,
+        }
+    }
 }

@@ -1,8 +1,9 @@
 //! odometry/keyframe to loops, pose graph and occupancy grid.
 //!
 //! Responsible for the global map: which places are the same, where every keyframe stands once that is known, and
-//! the grid to navigate by. Not responsible for the live pose (odometry) nor for carrying messages. A struct with
-//! `push` methods: no I/O, no clock, no thread, no randomness.
+//! the grid to navigate by; and for coming back with the same map after a kill. Not responsible for the live pose (odometry)
+//! nor for carrying messages. A struct with `push` methods: no I/O, no clock, no thread, no randomness; only
+//! [`journal::JournalFile`] touches a file.
 //!
 //! ```
 //! use randt_config::Config;
@@ -26,8 +27,11 @@ mod candidate;
 mod divergence;
 pub mod graph;
 pub mod grid;
+pub mod journal;
 mod mapper;
 mod place;
+mod plain;
+pub mod publication;
 mod registration;
 mod scan_context;
 mod search;
@@ -35,9 +39,9 @@ mod submap;
 mod verify;
 
 pub use candidate::{Candidate, Fate, Scores};
-pub use mapper::{Counters, Mapper};
+pub use mapper::{Counters, Mapper, PassedOver, Restored};
 pub use place::Place;
 pub use registration::{Registrar, Registration};
 pub use scan_context::{Likeness, ScanContext};
 pub use search::{Lead, Search, Source};
-pub use submap::{Submap, Submaps, Trail};
+pub use submap::{Submaps, Trail};

@@ -260,10 +260,11 @@ mod tests {
     fn register(pose: &Pose2, start: &Pose2, corner: bool) -> Registration {
         let config = Config::default();
         let mut submaps = Submaps::new(&config);
-        submaps.push(&[place(&Pose2::IDENTITY, corner)]);
+        let places = [place(&Pose2::IDENTITY, corner)];
+        submaps.push(&places);
         let mut trail = Trail::new(&config);
         trail.follow(&[place(pose, corner)]);
-        let map = &submaps.all()[0].grid;
+        let map = submaps.grid(0, &places).unwrap();
         Registrar::new(&config)
             .register(map, &trail, start)
             .unwrap()

@@ -3,12 +3,13 @@
 use crate::{Place, ScanContext, submap::REACH_KEYFRAMES};
 use randt_config::{Config, Loops};
 use randt_geometry::elementary::exp;
+use serde::{Deserialize, Serialize};
 
 /// Leads that are followed from each source; each costs a registration.
 const LEADS_MAX: usize = 3;
 
 /// Where a lead comes from.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Source {
     /// The places look alike under this turn.
     Appearance {

@@ -1,13 +1,15 @@
 //! Submaps: the NDT cells around a root keyframe, made of the keyframes before and after it.
 //!
 //! A submap stands in its root's frame and uses odometry's relative poses only, which are exact over its few metres:
-//! the graph can move without touching it.
+//! the graph can move without touching it. Most places are never met again, so a submap is made when it is first asked
+//! for, and a mapper that comes back has none to make.
 
 use crate::Place;
 use nalgebra::Vector2;
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_ndt::{CellRule, Grid, ScanCell};
+use std::cell::OnceCell;
 
 /// A submap reaches this many keyframe distances of path to each side of its root: enough to hold what a robot at the
 /// root sees, little enough that odometry has not drifted.
@@ -17,11 +19,11 @@ const SPACING_KEYFRAMES: f64 = 4.0;
 
 /// NDT cells in the frame of a root keyframe.
 #[derive(Clone, Debug)]
-pub struct Submap {
+struct Submap {
     /// Index of the root place.
-    pub root: usize,
-    /// The cells.
-    pub grid: Grid,
+    root: usize,
+    /// The cells, from when they were first asked for.
+    grid: OnceCell<Grid>,
 }
 
 /// All submaps, and the rule by which places enter them.
@@ -57,29 +59,25 @@ impl Submaps {
             if !connected(root, place, self.reach_m) {
                 break;
             }
-            insert(&mut submap.grid, root, place);
-            submap.grid.refresh();
+            if let Some(grid) = submap.grid.get_mut() {
+                insert(grid, root, place);
+                grid.refresh();
+            }
         }
         let last_root = self
             .submaps
             .last()
             .and_then(|submap| places.get(submap.root));
-        if last_root.is_some_and(|root| connected(root, place, self.spacing_m)) {
-            return;
+        if !last_root.is_some_and(|root| connected(root, place, self.spacing_m)) {
+            self.submaps.push(Submap {
+                root: newest,
+                grid: OnceCell::new(),
+            });
         }
-        let mut grid = self.empty.clone();
-        for before in places.iter().rev() {
-            if !connected(place, before, self.reach_m) {
-                break;
-            }
-            insert(&mut grid, place, before);
-        }
-        grid.refresh();
-        self.submaps.push(Submap { root: newest, grid });
     }
 
-    /// The submap whose root is nearest along the path to a place of the same frame.
-    pub fn of(&self, place: &Place, places: &[Place]) -> Option<&Submap> {
+    /// The root of the submap that is nearest along the path to a place of the same frame.
+    pub fn root_of(&self, place: &Place, places: &[Place]) -> Option<usize> {
         let after = self.submaps.partition_point(|submap| {
             places
                 .get(submap.root)
@@ -97,19 +95,36 @@ impl Submaps {
         near.iter()
             .min_by(|a, b| distance(a).total_cmp(&distance(b)))
             .filter(|submap| distance(submap).is_finite())
+            .map(|submap| submap.root)
     }
 
-    /// The submap with this root.
-    pub fn rooted_at(&self, root: usize) -> Option<&Submap> {
+    /// The cells of the submap with this root.
+    pub fn grid(&self, root: usize, places: &[Place]) -> Option<&Grid> {
         let index = self
             .submaps
             .binary_search_by_key(&root, |submap| submap.root);
-        self.submaps.get(index.ok()?)
+        let submap = self.submaps.get(index.ok()?)?;
+        Some(submap.grid.get_or_init(|| self.made(root, places)))
     }
 
-    /// All of them.
-    pub fn all(&self) -> &[Submap] {
-        &self.submaps
+    /// The roots of all of them, rising.
+    pub fn roots(&self) -> impl Iterator<Item = usize> {
+        self.submaps.iter().map(|submap| submap.root)
+    }
+
+    /// The cells around a root: backwards from it, then onwards, as the places that come later will enter.
+    fn made(&self, root: usize, places: &[Place]) -> Grid {
+        let mut grid = self.empty.clone();
+        let (before, after) = places.split_at_checked(root + 1).unwrap_or_default();
+        if let Some(place) = before.last() {
+            let reached = |other: &&Place| connected(place, other, self.reach_m);
+            let onwards = after.iter().take_while(reached);
+            for other in before.iter().rev().take_while(reached).chain(onwards) {
+                insert(&mut grid, place, other);
+            }
+        }
+        grid.refresh();
+        grid
     }
 }
 
@@ -221,16 +236,35 @@ mod tests {
         for end in 1..=places.len() {
             submaps.push(&places[..end]);
         }
-        let roots: Vec<usize> = submaps.all().iter().map(|submap| submap.root).collect();
+        let roots: Vec<usize> = submaps.roots().collect();
         assert_eq!(roots[..4], [0, 5, 10, 15]);
         assert!(roots.contains(&30), "a new frame begins with a root");
         // Eight keyframes to each side and itself.
-        assert_eq!(points(&submaps.rooted_at(15).unwrap().grid), 17 * 40);
+        assert_eq!(points(submaps.grid(15, &places).unwrap()), 17 * 40);
         // Only its own frame: nothing before, eight after.
-        assert_eq!(points(&submaps.rooted_at(30).unwrap().grid), 9 * 40);
-        assert_eq!(submaps.of(&places[12], &places).unwrap().root, 10);
-        assert_eq!(submaps.of(&places[29], &places).unwrap().root, 25);
-        assert!(submaps.rooted_at(3).is_none());
+        assert_eq!(points(submaps.grid(30, &places).unwrap()), 9 * 40);
+        assert_eq!(submaps.root_of(&places[12], &places), Some(10));
+        assert_eq!(submaps.root_of(&places[29], &places), Some(25));
+        assert!(submaps.grid(3, &places).is_none());
+    }
+
+    #[test]
+    fn a_submap_is_the_same_whenever_it_is_first_asked_for() {
+        let places = drive();
+        let cells = |asked: usize| {
+            let mut submaps = Submaps::new(&Config::default());
+            for end in 1..=places.len() {
+                submaps.push(&places[..end]);
+                if end == asked {
+                    submaps.grid(15, &places[..end]).unwrap();
+                }
+            }
+            let grid = submaps.grid(15, &places).unwrap();
+            grid.cells().copied().collect::<Vec<_>>()
+        };
+        for asked in 16..30 {
+            assert_eq!(cells(asked), cells(60), "asked for at {asked}");
+        }
     }
 
     #[test]

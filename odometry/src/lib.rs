@@ -13,6 +13,8 @@ mod imu_queue;
 mod keyframe;
 mod ndt_term;
 mod odometry;
+#[cfg(feature = "process")]
+pub mod process;
 mod scan;
 mod slot;
 mod state;

@@ -14,6 +14,8 @@
 //! # Ok::<(), randt_config::Error>(())
 //! ```
 
+#[cfg(feature = "clap")]
+mod arguments;
 mod builtin;
 mod config;
 mod error;
@@ -27,6 +29,8 @@ mod sections;
 mod show;
 mod value;
 
+#[cfg(feature = "clap")]
+pub use arguments::SelectionArguments;
 pub use config::{Config, Section};
 pub use error::Error;
 pub use input::{InputGeometry, check_input};

@@ -2,12 +2,15 @@
 
 use crate::builtin::{Builtin, PROFILES, ROBOT, SENSORS};
 use crate::layer::{Layer, Origins, apply_override, nearest, read_text};
-use crate::{Config, Error};
+use crate::{Config, Error, Place, Robot};
 
 /// The environment where the user names none.
 pub const DEFAULT_PROFILE: &str = "mixed";
 /// The radar where neither the user nor the input names one.
 const DEFAULT_SENSOR: &str = "isdr-c";
+
+/// Where the sensors sit: the input may say it too.
+const ROBOT_SECTION: &str = "robot";
 
 /// What the user and the input ask for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -66,6 +69,18 @@ impl Loaded {
     /// mounting holds.
     pub fn is_set(&self, section: &str) -> bool {
         self.origins.keys().any(|(of, _)| *of == section)
+    }
+
+    /// Takes the mounting from the input where nobody has set one.
+    pub fn mount(&mut self, robot: Robot) {
+        if self.is_set(ROBOT_SECTION) {
+            return;
+        }
+        self.config.robot = robot;
+        for key in Robot::KEYS {
+            let place = Place::whole("the input");
+            self.origins.insert((ROBOT_SECTION, key.name), place);
+        }
     }
 
     /// Lays a built-in or a file over what is there.

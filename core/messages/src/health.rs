@@ -17,6 +17,8 @@ pub enum StageState {
     Degraded = 2,
     /// On its way out.
     Stopping = 3,
+    /// At the end of its log; what it sent last stays in reach.
+    Finished = 4,
 }
 
 impl StageState {
@@ -26,6 +28,7 @@ impl StageState {
             1 => Self::Running,
             2 => Self::Degraded,
             3 => Self::Stopping,
+            4 => Self::Finished,
             _ => Self::Starting,
         }
     }
@@ -37,6 +40,7 @@ impl StageState {
             Self::Running => "running",
             Self::Degraded => "degraded",
             Self::Stopping => "stopping",
+            Self::Finished => "finished",
         }
     }
 }

@@ -28,6 +28,15 @@ impl SensorKind {
             _ => Self::Unknown,
         }
     }
+
+    /// What the configuration calls it; `None` where the input does not say.
+    pub fn name(self) -> Option<&'static str> {
+        match self {
+            Self::Unknown => None,
+            Self::IsdrC => Some("isdr-c"),
+            Self::NavtechCts => Some("navtech-cts"),
+        }
+    }
 }
 
 plain! {

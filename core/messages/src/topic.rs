@@ -4,7 +4,7 @@ use crate::{Header, layout::Layout};
 use bytemuck::Pod;
 
 /// One topic of the bus and of the log. A message is one `Head` followed by up to `MAX_ITEMS` items.
-pub trait Topic {
+pub trait Topic: core::fmt::Debug + 'static {
     /// Name with version, such as `radar/scan/v1`.
     const NAME: &'static str;
     /// Marker name, a dash and the layout hash of head and item.
@@ -96,7 +96,7 @@ impl<T: Topic> Message<T> {
     }
 }
 
-impl<T: Topic> MessageRef<'_, T> {
+impl<'a, T: Topic> MessageRef<'a, T> {
     /// Appends the bytes as they are on the bus: the head, then the items.
     pub fn write_bytes(&self, out: &mut Vec<u8>) {
         out.extend_from_slice(bytemuck::bytes_of(self.head));
@@ -106,7 +106,7 @@ impl<T: Topic> MessageRef<'_, T> {
     }
 
     /// Sequence number, stamp and epoch.
-    pub fn header(&self) -> &Header {
+    pub fn header(&self) -> &'a Header {
         self.head.as_ref()
     }
 }

@@ -40,6 +40,12 @@ pub enum Error {
         /// The farthest that is taken, m.
         limit_m: f64,
     },
+    /// Names of loops that do not rise, or are to be given again.
+    #[error("the loops' names do not rise to below {next}")]
+    LoopNames {
+        /// The next name.
+        next: u64,
+    },
     /// Two nodes without a chain of edges between them.
     #[error("nodes {from} and {to} are in parts of the graph that no edge joins")]
     NotConnected {

@@ -50,6 +50,38 @@ pub struct PoseGraph {
 }
 
 impl PoseGraph {
+    /// The graph that had these poses, edges and loops; later loops are named from `next_loop` on.
+    pub fn restore(
+        poses: Vec<Pose2>,
+        odometry: Vec<Edge>,
+        loops: Vec<Loop>,
+        next_loop: u64,
+    ) -> Result<Self, Error> {
+        poses.iter().try_for_each(check_pose)?;
+        let edges = odometry.iter().chain(loops.iter().map(|l| &l.edge));
+        edges
+            .into_iter()
+            .try_for_each(|edge| edge.check(poses.len()))?;
+        let rises = loops.is_sorted_by(|a, b| a.id < b.id);
+        if !rises || loops.last().is_some_and(|l| l.id.0 >= next_loop) {
+            return Err(Error::LoopNames { next: next_loop });
+        }
+        let mut graph = Self {
+            poses,
+            odometry,
+            loops,
+            next_loop,
+            ..Self::default()
+        };
+        graph.label();
+        Ok(graph)
+    }
+
+    /// The name that the next loop will have.
+    pub fn next_loop(&self) -> u64 {
+        self.next_loop
+    }
+
     /// Adds a node where it is believed to be and returns its index. It belongs to no other until an edge says so.
     pub fn add_node(&mut self, pose: Pose2) -> Result<usize, Error> {
         check_pose(&pose)?;

@@ -144,6 +144,16 @@ impl Grid {
         self.tiles.iter()
     }
 
+    /// A tile; `None` where nothing is known.
+    pub fn tile(&self, index: TileIndex) -> Option<&Tile> {
+        self.tiles.get(index)
+    }
+
+    /// Version in which a tile last changed, or became empty; 0 where there never was one.
+    pub fn changed_at(&self, index: TileIndex) -> u64 {
+        self.tiles.changed_at(index)
+    }
+
     /// What has changed after a version: tiles with their new content, `None` for those that are empty now.
     pub fn changed_since(&self, version: u64) -> impl Iterator<Item = (TileIndex, Option<&Tile>)> {
         let changed = self

@@ -25,6 +25,17 @@ impl Tiles {
         self.tiles.iter().map(|(&index, tile)| (index, tile))
     }
 
+    /// A tile that holds something.
+    pub fn get(&self, index: TileIndex) -> Option<&Tile> {
+        self.tiles.get(&index)
+    }
+
+    /// Version in which a tile last changed or became empty; 0 where there never was one.
+    pub fn changed_at(&self, index: TileIndex) -> u64 {
+        let gone = || self.gone.get(&index).copied().unwrap_or(0);
+        self.tiles.get(&index).map_or_else(gone, Tile::version)
+    }
+
     /// Tiles that became empty after a version.
     pub fn gone_since(&self, version: u64) -> impl Iterator<Item = TileIndex> {
         let gone = self.gone.iter().filter(move |(_, then)| **then > version);

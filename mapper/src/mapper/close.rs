@@ -39,11 +39,7 @@ impl Mapper {
             let Some(place) = self.places.get(lead.place) else {
                 continue;
             };
-            let Some(root) = self
-                .submaps
-                .of(place, &self.places)
-                .map(|submap| submap.root)
-            else {
+            let Some(root) = self.submaps.root_of(place, &self.places) else {
                 continue;
             };
             if !tried.contains(&root) {
@@ -160,7 +156,7 @@ impl Mapper {
         candidate.relative = registration.pose;
         candidate.information = registration.information;
         let sight_m = DIVERGENCE_SIGHT * self.config.sight_m();
-        let grid = self.submaps.rooted_at(from).map(|submap| &submap.grid);
+        let grid = self.submaps.grid(from, &self.places);
         candidate.scores = Scores {
             forward: Some(registration.forward),
             backward: Some(registration.backward),
@@ -209,7 +205,7 @@ impl Mapper {
 
     /// The best of several registrations to one submap.
     fn register(&mut self, root: usize, starts: &[Pose2]) -> Option<Registration> {
-        let grid = &self.submaps.rooted_at(root)?.grid;
+        let grid = self.submaps.grid(root, &self.places)?;
         let (registrar, trail) = (&mut self.registrar, &self.trail);
         starts
             .iter()

@@ -6,7 +6,6 @@
 use super::Mapper;
 use crate::{
     Candidate, Fate,
-    graph::Edge,
     verify::{CHI2_MAX, Prior},
 };
 use nalgebra::Matrix3;
@@ -99,14 +98,7 @@ impl Mapper {
             let Some(candidate) = self.candidates.get_mut(index) else {
                 continue;
             };
-            let information = (candidate.information + candidate.information.transpose()) * 0.5;
-            let edge = Edge {
-                from: candidate.from,
-                to: candidate.to,
-                measured: candidate.relative,
-                information,
-            };
-            match self.graph.add_loop(edge) {
+            match self.graph.add_loop(candidate.edge()) {
                 Ok(id) => {
                     candidate.fate = Fate::Accepted;
                     self.loops.push((id, index));

@@ -170,12 +170,7 @@ impl Mapper {
 
     /// Lays a part over another one and registers each of its submaps' roots where the other part has been.
     fn overlay(&mut self, part: usize, position: Position) -> Overlay {
-        let roots: Vec<usize> = self
-            .submaps
-            .all()
-            .iter()
-            .map(|submap| submap.root)
-            .collect();
+        let roots: Vec<usize> = self.submaps.roots().collect();
         let near_m = NEAR_KEYFRAMES * self.config.keyframe.distance_m;
         let mut overlay = Overlay {
             position,
@@ -213,7 +208,7 @@ impl Mapper {
             .filter_map(|place| Some((distance_m(place)?, place)))
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
         let place = self.places.get(nearest)?;
-        Some(self.submaps.of(place, &self.places)?.root)
+        self.submaps.root_of(place, &self.places)
     }
 
     /// Registers a place to a submap near where it is expected to be in the submap's part; `None` where it does not

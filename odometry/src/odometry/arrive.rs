@@ -9,8 +9,8 @@ use crate::{
 use randt_messages::{ImuSample, MessageRef, RadarPoints};
 use randt_saved::saved;
 
-/// A message by its publisher's start and its number: what the source's epoch and sequence say.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// A message by its publisher's start and its number: what the source's epoch and sequence say. Later ones are greater.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Source {
     /// New at each start of the publisher.
     pub epoch: u64,

@@ -85,7 +85,7 @@ fn scan_cost(input: &Path, profile: &str) -> anyhow::Result<()> {
             profile: Some(profile.to_owned()),
             ..Selection::default()
         })?;
-        let config = job::with_mounting(&loaded, source.as_ref());
+        let config = job::with_mounting(loaded, source.as_ref()).config;
         let done = job::run(
             source.as_mut(),
             &config,

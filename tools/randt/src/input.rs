@@ -65,6 +65,29 @@ impl Default for InputOptions {
 }
 
 impl InputOptions {
+    /// The same as arguments of another command.
+    pub fn as_arguments(&self) -> Vec<String> {
+        let name = |value: &dyn Fn() -> Option<String>| value().unwrap_or_default();
+        let stamp = name(&|| Some(self.stamp.to_possible_value()?.get_name().to_owned()));
+        let rotation = name(&|| Some(self.rotation.to_possible_value()?.get_name().to_owned()));
+        let mut arguments = vec![
+            format!("--stamp={stamp}"),
+            format!("--rotation={rotation}"),
+            format!("--power-min={}", self.power_min),
+        ];
+        for (option, value) in [
+            ("--radar-topic", self.radar_topic.clone()),
+            ("--imu-topic", self.imu_topic.clone()),
+            ("--period", self.period.map(|period| period.to_string())),
+        ] {
+            arguments.extend(value.map(|value| format!("{option}={value}")));
+        }
+        if self.all_images {
+            arguments.push("--all-images".to_owned());
+        }
+        arguments
+    }
+
     /// The readers' options.
     pub fn options(&self) -> Options {
         Options {

@@ -2,8 +2,8 @@
 
 use crate::{pipeline::Pipeline, results::Results};
 use indicatif::ProgressBar;
-use randt_config::{Config, InputGeometry, Loaded, check_input};
-use randt_messages::SweepHead;
+use randt_config::{Config, Loaded};
+use randt_filter::check_sweep;
 use randt_readers::{Event, Source};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -43,34 +43,18 @@ pub fn interrupted() -> bool {
 }
 
 /// Takes the mounting from the input where nobody has configured one.
-pub fn with_mounting(loaded: &Loaded, source: &dyn Source) -> Config {
-    let mut config = loaded.config.clone();
-    if loaded.is_set("robot") {
-        return config;
-    }
+pub fn with_mounting(mut loaded: Loaded, source: &dyn Source) -> Loaded {
     let extrinsics = source.info().extrinsics;
+    let mut robot = loaded.config.robot.clone();
     if let Some(radar) = extrinsics.radar {
-        let robot = &mut config.robot;
         (robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad) =
             (radar.x_m, radar.y_m, radar.yaw_rad);
     }
     if let Some(imu) = extrinsics.imu {
-        let robot = &mut config.robot;
         (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad) = imu.roll_pitch_yaw();
     }
-    config
-}
-
-/// Whether a sweep can be the configured sensor's.
-fn fits(sweep: &SweepHead, config: &Config) -> Result<(), randt_config::Error> {
-    // Micrometres and microradians: the message's single precision has no more.
-    let rounded = |value: f32| Some((f64::from(value) * 1e6).round() * 1e-6);
-    let geometry = InputGeometry {
-        range_resolution_m: rounded(sweep.range_resolution_m),
-        azimuth_step_rad: rounded(sweep.azimuth_step_rad),
-        range_max_m: None,
-    };
-    check_input(&config.sensor, &geometry)
+    loaded.mount(robot);
+    loaded
 }
 
 /// Runs a source to its end.
@@ -99,7 +83,7 @@ pub fn run(
             Event::Scan(scan) => {
                 done.read_ns.push(std::mem::take(&mut read_ns));
                 bar.inc(1);
-                if let Err(misfit) = fits(&scan.head.sweep, config) {
+                if let Err(misfit) = check_sweep(&scan.head.sweep, config) {
                     done.misfits += 1;
                     // One damaged scan is stepped over; another sensor's input is refused.
                     if done.misfits >= MISFITS_MAX && done.results.states.is_empty() {

@@ -4,6 +4,7 @@
 
 pub mod accepted;
 pub mod commands;
+pub mod conclusion;
 pub mod digest;
 pub mod drive;
 pub mod exit;
@@ -18,4 +19,3 @@ pub mod pipeline;
 pub mod progress;
 pub mod report;
 pub mod results;
-pub mod selection;

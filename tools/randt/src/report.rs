@@ -1,6 +1,7 @@
 //! `report.json`: what was computed, from what, how fast, and all that was dropped or repaired.
 
 use crate::{
+    digest,
     loops::Loops,
     pipeline::Timing,
     results::{FrameSpan, TrustCount},
@@ -79,6 +80,17 @@ pub struct Count {
     /// The first case.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub first: String,
+}
+
+impl Count {
+    /// Data that were lost, with the first case.
+    pub fn lost(count: u64, first: String) -> Self {
+        Self {
+            count,
+            loss: true,
+            first,
+        }
+    }
 }
 
 /// What a stage cost, ms.
@@ -198,12 +210,16 @@ pub fn counters(
 }
 
 /// What the input says of itself, for the report.
-pub fn input(info: &InputInfo, name: String, sha256: String, imu: bool, imu_samples: u64) -> Input {
-    Input {
-        name,
+pub fn input(info: &InputInfo, path: &Path, imu: bool, imu_samples: u64) -> anyhow::Result<Input> {
+    Ok(Input {
+        name: path
+            .file_name()
+            .unwrap_or(path.as_os_str())
+            .to_string_lossy()
+            .into_owned(),
         format: info.format,
-        sha256,
+        sha256: digest::of_path(path)?,
         imu,
         imu_samples,
-    }
+    })
 }

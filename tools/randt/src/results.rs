@@ -58,6 +58,14 @@ pub struct TrustCount {
 }
 
 impl Results {
+    /// Those of a drive that is over.
+    pub fn of(states: Vec<OdometryState>) -> Self {
+        Self {
+            states,
+            truth: Trajectory::default(),
+        }
+    }
+
     /// Keeps a true pose for the evaluation.
     pub fn add_truth(&mut self, truth: &TruthPose) {
         if self.truth.poses().is_empty() {

@@ -2,9 +2,7 @@
 
 use crate::exit::Outcome;
 use crate::output::print;
-use crate::selection::SelectionArguments;
-use randt_config::{Error, check_file};
-use randt_messages::SensorKind;
+use randt_config::{Error, SelectionArguments, check_file};
 
 /// Arguments of `randt config`.
 #[derive(Debug, clap::Args)]
@@ -32,7 +30,7 @@ enum Action {
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     match arguments.action {
         Action::Show(selection) => {
-            print(&selection.load(SensorKind::Unknown)?.to_toml())?;
+            print(&selection.load(None)?.to_toml())?;
         }
         Action::Check { files } => {
             let mut mistakes = Vec::new();

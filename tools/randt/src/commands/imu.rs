@@ -9,12 +9,11 @@ mod sample;
 
 use crate::exit::Outcome;
 use crate::output::{print, write_whole};
-use crate::selection::SelectionArguments;
 use anyhow::bail;
 use examination::Examination;
 use nalgebra::Vector3;
+use randt_config::SelectionArguments;
 use randt_filter::Mounting;
-use randt_messages::SensorKind;
 use sample::Samples;
 use serde_json::json;
 use std::fmt::Write;
@@ -45,7 +44,7 @@ pub struct Arguments {
 
 /// Examines and prints.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    let config = arguments.selection.load(SensorKind::Unknown)?.config;
+    let config = arguments.selection.load(None)?.config;
     let mut samples = Samples::open(&arguments.file, arguments.imu_topic)?;
     let mut examination = Examination::new(&config, arguments.attitude.is_some());
     while let Some(sample) = samples.next_sample()? {

@@ -7,9 +7,11 @@ mod eval;
 mod graph;
 mod import;
 mod imu;
+mod play;
 mod register;
 mod run;
 mod simulate;
+mod up;
 
 use crate::exit::Outcome;
 use clap::Subcommand;
@@ -27,6 +29,10 @@ pub enum Command {
     Simulate(simulate::Arguments),
     /// Turn a recording of another format into our log
     Import(import::Arguments),
+    /// Run the whole pipeline as processes, restarting what dies, and leave what `randt run` leaves
+    Up(up::Arguments),
+    /// Publish a recording to the pipeline as the drivers would
+    Play(play::Arguments),
     /// Examine an IMU recording: biases, standstills, mounting, attitude
     Imu(imu::Arguments),
     /// Register two radar scans to each other
@@ -48,6 +54,8 @@ impl Command {
             Self::Eval(arguments) => eval::run(arguments),
             Self::Simulate(arguments) => simulate::run(arguments),
             Self::Import(arguments) => import::run(arguments),
+            Self::Up(arguments) => up::run(arguments),
+            Self::Play(arguments) => play::run(arguments),
             Self::Imu(arguments) => imu::run(arguments),
             Self::Register(arguments) => register::run(arguments),
             Self::Graph(arguments) => graph::run(arguments),

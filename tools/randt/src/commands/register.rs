@@ -1,10 +1,8 @@
 //! `randt register`: the motion between two radar scans.
 
-use crate::{
-    exit::Outcome, input::InputOptions, job, output::print, selection::SelectionArguments,
-};
+use crate::{exit::Outcome, input::InputOptions, job, output::print};
 use anyhow::{Context, bail};
-use randt_config::{Config, Loaded};
+use randt_config::{Config, Loaded, SelectionArguments};
 use randt_filter::ClusterFilter;
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, RadarScan, Trust};
@@ -142,8 +140,8 @@ fn first_scan(
     selection: &SelectionArguments,
 ) -> anyhow::Result<(Message<RadarScan>, Config)> {
     let mut source = randt_readers::open(path, options)?;
-    let loaded: Loaded = selection.load(source.info().sensor)?;
-    let config = job::with_mounting(&loaded, source.as_ref());
+    let loaded: Loaded = selection.load(source.info().sensor.name())?;
+    let config = job::with_mounting(loaded, source.as_ref()).config;
     while let Some(event) = source.next_event()? {
         if let Event::Scan(scan) = event {
             return Ok((scan, config));

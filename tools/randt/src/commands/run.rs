@@ -1,23 +1,17 @@
 //! `randt run`: a radar log in, a trajectory and a map out.
 
-mod summary;
-
 use crate::{
-    digest,
+    conclusion::{Conclusion, Shown},
     exit::Outcome,
-    final_poses::final_poses,
     input::InputOptions,
     job::{self, Done},
-    loops::Loops,
-    output::{print, write_whole},
+    output::write_whole,
     progress,
-    report::{self, Accuracy, Cost, Count, Report},
-    selection::SelectionArguments,
+    report::{self, Count},
 };
 use anyhow::{Context, bail};
-use randt_config::Config;
+use randt_config::{Config, SelectionArguments};
 use randt_readers::Source;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -56,19 +50,6 @@ impl Arguments {
     }
 }
 
-/// What a run shows of itself.
-#[derive(Debug)]
-pub struct Shown {
-    /// Error against the log's truth.
-    pub ate_rmse_m: Option<f64>,
-    /// Length of the path.
-    pub path_m: f64,
-    /// Cost per stage.
-    pub timing: BTreeMap<&'static str, Cost>,
-    /// Whether data were lost.
-    pub lost: bool,
-}
-
 /// Computes, writes, prints.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     Ok(if compute(arguments)?.lost {
@@ -83,8 +64,8 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     job::catch_interrupts();
     let begin = Instant::now();
     let mut source = randt_readers::open(&arguments.input, &arguments.options.options())?;
-    let loaded = arguments.selection.load(source.info().sensor)?;
-    let mut config = job::with_mounting(&loaded, source.as_ref());
+    let loaded = arguments.selection.load(source.info().sensor.name())?;
+    let mut config = job::with_mounting(loaded, source.as_ref()).config;
     config.loops.enabled &= !arguments.no_loops;
     prepare_folder(&arguments.out)?;
 
@@ -113,7 +94,7 @@ pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::remove_file(&trial).with_context(|| trial.display().to_string())
 }
 
-/// Writes all outputs and prints the summary.
+/// Everything that was found out, written and printed.
 fn finish(
     arguments: &Arguments,
     source: &dyn Source,
@@ -121,88 +102,33 @@ fn finish(
     done: &Done,
     begin: Instant,
 ) -> anyhow::Result<Shown> {
-    let (input, out) = (arguments.input.as_path(), arguments.out.as_path());
-    let use_imu = !arguments.no_imu;
-    let results = &done.results;
-    let name = input
-        .file_name()
-        .unwrap_or(input.as_os_str())
-        .to_string_lossy()
-        .into_owned();
+    let input = arguments.input.as_path();
     let mapper = done.pipeline.mapper();
-    let trajectory = final_poses(&results.states, mapper);
-    let rows = results.write(out, &name, &trajectory, mapper)?;
     let odometry = done.pipeline.counters();
     let mut counters = report::counters(input, &source.counters(), &odometry, &mapper.counters());
     if let Some(misfit) = &done.first_misfit {
-        let count = Count {
-            count: done.misfits,
-            loss: true,
-            first: misfit.to_string(),
-        };
-        counters.insert("scans_not_of_this_sensor", count);
+        counters.insert(
+            "scans_not_of_this_sensor",
+            Count::lost(done.misfits, misfit.to_string()),
+        );
     }
     if done.interrupted {
         let first = "the input was not read to its end".to_owned();
-        counters.insert(
-            "interrupted",
-            Count {
-                count: 1,
-                loss: true,
-                first,
-            },
-        );
+        counters.insert("interrupted", Count::lost(1, first));
     }
-    let lost = counters.values().any(|c| c.loss);
-    let evaluation = results.evaluation(&trajectory);
-    let of_odometry = results.evaluation(&results.odometry());
-    let sha256 = digest::of_path(input)?;
-    let report = Report {
-        randt: env!("CARGO_PKG_VERSION"),
-        input: report::input(
-            source.info(),
-            name,
-            sha256,
-            use_imu && done.imu_samples > 0,
-            done.imu_samples,
-        ),
-        scans: results.states.len() as u64,
-        keyframes: mapper.places().len() as u64,
-        path_m: results.path_m(),
-        frames: results.frames(),
-        trust: results.trust(),
-        loops: Loops::of(mapper),
-        accuracy: evaluation.as_ref().map(|e| Accuracy {
-            ate_rmse_m: e.ate_rmse_m,
-            odometry_ate_rmse_m: of_odometry.and_then(|e| e.ate_rmse_m),
-            coverage: e.coverage,
-        }),
+    let timing = report::timing(
+        &done.pipeline.timing,
+        &done.read_ns,
+        begin.elapsed().as_nanos() as u64,
+    );
+    let use_imu = !arguments.no_imu && done.imu_samples > 0;
+    Conclusion {
+        input: report::input(source.info(), input, use_imu, done.imu_samples)?,
+        results: &done.results,
+        mapper,
+        config,
         counters,
-        configuration: config,
-        trajectory_sha256: digest::of_bytes(rows.as_bytes()),
-        timing: report::timing(
-            &done.pipeline.timing,
-            &done.read_ns,
-            begin.elapsed().as_nanos() as u64,
-        ),
-    };
-    let mut json = serde_json::to_string_pretty(&report)?;
-    json.push('\n');
-    write_whole(&out.join("report.json"), json.as_bytes())?;
-    print(&summary::text(&report, out))?;
-    // Why a run ends with 3 belongs where its errors go.
-    for (name, counter) in report.counters.iter().filter(|(_, c)| c.loss) {
-        eprintln!(
-            "lost: {}: {}",
-            input.display(),
-            summary::counted(name, counter)
-        );
+        timing,
     }
-    let ate_rmse_m = evaluation.and_then(|e| e.ate_rmse_m);
-    Ok(Shown {
-        ate_rmse_m,
-        path_m: report.path_m,
-        timing: report.timing,
-        lost,
-    })
+    .write(&arguments.out)
 }

@@ -7,10 +7,10 @@ use crate::drive::Drive;
 use crate::exit::Outcome;
 use crate::judgement::Judgement;
 use crate::output::{may_write, print, write_whole};
-use crate::selection::SelectionArguments;
 use crate::{job, machine, progress};
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
+use randt_config::SelectionArguments;
 use randt_readers::Source;
 use randt_simulator::World;
 use serde::Serialize;
@@ -172,8 +172,8 @@ fn trial(
 ) -> anyhow::Result<Trial> {
     let mut source = drive.source();
     let selection = arguments.selection.with(variant.set);
-    let loaded = selection.load(source.info().sensor)?;
-    let config = job::with_mounting(&loaded, &source);
+    let loaded = selection.load(source.info().sensor.name())?;
+    let config = job::with_mounting(loaded, &source).config;
     let done = job::run(&mut source, &config, variant.use_imu, bar)?;
     if done.interrupted {
         bail!("interrupted; nothing was written");

@@ -1,7 +1,6 @@
-//! The options that choose a configuration, shared by every command that needs one.
+//! The options that choose a configuration, shared by every program that needs one.
 
-use randt_config::{Config, DEFAULT_PROFILE, Loaded, Selection};
-use randt_messages::SensorKind;
+use crate::{Config, DEFAULT_PROFILE, Error, Loaded, Selection};
 
 /// Options that choose a configuration.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -43,23 +42,14 @@ impl SelectionArguments {
         text
     }
 
-    /// The configuration in force for an input of this sensor.
-    pub fn load(&self, input: SensorKind) -> anyhow::Result<Loaded> {
-        Ok(Config::load(&Selection {
+    /// The configuration in force; `sensor_from_input`: what the input says that its radar is.
+    pub fn load(&self, sensor_from_input: Option<&'static str>) -> Result<Loaded, Error> {
+        Config::load(&Selection {
             profile: self.profile.clone(),
             sensor: self.sensor.clone(),
-            sensor_from_input: sensor_name(input),
+            sensor_from_input,
             robot: self.robot.clone(),
             set: self.set.clone(),
-        })?)
-    }
-}
-
-/// What the configuration calls a sensor; `None` where the input does not say.
-fn sensor_name(kind: SensorKind) -> Option<&'static str> {
-    match kind {
-        SensorKind::Unknown => None,
-        SensorKind::IsdrC => Some("isdr-c"),
-        SensorKind::NavtechCts => Some("navtech-cts"),
+        })
     }
 }

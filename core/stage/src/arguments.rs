@@ -1,0 +1,47 @@
+//! The options that every program of the pipeline shares.
+
+use crate::{Error, Realm, Stage};
+use randt_config::SelectionArguments;
+use std::path::PathBuf;
+
+/// Which pipeline a program belongs to.
+#[derive(Clone, Debug, clap::Args)]
+#[command(next_help_heading = "Pipeline")]
+pub struct RealmArguments {
+    /// Name of the pipeline: programs with the same one see each other, others do not
+    #[arg(long, value_name = "NAME", default_value = "randt")]
+    pub prefix: String,
+    /// Folder in memory for what must survive a stage; /run/randt where that is, else /dev/shm/randt-UID
+    #[arg(long, value_name = "DIR")]
+    pub run: Option<PathBuf>,
+}
+
+impl RealmArguments {
+    /// The realm.
+    pub fn realm(&self) -> Result<Realm, Error> {
+        Realm::new(&self.prefix, self.run.as_deref())
+    }
+}
+
+/// Options of a stage.
+#[derive(Clone, Debug, clap::Args)]
+pub struct StageArguments {
+    #[command(flatten)]
+    realm: RealmArguments,
+    /// What the stage computes by.
+    #[command(flatten)]
+    pub selection: SelectionArguments,
+    /// End with this process, which has started the stage
+    #[arg(long, value_name = "PID", hide = true)]
+    parent: Option<u32>,
+}
+
+impl StageArguments {
+    /// Enters the pipeline under a name.
+    pub fn open(&self, name: &str) -> Result<Stage, Error> {
+        if let Some(parent) = self.parent {
+            crate::end_with(parent);
+        }
+        Stage::open(name, &self.realm.realm()?)
+    }
+}

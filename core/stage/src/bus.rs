@@ -1,0 +1,189 @@
+//! The node of a process, and services opened with patience.
+
+use crate::{Error, Qos, Realm, Registry, wire::Wire};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::prelude::{
+    Config, FileName, LogLevel, Node, NodeBuilder, NodeName, Path, SemanticString, ServiceName,
+    ipc, set_log_level,
+};
+use iceoryx2::service::port_factory::{event, publish_subscribe};
+use randt_messages::Topic;
+use std::time::Duration;
+
+/// iceoryx2 waits so long for what somebody else is making; nobody is while this process starts.
+const CREATION_TIMEOUT: Duration = Duration::from_millis(50);
+/// Attempts to open something, and the pause between them: what others are clearing away takes milliseconds.
+const ATTEMPTS: u32 = 10;
+const PAUSE: Duration = Duration::from_millis(20);
+/// Event services have room for every stage and tool, and for those that were killed while they started.
+const EVENT_PORTS: usize = 32;
+/// Nodes that may have a service open at once.
+const NODES: usize = 32;
+
+/// Publisher side of a topic.
+pub(crate) type Service<T> = publish_subscribe::PortFactory<ipc::Service, [u8], Wire<T>>;
+
+/// A node of iceoryx2 in a realm.
+#[derive(Debug)]
+pub(crate) struct Bus {
+    node: Node<ipc::Service>,
+    realm: Realm,
+}
+
+/// iceoryx2's configuration in a realm; files of its own that lie about are not looked at.
+pub(crate) fn configuration(realm: &Realm) -> Result<Config, Error> {
+    let mut config = Config::default();
+    let root = realm.root();
+    let root_path = Path::new(root.as_os_str().as_encoded_bytes())
+        .map_err(|cause| Error::bus(format!("{}: as a path", root.display()), cause))?;
+    config.global.set_root_path(&root_path);
+    let prefix = realm.segment_prefix();
+    config.global.prefix = FileName::new(prefix.as_bytes())
+        .map_err(|cause| Error::bus(format!("{prefix}: as a prefix"), cause))?;
+    config.global.creation_timeout = CREATION_TIMEOUT;
+    Ok(config)
+}
+
+impl Bus {
+    /// Makes the node, after the remains of dead ones are cleared away. Call it under the lock of those who start.
+    pub(crate) fn open(realm: &Realm, name: &str) -> Result<Self, Error> {
+        // Every failure comes back as an error, which is told once.
+        set_log_level(LogLevel::Fatal);
+        crate::janitor::sweep(realm)?;
+        let config = configuration(realm)?;
+        let node_name =
+            NodeName::new(name).map_err(|cause| Error::bus(format!("node {name}"), cause))?;
+        let node = patiently(
+            || format!("node {name}"),
+            || {},
+            || {
+                NodeBuilder::new()
+                    .name(&node_name)
+                    .config(&config)
+                    .create::<ipc::Service>()
+            },
+        )?;
+        Ok(Self {
+            node,
+            realm: realm.clone(),
+        })
+    }
+
+    /// Opens a topic, or makes it where this is the first stage to want it.
+    pub(crate) fn topic<T: Topic>(&self, registry: &Registry) -> Result<Service<T>, Error> {
+        let qos = Qos::of::<T>();
+        let name = service_name(T::NAME)?;
+        let opened = self.patiently(T::NAME, || {
+            self.node
+                .service_builder(&name)
+                .publish_subscribe::<[u8]>()
+                .user_header::<Wire<T>>()
+                .max_publishers(qos.writers)
+                .max_subscribers(qos.readers)
+                .max_nodes(NODES)
+                .subscriber_max_buffer_size(qos.buffer)
+                .subscriber_max_borrowed_samples(crate::qos::BORROWED)
+                .history_size(qos.history)
+                .enable_safe_overflow(true)
+                .open_or_create()
+        });
+        opened.map_err(|error| match error {
+            Error::Bus { cause, .. } if cause.contains("Incompatible") => {
+                self.foreign_layout::<T>(registry)
+            }
+            error => error,
+        })
+    }
+
+    /// Who has the other layout of a topic.
+    fn foreign_layout<T: Topic>(&self, registry: &Registry) -> Error {
+        let own = registry.entry();
+        let holders: Vec<_> = Registry::all(&self.realm)
+            .into_iter()
+            .filter(|(entry, lives)| *lives && entry.name != own.name)
+            .filter_map(|(entry, _)| {
+                let theirs = entry.topics.get(T::NAME)?.clone();
+                (theirs != T::TYPE_NAME).then_some((entry, theirs))
+            })
+            .collect();
+        let names: Vec<String> = holders
+            .iter()
+            .map(|(entry, _)| format!("randt-{} (process {})", entry.name, entry.pid))
+            .collect();
+        let theirs = holders.first().map_or("another one", |(_, theirs)| theirs);
+        Error::Layout {
+            topic: T::NAME,
+            ours: T::TYPE_NAME,
+            theirs: theirs.to_owned(),
+            holder: if names.is_empty() {
+                "a process that is not in the register".to_owned()
+            } else {
+                names.join(" and ")
+            },
+            restart: if names.is_empty() {
+                "all stages".to_owned()
+            } else {
+                names.join(" and ")
+            },
+        }
+    }
+
+    /// Wakes those who listen to a name.
+    pub(crate) fn notifier(&self, name: &str) -> Result<Notifier<ipc::Service>, Error> {
+        let service = self.event(name)?;
+        self.patiently(name, || service.notifier_builder().create())
+    }
+
+    /// Is woken by those who notify a name.
+    pub(crate) fn listener(&self, name: &str) -> Result<Listener<ipc::Service>, Error> {
+        let service = self.event(name)?;
+        self.patiently(name, || service.listener_builder().create())
+    }
+
+    fn event(&self, name: &str) -> Result<event::PortFactory<ipc::Service>, Error> {
+        let service = service_name(name)?;
+        self.patiently(name, || {
+            self.node
+                .service_builder(&service)
+                .event()
+                .max_notifiers(EVENT_PORTS)
+                .max_listeners(EVENT_PORTS)
+                .max_nodes(NODES)
+                .open_or_create()
+        })
+    }
+
+    /// Tries until it succeeds or the attempts are over; between two of them dead nodes are cleared away.
+    pub(crate) fn patiently<R, E: std::fmt::Debug>(
+        &self,
+        name: &str,
+        attempt: impl FnMut() -> Result<R, E>,
+    ) -> Result<R, Error> {
+        let clear = || {
+            self.node.try_cleanup_dead_nodes();
+        };
+        patiently(|| name.to_owned(), clear, attempt)
+    }
+}
+
+fn patiently<R, E: std::fmt::Debug>(
+    what: impl Fn() -> String,
+    clear: impl Fn(),
+    mut attempt: impl FnMut() -> Result<R, E>,
+) -> Result<R, Error> {
+    let mut failed = 0;
+    loop {
+        match attempt() {
+            Ok(made) => return Ok(made),
+            Err(cause) if failed + 1 == ATTEMPTS => return Err(Error::bus(what(), cause)),
+            Err(_) => failed += 1,
+        }
+        clear();
+        std::thread::sleep(PAUSE);
+    }
+}
+
+fn service_name(name: &str) -> Result<ServiceName, Error> {
+    ServiceName::new(name).map_err(|cause| Error::bus(format!("service {name}"), cause))
+}

@@ -1,0 +1,120 @@
+//! What can go wrong between a stage and the machine that it runs on.
+
+use std::path::PathBuf;
+
+/// Errors of the process shell.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A name that cannot be part of a file's.
+    #[error("prefix \"{name}\": expected 1 to 24 letters, digits or hyphens")]
+    BadPrefix {
+        /// As given.
+        name: String,
+    },
+    /// A file or folder of the realm.
+    #[error("{}: {what}: {cause}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What was tried.
+        what: &'static str,
+        /// Why not.
+        cause: std::io::Error,
+    },
+    /// The realm belongs to somebody else.
+    #[error("{}: belongs to user {owner}, this process is user {user}: all stages must run as one user; start it as that user (sudo -u '#{owner}' ...), or give --run another folder", path.display())]
+    OtherUser {
+        /// The run folder.
+        path: PathBuf,
+        /// Its owner.
+        owner: u32,
+        /// Ours.
+        user: u32,
+    },
+    /// The same stage runs already.
+    #[error("randt-{stage} runs already as process {pid} in {}: stop it first (kill {pid}), or give this one another --prefix", run.display())]
+    RunsAlready {
+        /// Name.
+        stage: String,
+        /// Who holds it.
+        pid: u64,
+        /// The run folder.
+        run: PathBuf,
+    },
+    /// Another stage was built with another layout.
+    #[error(
+        "{topic}: this build has the layout {ours}, but {holder} has {theirs}: the two were built from different sources; restart {restart} from the same build as the rest"
+    )]
+    Layout {
+        /// Topic.
+        topic: &'static str,
+        /// Type name of this build.
+        ours: &'static str,
+        /// The other one.
+        theirs: String,
+        /// Who has it.
+        holder: String,
+        /// Who has to be restarted.
+        restart: String,
+    },
+    /// Not enough memory for the segments.
+    #[error("{}: {free_mb:.1} MB free, randt-{stage} needs {needed_mb:.1} MB of shared memory ({largest}); free some (randt doctor --clean, when no stage runs) or enlarge it: mount -o remount,size=256M {}", path.display(), path.display())]
+    TooLittleMemory {
+        /// Where.
+        path: PathBuf,
+        /// Stage.
+        stage: String,
+        /// Free, MB.
+        free_mb: f64,
+        /// Needed, MB.
+        needed_mb: f64,
+        /// What takes most of it.
+        largest: String,
+    },
+    /// iceoryx2 refused.
+    #[error("{what}: {cause}{}", hint(cause))]
+    Bus {
+        /// What was tried.
+        what: String,
+        /// iceoryx2's word.
+        cause: String,
+    },
+    /// A message of a wrong size.
+    #[error("{topic}: a message of {bytes} bytes is no whole number of items of {item}")]
+    BadMessage {
+        /// Topic.
+        topic: &'static str,
+        /// Size of the slice.
+        bytes: usize,
+        /// Size of an item.
+        item: usize,
+    },
+}
+
+impl Error {
+    pub(crate) fn bus(what: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
+        Self::Bus {
+            what: what.into(),
+            cause: format!("{cause:?}"),
+        }
+    }
+
+    pub(crate) fn file(
+        path: impl Into<PathBuf>,
+        what: &'static str,
+    ) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |cause| Self::File { path, what, cause }
+    }
+}
+
+/// What helps against the bare words of iceoryx2.
+fn hint(cause: &str) -> &'static str {
+    if cause.contains("ExceedsMaxSupported") {
+        " (too many ports, living or left over: randt doctor tells which)"
+    } else if cause.contains("InternalError") || cause.contains("Permission") {
+        " (often another user's files: randt doctor tells whose)"
+    } else {
+        ""
+    }
+}

@@ -1,0 +1,55 @@
+//! The process shell: what makes a stage's algorithm a process of the pipeline.
+//!
+//! Responsible for shared-memory ports and their quality of service, the wait loop, signals, loss counters, health,
+//! the one clock, and state that outlives a process. The only crate that knows iceoryx2. Not responsible for what a
+//! stage computes: the algorithms do not know this crate, their `main.rs` brings both together.
+//!
+//! ```no_run
+//! use randt_messages::{ImuSampleTopic, OdometryStateTopic};
+//! use randt_stage::{Realm, Stage, Woken};
+//!
+//! let mut stage = Stage::open("example", &Realm::new("randt", None)?)?;
+//! let mut samples = stage.subscriber::<ImuSampleTopic>()?;
+//! stage.running()?;
+//! while stage.wait(&[&samples], None)? != Woken::Stop {
+//!     while let Some(sample) = samples.receive()? {
+//!         println!("{:?}", sample.message().head.rate_rad_s);
+//!     }
+//! }
+//! # Ok::<(), randt_stage::Error>(())
+//! ```
+
+mod arguments;
+mod bus;
+mod checkpoint;
+mod clock;
+mod error;
+mod exit;
+mod health;
+mod janitor;
+mod keyframes;
+mod mapped;
+mod parent;
+mod ports;
+mod publisher;
+mod qos;
+mod realm;
+mod registry;
+mod stage;
+mod subscriber;
+mod wire;
+
+pub use arguments::{RealmArguments, StageArguments};
+pub use checkpoint::Checkpoint;
+pub use clock::Clock;
+pub use error::Error;
+pub use exit::ended;
+pub use janitor::{Leftover, leftovers, wipe};
+pub use keyframes::KeyframeRing;
+pub use parent::end_with;
+pub use publisher::Publisher;
+pub use qos::{Qos, TOPICS};
+pub use realm::{Presence, Realm};
+pub use registry::{Entry, Registry};
+pub use stage::{Stage, Wakes, Woken};
+pub use subscriber::{Received, Subscriber};

@@ -1,0 +1,81 @@
+//! The writing end of a topic.
+
+use crate::bus::{Bus, Service};
+use crate::{Clock, Error, Qos, ports::PortCounters, wire::Wire};
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::publisher::Publisher as Port;
+use iceoryx2::prelude::{AllocationStrategy, ipc};
+use randt_messages::{MessageRef, Topic};
+use std::rc::Rc;
+
+/// Publishes one topic: numbers, stamps and counts what it sends, and wakes the readers.
+#[derive(Debug)]
+pub struct Publisher<T: Topic> {
+    pub(crate) port: Rc<Port<ipc::Service, [u8], Wire<T>>>,
+    notifier: Notifier<ipc::Service>,
+    counters: Rc<PortCounters>,
+    clock: Clock,
+    epoch: u64,
+    sequence: u64,
+}
+
+impl<T: Topic> Publisher<T> {
+    pub(crate) fn new(
+        bus: &Bus,
+        service: &Service<T>,
+        clock: Clock,
+        epoch: u64,
+        counters: Rc<PortCounters>,
+    ) -> Result<Self, Error> {
+        let qos = Qos::of::<T>();
+        let port = bus.patiently(T::NAME, || {
+            service
+                .publisher_builder()
+                .initial_max_slice_len(qos.items_bytes_max.max(1))
+                .allocation_strategy(AllocationStrategy::Static)
+                .max_loaned_samples(crate::qos::LOANED)
+                .create()
+        })?;
+        Ok(Self {
+            port: Rc::new(port),
+            notifier: bus.notifier(T::NAME)?,
+            counters,
+            clock,
+            epoch,
+            sequence: 0,
+        })
+    }
+
+    /// Sends a message. Sequence, epoch and publish time are this publisher's; the rest is as given.
+    pub fn publish(&mut self, message: MessageRef<'_, T>) -> Result<(), Error> {
+        let bytes: &[u8] = if size_of::<T::Item>() == 0 {
+            &[]
+        } else {
+            bytemuck::cast_slice(message.items)
+        };
+        let mut loan = self
+            .port
+            .loan_slice_uninit(bytes.len())
+            .map_err(|cause| Error::bus(format!("{}: memory for a message", T::NAME), cause))?;
+        let head = &mut loan.user_header_mut().0;
+        *head = *message.head;
+        let header = head.as_mut();
+        header.sequence = self.sequence;
+        header.epoch = self.epoch;
+        header.published_ns = self.clock.now_ns();
+        let published_ns = header.published_ns;
+        loan.write_from_slice(bytes)
+            .send()
+            .map_err(|cause| Error::bus(format!("{}: a message", T::NAME), cause))?;
+        self.sequence += 1;
+        self.counters.count(published_ns);
+        // A reader that is gone or has not looked for long cannot be woken; its samples wait for it all the same.
+        let _ = self.notifier.notify();
+        Ok(())
+    }
+
+    /// Messages sent so far.
+    pub fn sent(&self) -> u64 {
+        self.sequence
+    }
+}

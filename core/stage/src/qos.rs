@@ -1,0 +1,151 @@
+//! The topics' quality of service and what they cost in shared memory: one table.
+
+use randt_messages::{
+    Header, ImuSampleTopic, Keyframe, MapperCorrection, MapperGraph, MapperGrid,
+    OdometryStateTopic, RadarPoints, RadarScan, StageHealthTopic, Topic,
+};
+
+/// Readers that a topic has room for: its stage, recorder, view, supervisor and a person's tool or two.
+const READERS: usize = 6;
+/// Writers that a topic has room for though it has one: a writer killed while it started may keep its place until
+/// somebody clears it away.
+const WRITERS: usize = 4;
+/// Messages that a reader may hold at once, and that a writer may have begun.
+pub(crate) const BORROWED: usize = 2;
+pub(crate) const LOANED: usize = 1;
+
+/// How a topic is carried.
+///
+/// Under safe overflow a late reader gets at most its own buffer of the history, so the two go together; a reader's
+/// buffer lasts as long as a stage may be away or stopped (5 s and more).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Qos {
+    /// Name.
+    pub topic: &'static str,
+    /// Name and layout of its messages in this build.
+    pub type_name: &'static str,
+    /// Messages that wait for a reader.
+    pub buffer: usize,
+    /// Messages that a reader who joins gets at once.
+    pub history: usize,
+    /// Writers at once.
+    pub writers: usize,
+    /// Readers at once.
+    pub readers: usize,
+    /// Bytes of the head.
+    pub head_bytes: usize,
+    /// Most bytes of the items.
+    pub items_bytes_max: usize,
+    /// Bytes of the items as they usually are: iSDR-C, Navtech.
+    pub items_bytes_usual: [usize; 2],
+}
+
+/// Every topic.
+pub const TOPICS: &[Qos] = &[
+    // 6 s at 5 Hz; 10,000 returns of an iSDR-C, 30,000 of a Navtech above its floor.
+    qos::<RadarScan>(32, 32, WRITERS, [10_000, 30_000]),
+    // 8 s at 250 Hz.
+    qos::<ImuSampleTopic>(2048, 2048, WRITERS, [0, 0]),
+    qos::<RadarPoints>(32, 32, WRITERS, [2_500, 6_000]),
+    qos::<OdometryStateTopic>(32, 8, WRITERS, [0, 0]),
+    // Older ones are in the ring of keyframes.
+    qos::<Keyframe>(64, 8, WRITERS, [2_500, 6_000]),
+    qos::<MapperCorrection>(4, 1, WRITERS, [0, 0]),
+    qos::<MapperGraph>(64, 8, WRITERS, [300, 300]),
+    qos::<MapperGrid>(64, 8, WRITERS, [4096, 4096]),
+    // Every stage and tool writes here.
+    qos::<StageHealthTopic>(16, 1, 16, [0, 0]),
+];
+
+const fn qos<T: Topic>(buffer: usize, history: usize, writers: usize, items: [usize; 2]) -> Qos {
+    let item = size_of::<T::Item>();
+    Qos {
+        topic: T::NAME,
+        type_name: T::TYPE_NAME,
+        buffer,
+        history,
+        writers,
+        readers: READERS,
+        head_bytes: size_of::<T::Head>(),
+        items_bytes_max: T::MAX_ITEMS * item,
+        items_bytes_usual: [items[0] * item, items[1] * item],
+    }
+}
+
+impl Qos {
+    /// The entry of a topic; one that is not in the table (a test's) gets a modest one.
+    pub fn of<T: Topic>() -> Self {
+        let found = TOPICS.iter().find(|qos| qos.topic == T::NAME).copied();
+        found.map_or_else(
+            || qos::<T>(16, 1, WRITERS, [0, 0]),
+            |known| Self {
+                type_name: T::TYPE_NAME,
+                ..known
+            },
+        )
+    }
+
+    /// Messages that a writer has memory for: its history, and what every reader may hold or have waiting.
+    pub fn slots(&self) -> usize {
+        self.readers * (self.buffer + BORROWED) + self.history + LOANED
+    }
+
+    /// Messages that are alive at once while every reader keeps up.
+    fn living(&self) -> usize {
+        self.history + BORROWED * self.readers + LOANED
+    }
+
+    /// Shared memory that a writer uses while every reader keeps up, bytes. `navtech`: of a Navtech's scans. Memory that
+    /// is reserved and never written costs nothing.
+    pub fn bytes_in_use(&self, navtech: bool) -> usize {
+        let [isdr_c, of_navtech] = self.items_bytes_usual;
+        let items = if navtech { of_navtech } else { isdr_c };
+        self.living() * (self.head_bytes + items + OVERHEAD)
+    }
+
+    /// A line for people.
+    pub fn budget(&self, navtech: bool) -> String {
+        format!(
+            "{}: {:.1} MB in use, buffer {} / history {}, messages up to {:.0} kB",
+            self.topic,
+            self.bytes_in_use(navtech) as f64 * 1e-6,
+            self.buffer,
+            self.history,
+            (self.head_bytes + self.items_bytes_max) as f64 * 1e-3,
+        )
+    }
+}
+
+/// iceoryx2's own header of a message, and alignment.
+const OVERHEAD: usize = 64;
+
+// Every head begins with a header, so that ports can number messages without knowing them.
+const _: () = assert!(size_of::<Header>() == 32);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_topic_stands_once_and_all_fit_the_budget() {
+        for (i, qos) in TOPICS.iter().enumerate() {
+            assert!(TOPICS[i + 1..].iter().all(|other| other.topic != qos.topic));
+            assert!(qos.history <= qos.buffer, "{}", qos.topic);
+        }
+        let total = |navtech| {
+            TOPICS
+                .iter()
+                .map(|qos| qos.bytes_in_use(navtech))
+                .sum::<usize>()
+        };
+        assert!(total(false) < 64_000_000, "{}", total(false));
+        assert!(total(true) < 128_000_000, "{}", total(true));
+    }
+
+    #[test]
+    fn buffers_outlast_a_stage_that_is_stopped_for_five_seconds() {
+        let buffer = |name| TOPICS.iter().find(|q| q.topic == name).unwrap().buffer;
+        assert!(buffer("radar/scan/v1") > 5 * 5 && buffer("radar/points/v1") > 5 * 5);
+        assert!(buffer("imu/sample/v1") > 5 * 250);
+    }
+}

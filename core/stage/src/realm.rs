@@ -1,0 +1,209 @@
+//! Realm: the world that the stages of one pipeline share, and that no other pipeline sees.
+
+use crate::Error;
+use std::fs::{self, File, TryLockError};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Where the run folder is on a robot: systemd makes it.
+const SYSTEM_RUN: &str = "/run/randt";
+/// Where shared memory lives.
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+
+/// A start takes a few hundredths of a second.
+const START_WAIT: Duration = Duration::from_secs(2);
+const START_PAUSE: Duration = Duration::from_millis(3);
+
+/// A prefix and a run folder. Stages with the same ones find each other; nothing else decides that, above all not the
+/// folder in which a stage was started.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Realm {
+    prefix: String,
+    run: PathBuf,
+}
+
+/// While it is held, nobody wipes the realm.
+#[derive(Debug)]
+pub struct Presence {
+    // The lock goes with the file.
+    _alive: File,
+}
+
+impl Realm {
+    /// The realm of a prefix. `run`: the run folder, on a file system in memory; if not given, /run/randt where that is,
+    /// else /dev/shm/randt-UID.
+    pub fn new(prefix: &str, run: Option<&Path>) -> Result<Self, Error> {
+        let good = |c: char| c.is_ascii_alphanumeric() || c == '-';
+        if prefix.is_empty() || prefix.len() > 24 || !prefix.chars().all(good) {
+            return Err(Error::BadPrefix {
+                name: prefix.to_owned(),
+            });
+        }
+        let run = match run {
+            // Two stages that name it from different folders mean the same one.
+            Some(run) => std::path::absolute(run).map_err(Error::file(run, "cannot be found"))?,
+            None if Path::new(SYSTEM_RUN).is_dir() => PathBuf::from(SYSTEM_RUN),
+            None => Path::new(SHARED_MEMORY).join(format!("randt-{}", user())),
+        };
+        Ok(Self {
+            prefix: prefix.to_owned(),
+            run,
+        })
+    }
+
+    /// The prefix.
+    pub fn prefix(&self) -> &str {
+        &self.prefix
+    }
+
+    /// The run folder, which several prefixes share.
+    pub fn run(&self) -> &Path {
+        &self.run
+    }
+
+    /// This realm's own folder in it.
+    pub fn folder(&self) -> PathBuf {
+        self.run.join(&self.prefix)
+    }
+
+    /// iceoryx2's files that are no shared memory.
+    pub fn root(&self) -> PathBuf {
+        self.folder().join("iceoryx2")
+    }
+
+    /// What must survive the death of a stage, but not the machine's.
+    pub fn state(&self) -> PathBuf {
+        self.folder().join("state")
+    }
+
+    /// How files of this realm in /dev/shm begin. No prefix can hold an underscore, so none is another's beginning.
+    pub fn segment_prefix(&self) -> String {
+        format!("{}_", self.prefix)
+    }
+
+    /// Makes the folders; refuses those of another user.
+    pub fn make(&self) -> Result<(), Error> {
+        for path in [self.run.clone(), self.folder(), self.root(), self.state()] {
+            let made = fs::DirBuilder::new()
+                .recursive(true)
+                .mode(0o700)
+                .create(&path);
+            made.map_err(Error::file(&path, "cannot be made"))?;
+        }
+        self.check_owner()
+    }
+
+    /// Refuses a realm that another user made.
+    pub fn check_owner(&self) -> Result<(), Error> {
+        let path = self.folder();
+        let found = fs::metadata(&path).map_err(Error::file(&path, "cannot be read"))?;
+        if found.uid() == user() {
+            return Ok(());
+        }
+        Err(Error::OtherUser {
+            path,
+            owner: found.uid(),
+            user: user(),
+        })
+    }
+
+    /// Enters the realm: from now on nobody wipes it. The first one in clears away what earlier stages left behind.
+    pub fn enter(&self) -> Result<Presence, Error> {
+        self.make()?;
+        let _door = self.lock("door", true)?;
+        if let Some(alone) = self.try_alone()? {
+            crate::janitor::remove_all(self)?;
+            drop(alone);
+        }
+        Ok(Presence {
+            _alive: self.lock("alive", false)?,
+        })
+    }
+
+    /// The lock of those who start: one at a time. It is waited for a while; a process that was stopped over it must not
+    /// keep all others from starting.
+    pub(crate) fn start(&self) -> Result<File, Error> {
+        let path = self.folder().join("start.lock");
+        let file = open_lock(&path)?;
+        let give_up = Instant::now() + START_WAIT;
+        loop {
+            match file.try_lock() {
+                Ok(()) => return Ok(file),
+                Err(TryLockError::WouldBlock) if Instant::now() < give_up => {
+                    std::thread::sleep(START_PAUSE);
+                }
+                Err(TryLockError::WouldBlock) => return Ok(file),
+                Err(TryLockError::Error(cause)) => {
+                    return Err(Error::file(path, "cannot be locked")(cause));
+                }
+            }
+        }
+    }
+
+    /// The lock that says that nobody is in, where that is so. Hold `door` meanwhile, or somebody may enter.
+    pub(crate) fn try_alone(&self) -> Result<Option<File>, Error> {
+        let path = self.folder().join("alive.lock");
+        let file = open_lock(&path)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(file)),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(cause)) => Err(Error::file(path, "cannot be locked")(cause)),
+        }
+    }
+
+    /// Waits for a lock of this realm.
+    pub(crate) fn lock(&self, name: &str, exclusive: bool) -> Result<File, Error> {
+        let path = self.folder().join(format!("{name}.lock"));
+        let file = open_lock(&path)?;
+        let locked = if exclusive {
+            file.lock()
+        } else {
+            file.lock_shared()
+        };
+        locked.map_err(Error::file(path, "cannot be locked"))?;
+        Ok(file)
+    }
+}
+
+fn open_lock(path: &Path) -> Result<File, Error> {
+    File::options()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .open(path)
+        .map_err(Error::file(path, "cannot be opened"))
+}
+
+/// The user that this process is.
+pub(crate) fn user() -> u32 {
+    rustix::process::geteuid().as_raw()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_prefix_is_a_plain_word() {
+        for bad in ["", "a_b", "a/b", "..", "a b", &"x".repeat(25)] {
+            assert!(Realm::new(bad, None).is_err(), "{bad:?}");
+        }
+        let realm = Realm::new("test-1", Some(Path::new("/tmp/x"))).unwrap();
+        assert_eq!(realm.root(), Path::new("/tmp/x/test-1/iceoryx2"));
+        assert_eq!(realm.segment_prefix(), "test-1_");
+    }
+
+    #[test]
+    fn only_the_first_one_in_is_alone() {
+        let run = tempfile::tempdir().unwrap();
+        let realm = Realm::new("alone", Some(run.path())).unwrap();
+        let presence = realm.enter().unwrap();
+        assert!(realm.try_alone().unwrap().is_none());
+        let second = realm.enter().unwrap();
+        drop(presence);
+        assert!(realm.try_alone().unwrap().is_none());
+        drop(second);
+        assert!(realm.try_alone().unwrap().is_some());
+    }
+}

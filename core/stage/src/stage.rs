@@ -1,0 +1,340 @@
+//! A stage: a process of the pipeline, from its start to its end.
+
+use crate::{
+    Clock, Error, Presence, Publisher, Qos, Realm, Registry, Subscriber,
+    bus::Bus,
+    health::{Condition, PERIOD_NS},
+    ports::PortCounters,
+    realm::SHARED_MEMORY,
+};
+use iceoryx2::port::listener::Listener;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::{CallbackProgression, WaitSet, WaitSetBuilder, ipc};
+use iceoryx2::waitset::WaitSetRunResult;
+use randt_config::Sensor;
+use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
+use std::fmt::Debug;
+use std::fs::File;
+use std::path::Path;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+/// Whoever begins to read a topic tells the writers by this name, so that they hand over their history at once.
+const JOINED: &str = "stage/joined";
+/// What a process needs beside its topics: services' own tables, checkpoints' folders and the like, bytes.
+const BESIDE: usize = 500_000;
+
+/// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
+const LONG_RANGE_M: f64 = 50.0;
+
+/// Why a wait ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Woken {
+    /// Something came; ask all ports.
+    Event,
+    /// The time was over.
+    Timeout,
+    /// The end was asked for: SIGTERM or Ctrl-C.
+    Stop,
+}
+
+/// Something that can wake a stage.
+pub trait Wakes: Debug {
+    #[doc(hidden)]
+    fn listener(&self) -> &Listener<ipc::Service>;
+    #[doc(hidden)]
+    fn take_notices(&self);
+}
+
+impl<T: Topic> Wakes for Subscriber<T> {
+    fn listener(&self) -> &Listener<ipc::Service> {
+        &self.listener
+    }
+
+    fn take_notices(&self) {
+        self.drain();
+    }
+}
+
+/// A process of the pipeline.
+pub struct Stage {
+    // Ports go before the node, the node before the presence: fields are dropped in order.
+    health: Publisher<StageHealthTopic>,
+    joined: Listener<ipc::Service>,
+    join: Notifier<ipc::Service>,
+    writers: Vec<Rc<dyn UpdateConnections>>,
+    waits: WaitSet<ipc::Service>,
+    bus: Bus,
+    registry: Registry,
+    _presence: Presence,
+    /// Held until the loop begins.
+    start: Option<File>,
+    realm: Realm,
+    clock: Clock,
+    condition: Condition,
+    ports: Vec<Rc<PortCounters>>,
+    next_health_ns: i64,
+    navtech: bool,
+    needed: Vec<(String, usize)>,
+}
+
+impl Stage {
+    /// Enters the realm under a name; refuses where that name is taken or memory is short.
+    pub fn open(name: &str, realm: &Realm) -> Result<Self, Error> {
+        let presence = realm.enter()?;
+        let clock = Clock::of(realm)?;
+        let started_ns = clock.now_ns();
+        let mut registry = Registry::enter(realm, name, started_ns)?;
+        let mut needed = vec![("tables".to_owned(), BESIDE)];
+        require(name, &needed)?;
+        let start = realm.start()?;
+        let bus = Bus::open(realm, name)?;
+        let service = bus.topic::<StageHealthTopic>(&registry)?;
+        registry.add_topic(StageHealthTopic::NAME, StageHealthTopic::TYPE_NAME)?;
+        needed.push((
+            StageHealthTopic::NAME.to_owned(),
+            Qos::of::<StageHealthTopic>().bytes_in_use(false),
+        ));
+        let epoch = started_ns.unsigned_abs();
+        // Not among the ports that are reported: it would only report itself.
+        let counters = PortCounters::new(StageHealthTopic::NAME, true);
+        let health = Publisher::new(&bus, &service, clock, epoch, counters)?;
+        let waits = WaitSetBuilder::new()
+            .create::<ipc::Service>()
+            .map_err(|cause| Error::bus("the wait set", cause))?;
+        Ok(Self {
+            writers: vec![Rc::clone(&health.port) as Rc<dyn UpdateConnections>],
+            health,
+            joined: bus.listener(JOINED)?,
+            join: bus.notifier(JOINED)?,
+            waits,
+            bus,
+            _presence: presence,
+            start: Some(start),
+            realm: realm.clone(),
+            clock,
+            condition: Condition {
+                name: name.to_owned(),
+                started_ns,
+                restarts: registry.entry().starts - 1,
+                state: StageState::Starting,
+                message: String::new(),
+                lost: 0,
+            },
+            registry,
+            ports: Vec::new(),
+            next_health_ns: i64::MAX,
+            navtech: false,
+            needed,
+        })
+    }
+
+    /// Says which radar's scans are to be expected: they decide how much memory is needed.
+    pub fn expect(&mut self, sensor: &Sensor) {
+        self.navtech = sensor.range_max_m > LONG_RANGE_M;
+    }
+
+    /// The realm that it is in.
+    pub fn realm(&self) -> &Realm {
+        &self.realm
+    }
+
+    /// The one clock.
+    pub fn clock(&self) -> Clock {
+        self.clock
+    }
+
+    /// This process's epoch: new at each start, rising.
+    pub fn epoch(&self) -> u64 {
+        self.condition.started_ns.unsigned_abs()
+    }
+
+    /// Opens a topic for writing.
+    pub fn publisher<T: Topic>(&mut self) -> Result<Publisher<T>, Error> {
+        let qos = Qos::of::<T>();
+        self.reserve(T::NAME, qos.bytes_in_use(self.navtech))?;
+        let service = self.bus.topic::<T>(&self.registry)?;
+        self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
+        let counters = self.port(T::NAME, true);
+        let publisher = Publisher::new(&self.bus, &service, self.clock, self.epoch(), counters)?;
+        self.writers
+            .push(Rc::clone(&publisher.port) as Rc<dyn UpdateConnections>);
+        self.say(&qos.budget(self.navtech));
+        Ok(publisher)
+    }
+
+    /// Opens a topic for reading; who writes it hands over what is in reach.
+    pub fn subscriber<T: Topic>(&mut self) -> Result<Subscriber<T>, Error> {
+        let service = self.bus.topic::<T>(&self.registry)?;
+        self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
+        let counters = self.port(T::NAME, false);
+        let subscriber = Subscriber::new(&self.bus, &service, counters)?;
+        // Writers that cannot be woken hand their history over with the next message.
+        let _ = self.join.notify();
+        Ok(subscriber)
+    }
+
+    /// Refuses where there is not memory for so much more.
+    pub fn reserve(&mut self, what: &str, bytes: usize) -> Result<(), Error> {
+        self.needed.push((what.to_owned(), bytes));
+        require(&self.condition.name, &self.needed)
+    }
+
+    fn port(&mut self, topic: &str, publishes: bool) -> Rc<PortCounters> {
+        if let Some(known) = self.ports.iter().find(|port| port.is(topic, publishes)) {
+            return Rc::clone(known);
+        }
+        let counters = PortCounters::new(topic, publishes);
+        self.ports.push(Rc::clone(&counters));
+        counters
+    }
+
+    /// The loop begins: tells everybody at once.
+    pub fn running(&mut self) -> Result<(), Error> {
+        self.condition.state = StageState::Running;
+        self.start = None;
+        self.tell()
+    }
+
+    /// Says what is wrong, or with an empty text that nothing is; data lost in the stage itself are counted.
+    pub fn report(&mut self, message: &str, lost: u64) {
+        let changed = self.condition.message != message;
+        self.condition.lost = lost;
+        self.condition.state = if message.is_empty() {
+            StageState::Running
+        } else {
+            StageState::Degraded
+        };
+        if changed {
+            message.clone_into(&mut self.condition.message);
+            if !message.is_empty() {
+                self.say(message);
+            }
+        }
+    }
+
+    /// There is nothing more to do, but what was sent last stays in reach.
+    pub fn finished(&mut self) -> Result<(), Error> {
+        self.condition.state = StageState::Finished;
+        self.tell()
+    }
+
+    /// A line on standard error, for the journal.
+    pub fn say(&self, text: &str) {
+        eprintln!("randt-{}: {text}", self.condition.name);
+    }
+
+    /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile.
+    pub fn wait(&mut self, on: &[&dyn Wakes], timeout: Option<Duration>) -> Result<Woken, Error> {
+        let end = timeout.map(|timeout| Instant::now() + timeout);
+        loop {
+            let now_ns = self.clock.now_ns();
+            if now_ns >= self.next_health_ns {
+                self.tell()?;
+            }
+            let to_health = self.next_health_ns.saturating_sub(now_ns).max(0);
+            let mut pause = Duration::from_nanos(to_health.unsigned_abs());
+            if let Some(end) = end {
+                pause = pause.min(end.saturating_duration_since(Instant::now()));
+            }
+            match self.sleep(on, pause)? {
+                Slept::Event => return Ok(Woken::Event),
+                Slept::Stop => return Ok(Woken::Stop),
+                Slept::Nothing if end.is_some_and(|end| Instant::now() >= end) => {
+                    return Ok(Woken::Timeout);
+                }
+                Slept::Nothing => {}
+            }
+        }
+    }
+
+    fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {
+        let attach = |listener| {
+            let attached = self.waits.attach_notification(listener);
+            attached.map_err(|cause| Error::bus("waiting for a topic", cause))
+        };
+        let joined = attach(&self.joined)?;
+        let guards = on
+            .iter()
+            .map(|wakes| attach(wakes.listener()))
+            .collect::<Result<Vec<_>, _>>()?;
+        let (mut joins, mut events) = (false, false);
+        let result = self.waits.wait_and_process_once_with_timeout(
+            |id| {
+                joins |= id.has_event_from(&joined);
+                events |= guards.iter().any(|guard| id.has_event_from(guard));
+                CallbackProgression::Continue
+            },
+            pause,
+        );
+        if joins {
+            // As with messages: the notice says no more than "look".
+            let _ = self.joined.try_wait(|_| {});
+            for writer in &self.writers {
+                // A reader that died while it joined is no failure of this stage.
+                let _ = writer.update_connections();
+            }
+        }
+        if events {
+            on.iter().for_each(|wakes| wakes.take_notices());
+        }
+        match result {
+            Ok(WaitSetRunResult::TerminationRequest) => Ok(Slept::Stop),
+            Ok(_) if events => Ok(Slept::Event),
+            // Interrupt is any signal, the one that continues a stopped process too.
+            Ok(_) => Ok(Slept::Nothing),
+            Err(cause) => Err(Error::bus("waiting", cause)),
+        }
+    }
+
+    /// Sends health now.
+    fn tell(&mut self) -> Result<(), Error> {
+        let now_ns = self.clock.now_ns();
+        self.next_health_ns = now_ns + PERIOD_NS;
+        let head = self.condition.health(now_ns, &self.ports);
+        let items = &[];
+        self.health.publish(MessageRef { head: &head, items })
+    }
+
+    /// Says goodbye. What was sent last needs a moment to be taken by readers that are just being replaced.
+    pub fn close(mut self) -> Result<(), Error> {
+        self.condition.state = StageState::Stopping;
+        self.tell()?;
+        std::thread::sleep(PARTING);
+        Ok(())
+    }
+}
+
+/// Readers wake within a tenth of a millisecond; this is a hundred times that.
+const PARTING: Duration = Duration::from_millis(10);
+
+enum Slept {
+    Event,
+    Nothing,
+    Stop,
+}
+
+/// Memory is counted before it is used: where tmpfs is full a store is the end of the process, without a word.
+fn require(stage: &str, needed: &[(String, usize)]) -> Result<(), Error> {
+    let path = Path::new(SHARED_MEMORY);
+    let Ok(found) = rustix::fs::statvfs(path) else {
+        return Ok(());
+    };
+    let free = found.f_bavail.saturating_mul(found.f_frsize);
+    let sum: usize = needed.iter().map(|(_, bytes)| bytes).sum();
+    if free >= sum as u64 {
+        return Ok(());
+    }
+    let largest = needed.iter().max_by_key(|(_, bytes)| *bytes);
+    let largest = largest.map_or(String::new(), |(name, bytes)| {
+        format!("{:.1} MB for {name}", *bytes as f64 * 1e-6)
+    });
+    Err(Error::TooLittleMemory {
+        path: path.to_owned(),
+        stage: stage.to_owned(),
+        free_mb: free as f64 * 1e-6,
+        needed_mb: sum as f64 * 1e-6,
+        largest,
+    })
+}

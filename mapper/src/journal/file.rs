@@ -1,0 +1,278 @@
+//! The journal as a file: opened by one mapper, appended to, cut back, set aside, written anew; never deleted.
+
+use super::tail::Tail;
+use super::{
+    Damage, Error, Kind, append_keyframe, append_snapshot, begin, compacted, is_snapshot_due,
+    read_keyframe, records,
+};
+use crate::Mapper;
+use randt_config::Config;
+use randt_messages::{Keyframe, Message, MessageRef};
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// A journal that was opened.
+#[derive(Debug)]
+pub struct Opened {
+    /// To append to.
+    pub journal: JournalFile,
+    /// All that it holds, for [`Mapper::restore`].
+    pub bytes: Vec<u8>,
+    /// What was cut off its end.
+    pub cut: Option<Damage>,
+    /// Where a file that is no journal, or one damaged in the middle, was moved, and why. Of the latter the part before
+    /// the damage goes on.
+    pub aside: Option<(PathBuf, String)>,
+}
+
+/// The file that a mapper writes to, and nobody else meanwhile.
+///
+/// Whoever appends a keyframe before he pushes it never has a map with one that the journal lacks.
+#[derive(Debug)]
+pub struct JournalFile {
+    path: PathBuf,
+    tail: Tail<File>,
+    keyframes: u64,
+    after_snapshot: u64,
+    /// One more than the number of the newest keyframe, and the same of the newest that is on the disk.
+    end: u64,
+    on_disk: u64,
+    bytes: Vec<u8>,
+    /// Held, not used. A file of its own, because the journal is renamed.
+    _lock: File,
+}
+
+impl JournalFile {
+    /// Opens a journal, or begins one. Waits for no other mapper: two never write one journal.
+    pub fn open(path: impl Into<PathBuf>, config: &Config) -> Result<Opened, Error> {
+        let path = path.into();
+        let lock = lock(&named(&path, ".lock"))?;
+        let mut bytes = match fs::read(&path) {
+            Ok(bytes) => bytes,
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Vec::new(),
+            Err(cause) => return Err(io_error(&path, "read", cause)),
+        };
+        let (mut aside, mut cut) = (None, None);
+        let mut is_new = bytes.is_empty();
+        if !is_new {
+            match walk(&bytes) {
+                Ok((good, damage)) => {
+                    bytes.truncate(good);
+                    cut = damage;
+                    if let Some(damage) = cut.take_if(|damage| damage.in_the_middle) {
+                        let why = format!("offset {}: {}", damage.offset, damage.what);
+                        aside = Some((set_aside(&path)?, why));
+                    }
+                }
+                Err(why) => {
+                    bytes.clear();
+                    aside = Some((set_aside(&path)?, why.to_string()));
+                }
+            }
+            is_new = aside.is_some();
+        }
+        if bytes.is_empty() {
+            begin(config, &mut bytes);
+        }
+        if is_new {
+            write_whole(&path, &bytes)?;
+        }
+        let mut journal = Self {
+            tail: tail(&path, bytes.len() as u64)?,
+            path,
+            keyframes: 0,
+            after_snapshot: 0,
+            end: 0,
+            on_disk: 0,
+            bytes: Vec::new(),
+            _lock: lock,
+        };
+        journal.count(&bytes)?;
+        journal.sync()?;
+        Ok(Opened {
+            journal,
+            bytes,
+            cut,
+            aside,
+        })
+    }
+
+    /// Appends a keyframe. It is not on the disk before [`Self::sync`].
+    pub fn append_keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) -> Result<(), Error> {
+        self.append(|bytes| append_keyframe(keyframe, bytes))?;
+        self.keyframes += 1;
+        self.after_snapshot += 1;
+        self.end = keyframe.head.id.saturating_add(1);
+        Ok(())
+    }
+
+    /// Appends a snapshot of the mapper, which has taken all keyframes.
+    pub fn append_snapshot(&mut self, mapper: &Mapper) -> Result<(), Error> {
+        self.append(|bytes| append_snapshot(mapper, bytes))?;
+        self.after_snapshot = 0;
+        Ok(())
+    }
+
+    /// Whether the next restart would take too long without a snapshot.
+    pub fn is_snapshot_due(&self) -> bool {
+        is_snapshot_due(self.keyframes, self.after_snapshot)
+    }
+
+    /// Comes back when everything is on the disk.
+    pub fn sync(&mut self) -> Result<(), Error> {
+        self.check()?;
+        let synced = self.tail.sync();
+        synced.map_err(|cause| io_error(&self.path, "bring onto the disk", cause))?;
+        self.on_disk = self.end;
+        Ok(())
+    }
+
+    /// The number after the newest keyframe's.
+    pub fn end(&self) -> u64 {
+        self.end
+    }
+
+    /// Keyframes below this number are on the disk.
+    pub fn on_disk(&self) -> u64 {
+        self.on_disk
+    }
+
+    /// Bytes of the file.
+    pub fn length(&self) -> u64 {
+        self.tail.good()
+    }
+
+    /// Writes the journal anew: its keyframes and one snapshot of the mapper, which has taken all of them.
+    pub fn compact(&mut self, mapper: &Mapper) -> Result<(), Error> {
+        self.check()?;
+        let bytes = compacted(&self.read()?, mapper)?;
+        write_whole(&self.path, &bytes)?;
+        // Until the new file is open the old one is, which no longer has a name.
+        self.tail.doubt();
+        self.tail = tail(&self.path, bytes.len() as u64)?;
+        self.after_snapshot = 0;
+        self.on_disk = self.end;
+        Ok(())
+    }
+
+    /// Writes the same as a map file somewhere else.
+    pub fn export(&self, mapper: &Mapper, to: &Path) -> Result<(), Error> {
+        self.check()?;
+        write_whole(to, &compacted(&self.read()?, mapper)?)
+    }
+
+    fn read(&self) -> Result<Vec<u8>, Error> {
+        fs::read(&self.path).map_err(|cause| io_error(&self.path, "read", cause))
+    }
+
+    fn append(
+        &mut self,
+        fill: impl FnOnce(&mut Vec<u8>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        self.check()?;
+        self.bytes.clear();
+        fill(&mut self.bytes)?;
+        let appended = self.tail.append(&self.bytes);
+        appended.map_err(|cause| io_error(&self.path, "append", cause))
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        match self.tail.is_unsure() {
+            true => Err(Error::Unsure {
+                path: self.path.clone(),
+            }),
+            false => Ok(()),
+        }
+    }
+
+    /// Counts what is there.
+    fn count(&mut self, bytes: &[u8]) -> Result<(), Error> {
+        let mut newest = None;
+        for record in records(bytes)?.1 {
+            match record.kind {
+                Kind::Keyframe => {
+                    self.keyframes += 1;
+                    self.after_snapshot += 1;
+                    newest = Some(record.payload);
+                }
+                Kind::Snapshot => self.after_snapshot = 0,
+            }
+        }
+        let mut message = Message::default();
+        if newest.is_some_and(|payload| read_keyframe(payload, &mut message)) {
+            self.end = message.head.id.saturating_add(1);
+        }
+        Ok(())
+    }
+}
+
+/// How many bytes are good, and what is behind them.
+fn walk(bytes: &[u8]) -> Result<(usize, Option<Damage>), Error> {
+    let mut records = records(bytes)?.1;
+    records.by_ref().for_each(drop);
+    Ok((records.good(), records.damage().cloned()))
+}
+
+/// Opens the end of a file behind its good bytes.
+fn tail(path: &Path, good: u64) -> Result<Tail<File>, Error> {
+    let file = OpenOptions::new().append(true).open(path);
+    let file = file.map_err(|cause| io_error(path, "open", cause))?;
+    file.set_len(good)
+        .map_err(|cause| io_error(path, "cut the damaged end off", cause))?;
+    Ok(Tail::new(file, good))
+}
+
+fn lock(path: &Path) -> Result<File, Error> {
+    let mut options = OpenOptions::new();
+    let file = options.create(true).append(true).open(path);
+    let file = file.map_err(|cause| io_error(path, "create", cause))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Error::Locked {
+            path: path.to_owned(),
+        }),
+        Err(TryLockError::Error(cause)) => Err(io_error(path, "lock", cause)),
+    }
+}
+
+/// Moves a file out of the way, under the first name that is free.
+fn set_aside(path: &Path) -> Result<PathBuf, Error> {
+    let names = (1..).map(|n: u64| named(path, &format!(".aside-{n}")));
+    let mut free = names.filter(|name| !name.exists());
+    let aside = free.next().unwrap_or_else(|| named(path, ".aside"));
+    fs::rename(path, &aside).map_err(|cause| io_error(path, "set aside", cause))?;
+    Ok(aside)
+}
+
+/// Writes a file whole or not at all.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let part = named(path, ".part");
+    let write = || {
+        let mut file = File::create(&part)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&part, path)?;
+        // The new name, too, is only safe once its folder is on the disk.
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+    };
+    write().map_err(|cause| io_error(path, "write", cause))
+}
+
+fn named(path: &Path, ending: &str) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(ending);
+    name.into()
+}
+
+fn io_error(path: &Path, action: &'static str, cause: io::Error) -> Error {
+    Error::Io {
+        path: path.to_owned(),
+        action,
+        cause,
+    }
+}

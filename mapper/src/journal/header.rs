@@ -1,0 +1,127 @@
+//! The beginning of a journal: what it is, and what its keyframes and its map were made under.
+
+use super::Error;
+use super::pack::Unpacker;
+use randt_config::Config;
+use randt_messages::{Keyframe, Topic, layout};
+
+/// First bytes of every journal.
+const MAGIC: [u8; 8] = *b"RANDTMAP";
+/// Of header, records and packing.
+const VERSION: u32 = 1;
+/// A longer name of a layout is damage.
+const NAME_BYTES_MAX: u32 = 256;
+
+/// The header.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Header {
+    /// Fingerprint of the configuration under which the journal was begun.
+    pub config: u64,
+}
+
+impl Header {
+    /// The header of a journal that begins now.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            config: fingerprint(config),
+        }
+    }
+
+    /// Appends it: magic, version, configuration, layout of the keyframe message, checksum.
+    pub(super) fn append(&self, out: &mut Vec<u8>) {
+        let start = out.len();
+        let layout = Keyframe::TYPE_NAME;
+        out.extend_from_slice(&MAGIC);
+        out.extend_from_slice(&VERSION.to_le_bytes());
+        out.extend_from_slice(&self.config.to_le_bytes());
+        out.extend_from_slice(&(layout.len() as u32).to_le_bytes());
+        out.extend_from_slice(layout.as_bytes());
+        let checksum = crc32fast::hash(out.get(start..).unwrap_or_default());
+        out.extend_from_slice(&checksum.to_le_bytes());
+    }
+
+    /// Reads it and how many bytes it takes.
+    pub(super) fn read(bytes: &[u8]) -> Result<(Self, usize), Error> {
+        let mut rest = Unpacker(bytes);
+        let cut = || Error::HeaderCut { bytes: bytes.len() };
+        let magic = rest.array().ok_or_else(cut)?;
+        if magic != MAGIC {
+            return Err(Error::NotAJournal { found: magic });
+        }
+        let found = u32::from_le_bytes(rest.array().ok_or_else(cut)?);
+        if found != VERSION {
+            let expected = VERSION;
+            return Err(Error::Version { found, expected });
+        }
+        let config = u64::from_le_bytes(rest.array().ok_or_else(cut)?);
+        let length = u32::from_le_bytes(rest.array().ok_or_else(cut)?);
+        if length > NAME_BYTES_MAX {
+            return Err(Error::HeaderDamaged);
+        }
+        let layout = rest.bytes(length as usize).ok_or_else(cut)?;
+        let before = bytes.len() - rest.0.len();
+        let checksum = u32::from_le_bytes(rest.array().ok_or_else(cut)?);
+        if checksum != crc32fast::hash(bytes.get(..before).unwrap_or_default()) {
+            return Err(Error::HeaderDamaged);
+        }
+        if layout != Keyframe::TYPE_NAME.as_bytes() {
+            return Err(Error::Layout {
+                found: String::from_utf8_lossy(layout).into_owned(),
+                expected: Keyframe::TYPE_NAME,
+            });
+        }
+        Ok((Self { config }, bytes.len() - rest.0.len()))
+    }
+}
+
+/// A number that is another one where any key of the configuration is.
+pub fn fingerprint(config: &Config) -> u64 {
+    // A structure of numbers and names always has bytes.
+    let bytes = postcard::to_allocvec(config).unwrap_or_default();
+    layout::hash_bytes(layout::FNV_SEED, &bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_is_read_and_what_is_none_is_refused() {
+        let header = Header::new(&Config::default());
+        let mut bytes = Vec::new();
+        header.append(&mut bytes);
+        let end = bytes.len();
+        assert_eq!(Header::read(&bytes).unwrap(), (header, end));
+        for cut in 0..end {
+            let error = Header::read(&bytes[..cut]).unwrap_err();
+            assert!(matches!(error, Error::HeaderCut { .. }), "{cut}: {error}");
+        }
+        for at in 0..end {
+            for bit in 0..8 {
+                let mut flipped = bytes.clone();
+                flipped[at] ^= 1 << bit;
+                assert!(Header::read(&flipped).is_err(), "{at} {bit}");
+            }
+        }
+    }
+
+    #[test]
+    fn another_layout_is_named() {
+        let mut bytes = Vec::new();
+        Header { config: 7 }.append(&mut bytes);
+        let end = bytes.len();
+        bytes[end - 5] ^= 1;
+        let checksum = crc32fast::hash(&bytes[..end - 4]);
+        bytes[end - 4..].copy_from_slice(&checksum.to_le_bytes());
+        let text = Header::read(&bytes).unwrap_err().to_string();
+        assert!(text.contains(Keyframe::TYPE_NAME), "{text}");
+    }
+
+    #[test]
+    fn one_key_makes_another_configuration() {
+        let mut config = Config::default();
+        let before = fingerprint(&config);
+        config.loops.path_min_m += 1e-12;
+        assert_ne!(fingerprint(&config), before);
+    }
+}

@@ -1,0 +1,62 @@
+//! `randt-mapper`: odometry/keyframe to mapper/correction, mapper/graph and mapper/grid, as a process.
+
+mod process;
+
+use clap::Parser;
+use process::{Intake, Outlet};
+use randt_messages::Keyframe;
+use randt_stage::{StageArguments, Woken, ended};
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// The mapper stage: loops, the pose graph, the occupancy grid.
+///
+/// Every keyframe goes into a journal first. When the stage is started again it is what it was, to the last bit, and
+/// asks odometry for what it has missed.
+#[derive(Debug, Parser)]
+#[command(name = "randt-mapper", version, max_term_width = 100)]
+struct Arguments {
+    /// The journal, on a disk; if not given, in the run folder, where it survives the stage but not the machine
+    #[arg(long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    #[command(flatten)]
+    stage: StageArguments,
+}
+
+fn main() -> ExitCode {
+    ended("mapper", run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let config = arguments.stage.selection.load(None)?.config;
+    let mut stage = arguments.stage.open("mapper")?;
+    stage.expect(&config.sensor);
+    let mut outlet = Outlet::open(&mut stage)?;
+    let mut keyframes = stage.subscriber::<Keyframe>()?;
+    let journal = match &arguments.journal {
+        Some(path) => path.clone(),
+        None => stage.realm().state().join("map.journal"),
+    };
+    let mut intake = Intake::open(&journal, &config, &stage)?;
+    stage.running()?;
+    let mut at_once = true;
+    loop {
+        outlet.tell(&mut intake, at_once)?;
+        let pause = Some(outlet.pause());
+        if stage.wait(&[&keyframes], pause)? == Woken::Stop {
+            break;
+        }
+        while let Some(keyframe) = keyframes.receive()? {
+            intake.take(keyframe.message());
+        }
+        at_once = intake.sync();
+        stage.report(&intake.trouble, intake.lost);
+    }
+    // What odometry sent before it ended.
+    while let Some(keyframe) = keyframes.receive()? {
+        intake.take(keyframe.message());
+    }
+    intake.finish();
+    Ok(stage.close()?)
+}

@@ -1,0 +1,7 @@
+//! What makes the mapper a process: keyframes into journal and map, the map to whoever reads it.
+
+mod intake;
+mod outlet;
+
+pub use intake::Intake;
+pub use outlet::Outlet;

@@ -1,0 +1,158 @@
+//! Keyframes on their way into journal and map: in order, each once, none missing.
+
+use randt_config::Config;
+use randt_mapper::{Mapper, journal::JournalFile};
+use randt_messages::{Keyframe, Message, MessageRef};
+use randt_stage::Stage;
+use std::collections::VecDeque;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Keyframes are brought onto the disk about so often: what a power cut costs.
+const SYNC_EVERY: Duration = Duration::from_millis(500);
+/// Missing keyframes are asked for so often before the map goes on without them.
+const REQUESTS_MAX: u32 = 6;
+
+/// Journal and map, which always have the same keyframes.
+pub struct Intake {
+    mapper: Mapper,
+    journal: JournalFile,
+    /// The keyframe that is waited for.
+    next: u64,
+    /// Keyframes that the map has and the journal could not take yet.
+    unwritten: VecDeque<Message<Keyframe>>,
+    synced: Instant,
+    /// Whether keyframes shall be sent again, and how often they were asked for.
+    is_missing: bool,
+    requests: u32,
+    /// Keyframes that never came.
+    pub lost: u64,
+    /// What is wrong with the journal; empty where nothing is.
+    pub trouble: String,
+}
+
+impl Intake {
+    /// Goes on where the journal ends.
+    pub fn open(
+        path: &Path,
+        config: &Config,
+        stage: &Stage,
+    ) -> Result<Self, randt_mapper::journal::Error> {
+        let begin = Instant::now();
+        let opened = JournalFile::open(path, config)?;
+        let name = path.display();
+        if let Some(cut) = &opened.cut {
+            stage.say(&format!(
+                "{name}: cut at offset {}: {}",
+                cut.offset, cut.what
+            ));
+        }
+        if let Some((aside, why)) = &opened.aside {
+            stage.say(&format!("{name}: {why}; set aside as {}", aside.display()));
+        }
+        let (mapper, restored) = Mapper::restore(config, &opened.bytes)?;
+        if let Some(why) = restored.passed_over {
+            stage.say(&format!(
+                "{name}: its last snapshot is {why:?}: all keyframes are taken anew"
+            ));
+        }
+        stage.say(&format!(
+            "{name}: {} keyframes ({} from a snapshot) in {:.3} s",
+            restored.keyframes,
+            restored.from_snapshot,
+            begin.elapsed().as_secs_f64()
+        ));
+        Ok(Self {
+            next: opened.journal.end(),
+            mapper,
+            journal: opened.journal,
+            unwritten: VecDeque::new(),
+            synced: Instant::now(),
+            // What came while nobody was here is in odometry's ring.
+            is_missing: true,
+            requests: 0,
+            lost: 0,
+            trouble: String::new(),
+        })
+    }
+
+    /// Takes a keyframe where it is the next one. Doubles are dropped; before one that is ahead the missing are asked for.
+    pub fn take(&mut self, keyframe: MessageRef<'_, Keyframe>) {
+        let id = keyframe.head.id;
+        if id < self.next {
+            return;
+        }
+        if id > self.next {
+            if self.requests < REQUESTS_MAX {
+                self.is_missing = true;
+                return;
+            }
+            // Nobody has them any more: a map with a gap is better than none.
+            self.lost += id - self.next;
+        }
+        (self.next, self.is_missing, self.requests) = (id + 1, false, 0);
+        self.mapper.push(keyframe);
+        let mut copy = Message::default();
+        *copy.head = *keyframe.head;
+        copy.items.extend_from_slice(keyframe.items);
+        self.unwritten.push_back(copy);
+        self.write();
+    }
+
+    /// Appends what the journal lacks. A full disk does not stop the map.
+    fn write(&mut self) {
+        while let Some(keyframe) = self.unwritten.front() {
+            if let Err(error) = self.journal.append_keyframe(keyframe.as_ref()) {
+                self.trouble = error.to_string();
+                return;
+            }
+            self.unwritten.pop_front();
+        }
+        self.trouble.clear();
+        if self.journal.is_snapshot_due()
+            && let Err(error) = self.journal.append_snapshot(&self.mapper)
+        {
+            // Without one the next restart takes longer.
+            self.trouble = error.to_string();
+        }
+    }
+
+    /// Brings the journal onto the disk where it is time; gives whether it did.
+    pub fn sync(&mut self) -> bool {
+        if self.synced.elapsed() < SYNC_EVERY || self.journal.on_disk() == self.next {
+            return false;
+        }
+        self.finish();
+        true
+    }
+
+    /// Brings the journal onto the disk now.
+    pub fn finish(&mut self) {
+        self.synced = Instant::now();
+        self.write();
+        if let Err(error) = self.journal.sync() {
+            self.trouble = error.to_string();
+        }
+    }
+
+    /// Whether keyframes shall be sent again; counts how often that was asked.
+    pub fn request(&mut self) -> bool {
+        self.requests += u32::from(self.is_missing);
+        self.is_missing
+    }
+
+    /// The keyframe that is waited for.
+    pub fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// Keyframes below this number are on the disk.
+    pub fn on_disk(&self) -> u64 {
+        self.journal.on_disk()
+    }
+
+    /// The map.
+    pub fn mapper(&mut self) -> &mut Mapper {
+        &mut self.mapper
+    }
+}

@@ -1,0 +1,210 @@
+//! The journal's file: cut at any byte, locked, damaged, foreign, full. Nothing of it is ever thrown away in silence.
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
+
+use randt_config::Config;
+use randt_mapper::Mapper;
+use randt_mapper::journal::{self, Error, JournalFile, Kind, Opened};
+use randt_messages::{Keyframe, KeyframePoint, Message};
+use std::fs;
+use std::path::Path;
+
+fn keyframe(id: u64) -> Message<Keyframe> {
+    let mut keyframe = Message::<Keyframe>::default();
+    keyframe.head.id = id;
+    keyframe.head.header.stamp_ns = 1_000_000_000 * id as i64;
+    keyframe.head.pose = [0.5 * id as f64, 0.0, 0.1];
+    keyframe.items.extend((0..20).map(|n| KeyframePoint {
+        x_m: 0.1 * n as f32,
+        y_m: 2.0,
+        intensity: 9.0 + (n % 3) as f32,
+        beam: 0,
+        reserved: 0,
+    }));
+    keyframe
+}
+
+/// Opens a journal, restores its mapper, and lets both take keyframes.
+fn drive(path: &Path, ids: impl IntoIterator<Item = u64>) -> (Opened, Mapper) {
+    let config = Config::default();
+    let mut opened = JournalFile::open(path, &config).unwrap();
+    let (mut mapper, _) = Mapper::restore(&config, &opened.bytes).unwrap();
+    for id in ids {
+        let keyframe = keyframe(id);
+        opened.journal.append_keyframe(keyframe.as_ref()).unwrap();
+        assert!(mapper.push(keyframe.as_ref()));
+        if opened.journal.is_snapshot_due() {
+            opened.journal.append_snapshot(&mapper).unwrap();
+        }
+    }
+    (opened, mapper)
+}
+
+fn ids(mapper: &Mapper) -> Vec<u64> {
+    mapper
+        .places()
+        .iter()
+        .map(|place| place.keyframe_id)
+        .collect()
+}
+
+#[test]
+fn it_is_begun_continued_and_tells_what_is_on_the_disk() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.journal");
+    let (mut opened, _) = drive(&path, 0..3);
+    assert_eq!(opened.journal.on_disk(), 0);
+    opened.journal.sync().unwrap();
+    assert_eq!(opened.journal.on_disk(), 3);
+    let length = opened.journal.length();
+    drop(opened);
+    assert_eq!(fs::metadata(&path).unwrap().len(), length);
+
+    let (opened, mapper) = drive(&path, 3..40);
+    assert!(opened.cut.is_none() && opened.aside.is_none());
+    assert_eq!(
+        opened.journal.on_disk(),
+        3,
+        "what was there when it was opened"
+    );
+    assert_eq!(ids(&mapper), (0..40).collect::<Vec<_>>());
+    drop(opened);
+    let bytes = fs::read(&path).unwrap();
+    let (_, records) = journal::records(&bytes).unwrap();
+    assert_eq!(records.of(Kind::Snapshot).count(), 2);
+    let (again, restored) = Mapper::restore(&Config::default(), &bytes).unwrap();
+    assert_eq!(again.poses(), mapper.poses());
+    assert_eq!((restored.from_snapshot, restored.replayed), (32, 8));
+}
+
+#[test]
+fn two_mappers_never_write_one_journal() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.journal");
+    let (opened, mut mapper) = drive(&path, 0..3);
+    let locked = |path: &Path| {
+        let error = JournalFile::open(path, &Config::default()).unwrap_err();
+        assert!(matches!(error, Error::Locked { .. }), "{error}");
+    };
+    locked(&path);
+    let mut opened = opened;
+    opened.journal.compact(&mapper).unwrap();
+    locked(&path);
+    // What is appended after it was written anew is in the new file.
+    opened
+        .journal
+        .append_keyframe(keyframe(3).as_ref())
+        .unwrap();
+    mapper.push(keyframe(3).as_ref());
+    drop(opened);
+    let (_, again) = drive(&path, []);
+    assert_eq!(again.poses(), mapper.poses());
+}
+
+#[test]
+fn cut_at_any_byte_of_the_last_record_it_has_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.journal");
+    let (mut opened, _) = drive(&path, 0..4);
+    let start = opened.journal.length() as usize;
+    opened
+        .journal
+        .append_keyframe(keyframe(4).as_ref())
+        .unwrap();
+    drop(opened);
+    let whole = fs::read(&path).unwrap();
+    for end in start..whole.len() {
+        // As a power cut leaves it: short, or long enough and without the bytes.
+        for is_zeroed in [false, true] {
+            let mut bytes = whole[..end].to_vec();
+            if is_zeroed {
+                bytes.resize(whole.len() + 4096, 0);
+            }
+            fs::write(&path, &bytes).unwrap();
+            let (mut opened, mapper) = drive(&path, []);
+            assert_eq!(ids(&mapper), [0, 1, 2, 3], "cut at {end}");
+            assert_eq!(opened.cut.is_some(), bytes.len() > start);
+            assert_eq!(opened.journal.length(), start as u64);
+            assert_eq!((opened.aside, opened.journal.on_disk()), (None, 4));
+            opened
+                .journal
+                .append_keyframe(keyframe(4).as_ref())
+                .unwrap();
+            drop(opened.journal);
+            assert!(fs::read(&path).unwrap() == whole, "appended again at {end}");
+        }
+    }
+}
+
+#[test]
+fn what_is_damaged_in_the_middle_or_foreign_is_set_aside() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.journal");
+    drop(drive(&path, 0..6));
+    let whole = fs::read(&path).unwrap();
+    let (_, mut records) = journal::records(&whole).unwrap();
+    let ends: Vec<usize> = std::iter::from_fn(|| records.next().map(|_| records.good())).collect();
+    let mut damaged = whole.clone();
+    damaged[ends[2] + 30] ^= 4;
+    fs::write(&path, &damaged).unwrap();
+    let (opened, mapper) = drive(&path, []);
+    let (aside, why) = opened.aside.unwrap();
+    assert!(
+        opened.cut.is_none() && why.contains(&ends[2].to_string()),
+        "{why}"
+    );
+    assert_eq!(fs::read(&aside).unwrap(), damaged);
+    assert_eq!((ids(&mapper), opened.journal.on_disk()), (vec![0, 1, 2], 3));
+    drop(opened.journal);
+    assert_eq!(fs::read(&path).unwrap(), whole[..ends[2]]);
+
+    for foreign in [b"P5\n640 480\n255\n".to_vec(), whole[..10].to_vec()] {
+        fs::write(&path, &foreign).unwrap();
+        let (opened, mapper) = drive(&path, [7]);
+        let (another, why) = opened.aside.unwrap();
+        println!("{}: {why}", another.display());
+        assert!(another != aside && fs::read(&another).unwrap() == foreign);
+        assert_eq!(ids(&mapper), [7]);
+    }
+    // An empty one is no journal yet.
+    fs::write(&path, b"").unwrap();
+    assert_eq!(drive(&path, []).0.aside, None);
+}
+
+#[test]
+fn a_map_file_is_all_keyframes_and_one_snapshot() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, map) = (folder.path().join("journal"), folder.path().join("a.map"));
+    let (mut opened, mapper) = drive(&path, 0..50);
+    opened.journal.export(&mapper, &map).unwrap();
+    opened.journal.compact(&mapper).unwrap();
+    assert_eq!(opened.journal.on_disk(), 50);
+    assert!(!opened.journal.is_snapshot_due());
+    let bytes = fs::read(&map).unwrap();
+    assert_eq!(fs::read(&path).unwrap(), bytes);
+    let kinds: Vec<Kind> = journal::records(&bytes)
+        .unwrap()
+        .1
+        .map(|r| r.kind)
+        .collect();
+    assert_eq!(kinds.len(), 51);
+    assert_eq!(kinds.last(), Some(&Kind::Snapshot));
+    let (again, restored) = Mapper::restore(&Config::default(), &bytes).unwrap();
+    assert_eq!((again.poses(), restored.replayed), (mapper.poses(), 0));
+    let left: Vec<_> = fs::read_dir(folder.path())
+        .unwrap()
+        .map(|f| f.unwrap().file_name())
+        .collect();
+    assert!(
+        left.iter()
+            .all(|name| !name.to_string_lossy().ends_with(".part")),
+        "{left:?}"
+    );
+}
+
+#[test]
+fn a_folder_that_is_not_there_is_an_error_that_names_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let error =
+        JournalFile::open(folder.path().join("no/journal"), &Config::default()).unwrap_err();
+    assert!(error.to_string().contains("no/journal"), "{error}");
+}

@@ -1,0 +1,123 @@
+//! `randt-odometry`: radar/points and imu/sample to odometry/state and odometry/keyframe, as a process.
+
+use clap::Parser;
+use randt_messages::{
+    ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints,
+};
+use randt_odometry::process::{Feed, Past};
+use randt_stage::{Publisher, Stage, StageArguments, Subscriber, Woken, ended};
+use std::error::Error;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Keyframes that are sent again for one request; the mapper asks for more when it has these.
+const AGAIN: usize = 32;
+
+/// The odometry stage: the live pose of every scan, and keyframes for the mapper.
+///
+/// What it knows lies in the run folder after every scan. When it is started again it goes on to the last bit; a build
+/// or configuration of another kind keeps the pose and opens a new odometry frame.
+#[derive(Debug, Parser)]
+#[command(name = "randt-odometry", version, max_term_width = 100)]
+struct Arguments {
+    /// Do not use the IMU
+    #[arg(long)]
+    no_imu: bool,
+    #[command(flatten)]
+    stage: StageArguments,
+}
+
+fn main() -> ExitCode {
+    ended("odometry", run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let config = arguments.stage.selection.load(None)?.config;
+    let use_imu = !arguments.no_imu;
+    let mut stage = arguments.stage.open("odometry")?;
+    stage.expect(&config.sensor);
+    let mut out = Out {
+        states: stage.publisher()?,
+        keyframes: stage.publisher()?,
+    };
+    let mut past = Past::open(&mut stage)?;
+    let (odometry, mut has_past) = past.restore(&stage, &config, use_imu)?;
+    let samples = stage.subscriber::<ImuSampleTopic>()?;
+    let points = stage.subscriber::<RadarPoints>()?;
+    let mut graph = stage.subscriber::<MapperGraph>()?;
+    let wait = Duration::from_secs_f64(config.odometry.imu_wait_max_s);
+    let mut feed = Feed::new(odometry, past, samples, points, wait);
+    stage.running()?;
+    out.publish(&mut feed.past)?;
+    loop {
+        feed.take()?;
+        out.publish(&mut feed.past)?;
+        has_past |= answer(&mut graph, &mut feed, &mut out, has_past)?;
+        report(&mut stage, &feed);
+        let pause = feed.pause();
+        if stage.wait(&[feed.wakes(), &graph], pause)? == Woken::Stop {
+            return Ok(stage.close()?);
+        }
+    }
+}
+
+/// Hears what the mapper has and wants; gives whether it had keyframes.
+fn answer(
+    graph: &mut Subscriber<MapperGraph>,
+    feed: &mut Feed,
+    out: &mut Out,
+    has_past: bool,
+) -> Result<bool, Box<dyn Error>> {
+    let mut wanted = None;
+    let mut had = false;
+    while let Some(message) = graph.receive()? {
+        let head = message.message().head;
+        wanted = (head.send_again == 1).then_some(head.wanted_keyframe);
+        had = head.wanted_keyframe > 0;
+        if had && !has_past {
+            // A map from before the machine was started: numbers go on after it.
+            feed.odometry
+                .continue_after(head.wanted_keyframe, head.odom_frame_id);
+        }
+    }
+    if let Some(wanted) = wanted {
+        let ring = feed.past.ring();
+        // What the ring has beyond that belongs to a scan that is not kept yet.
+        let next = feed.odometry.pose_record().next_keyframe;
+        let there = (wanted..next).filter_map(|id| ring.get(id));
+        for keyframe in there.take(AGAIN) {
+            out.keyframes.publish(keyframe.as_ref())?;
+        }
+    }
+    Ok(had)
+}
+
+/// Tells what was lost on the way.
+fn report(stage: &mut Stage, feed: &Feed) {
+    let lost = feed.scans_missed;
+    let text = match lost {
+        0 => String::new(),
+        lost => format!("{lost} scans never came"),
+    };
+    stage.report(&text, lost);
+}
+
+/// The topics that it writes.
+struct Out {
+    states: Publisher<OdometryStateTopic>,
+    keyframes: Publisher<Keyframe>,
+}
+
+impl Out {
+    /// Publishes what is in the outbox. It was kept before, and is sent again after a restart.
+    fn publish(&mut self, past: &mut Past) -> Result<(), randt_stage::Error> {
+        for state in past.outbox().take_states() {
+            let items = &[];
+            self.states.publish(MessageRef { head: state, items })?;
+        }
+        while let Some(keyframe) = past.next_keyframe() {
+            self.keyframes.publish(keyframe.as_ref())?;
+        }
+        Ok(())
+    }
+}

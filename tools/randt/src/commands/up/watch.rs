@@ -1,0 +1,184 @@
+//! What the supervisor sees of the pipeline.
+
+use crate::report::Count;
+use randt_messages::{
+    MapperGraph, OdometryState, OdometryStateTopic, RadarScan, StageHealth, StageHealthTopic,
+    StageState, Topic, Trust, health::text_of,
+};
+use randt_stage::{Stage, Subscriber, Wakes};
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+/// All states, each once, and the last word of every stage.
+pub struct Watch {
+    states: Vec<OdometryState>,
+    states_missed: u64,
+    /// By name and epoch: a stage that came back counts anew.
+    health: BTreeMap<(String, u64), StageHealth>,
+    keyframes: u64,
+    loops: u64,
+    last: Instant,
+    states_in: Subscriber<OdometryStateTopic>,
+    health_in: Subscriber<StageHealthTopic>,
+    graph_in: Subscriber<MapperGraph>,
+}
+
+impl Watch {
+    /// Opens the topics.
+    pub fn open(stage: &mut Stage) -> anyhow::Result<Self> {
+        Ok(Self {
+            states: Vec::new(),
+            states_missed: 0,
+            health: BTreeMap::new(),
+            keyframes: 0,
+            loops: 0,
+            last: Instant::now(),
+            states_in: stage.subscriber()?,
+            health_in: stage.subscriber()?,
+            graph_in: stage.subscriber()?,
+        })
+    }
+
+    /// What wakes it.
+    pub fn wakes(&self) -> [&dyn Wakes; 3] {
+        [&self.states_in, &self.health_in, &self.graph_in]
+    }
+
+    /// Takes all that has come.
+    pub fn receive(&mut self) -> anyhow::Result<()> {
+        while let Some(received) = self.states_in.receive()? {
+            let state = *received.message().head;
+            let next = self.states.last().map_or(0, |last| last.id + 1);
+            // Odometry that came back sends its last states again.
+            if state.id >= next {
+                self.states_missed += state.id - next;
+                self.states.push(state);
+                self.last = Instant::now();
+            }
+        }
+        while let Some(received) = self.health_in.receive()? {
+            let health = *received.message().head;
+            let key = (text_of(&health.name).to_owned(), health.header.epoch);
+            self.health.insert(key, health);
+        }
+        while let Some(received) = self.graph_in.receive()? {
+            let head = received.message().head;
+            (self.keyframes, self.loops) = (head.keyframes, head.loops);
+        }
+        Ok(())
+    }
+
+    /// The last word of a stage's last life.
+    fn newest(&self, name: &str) -> Option<&StageHealth> {
+        let lives = self
+            .health
+            .range((name.to_owned(), 0)..=(name.to_owned(), u64::MAX));
+        lives.last().map(|(_, health)| health)
+    }
+
+    /// Whether a stage is in its loop.
+    pub fn runs(&self, name: &str) -> bool {
+        self.newest(name)
+            .is_some_and(|health| health.state != StageState::Starting as u32)
+    }
+
+    /// Whether the log was sent to its end.
+    pub fn is_played(&self) -> bool {
+        self.newest("play")
+            .is_some_and(|health| health.state == StageState::Finished as u32)
+    }
+
+    /// Whether the last scan that was played has its state.
+    pub fn is_computed(&self) -> bool {
+        let Some(play) = self.newest("play") else {
+            return false;
+        };
+        let sent = play
+            .ports()
+            .iter()
+            .find(|port| port.publishes == 1 && text_of(&port.topic) == RadarScan::NAME);
+        let last = self.states.last();
+        sent.zip(last).is_some_and(|(sent, state)| {
+            state.scan_epoch == play.header.epoch && state.scan_sequence + 1 == sent.messages
+        })
+    }
+
+    /// Time since the last state.
+    pub fn quiet_for(&self) -> Duration {
+        self.last.elapsed()
+    }
+
+    /// Scans with a state.
+    pub fn scans(&self) -> u64 {
+        self.states.len() as u64
+    }
+
+    /// The pipeline in a line.
+    pub fn line(&self) -> String {
+        let trust = match self.states.last().map(|state| state.trust) {
+            Some(trust) if trust == Trust::Good as u32 => "good",
+            Some(trust) if trust == Trust::Degraded as u32 => "degraded",
+            Some(_) => "lost",
+            None => "-",
+        };
+        let stages = ["filter", "odometry", "mapper"].map(|name| {
+            let health = self.newest(name);
+            let state = health.map_or("dead", |h| StageState::from_code(h.state).name());
+            match health.map_or(0, |h| h.restarts) {
+                0 => format!("{name} {state}"),
+                restarts => format!("{name} {state} ({restarts} restarts)"),
+            }
+        });
+        format!(
+            "{}; trust {trust}, {} keyframes, {} loops",
+            stages.join(", "),
+            self.keyframes,
+            self.loops
+        )
+    }
+
+    /// What was lost and how often stages came back, where that is not never.
+    pub fn counters(&self) -> BTreeMap<&'static str, Count> {
+        let mut counters = BTreeMap::new();
+        let (mut lost, mut first) = (0, String::new());
+        for ((name, _), health) in &self.health {
+            for port in health.ports().iter().filter(|port| port.lost > 0) {
+                lost += port.lost;
+                if first.is_empty() {
+                    first = format!("{name} missed {} of {}", port.lost, text_of(&port.topic));
+                }
+            }
+            if health.lost > 0 {
+                lost += health.lost;
+                if first.is_empty() {
+                    first = format!("{name}: {}", text_of(&health.message));
+                }
+            }
+        }
+        if lost > 0 {
+            counters.insert("messages_lost", Count::lost(lost, first));
+        }
+        if self.states_missed > 0 {
+            let first = "states of odometry that never came".to_owned();
+            counters.insert("states_missed", Count::lost(self.states_missed, first));
+        }
+        let restarts: u64 = ["filter", "odometry", "mapper"]
+            .iter()
+            .filter_map(|name| Some(self.newest(name)?.restarts))
+            .sum();
+        if restarts > 0 {
+            let count = Count {
+                count: restarts,
+                loss: false,
+                first: String::new(),
+            };
+            counters.insert("stage_restarts", count);
+        }
+        counters
+    }
+
+    /// The states; there are none left afterwards.
+    pub fn take_states(&mut self) -> Vec<OdometryState> {
+        std::mem::take(&mut self.states)
+    }
+}
