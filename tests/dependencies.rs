@@ -29,6 +29,10 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "equator",
         "assertions of faer, whose kernels for small products (nano-gemm) are a release behind",
     ),
+    (
+        "embedded-io",
+        "optional traits of postcard: in the lock file, never built",
+    ),
     ("equator-macro", "comes with equator"),
     (
         "glam",
@@ -52,6 +56,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("lz4_flex", &["randt-readers"]),
     ("mcap", &["randt-log", "randt-readers"]),
     ("plotters", &["randt-evaluation"]),
+    ("postcard", &["randt-mapper"]),
     ("png", &["randt-readers"]),
     ("rusqlite", &["randt-readers"]),
     ("toml", &["randt-config"]),
