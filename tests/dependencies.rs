@@ -29,6 +29,10 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "equator",
         "assertions of faer, whose kernels for small products (nano-gemm) are a release behind",
     ),
+    (
+        "embedded-io",
+        "optional traits of postcard: in the lock file, never built",
+    ),
     ("equator-macro", "comes with equator"),
     (
         "glam",
@@ -64,6 +68,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("mcap", &["randt-log", "randt-readers"]),
     ("memmap2", &["randt-stage"]),
     ("plotters", &["randt-evaluation"]),
+    ("postcard", &["randt-mapper"]),
     ("png", &["randt-readers"]),
     ("rusqlite", &["randt-readers"]),
     ("rustix", &["randt", "randt-stage"]),

@@ -47,7 +47,7 @@ fn write(config: &Config, drive: &Drive) -> Written {
     };
     let bytes = &mut written.bytes;
     journal::begin(config, bytes);
-    let mut after_snapshot = 0;
+    let (mut after_snapshot, mut first) = (0, 0);
     for (count, keyframe) in (1..).zip(&drive.keyframes) {
         let start = bytes.len();
         journal::append_keyframe(keyframe.as_ref(), bytes).unwrap();
@@ -56,7 +56,8 @@ fn write(config: &Config, drive: &Drive) -> Written {
         after_snapshot += 1;
         if journal::is_snapshot_due(count, after_snapshot) {
             written.before_last_snapshot = bytes.len();
-            journal::append_snapshot(&mapper, bytes).unwrap();
+            journal::append_snapshot(&mapper, first, bytes).unwrap();
+            first = mapper.candidates().len();
             written.last_snapshot_bytes = bytes.len() - written.before_last_snapshot;
             written.snapshots += 1;
             after_snapshot = 0;
@@ -89,15 +90,24 @@ fn main() {
     }
     let begin = Instant::now();
     Mapper::restore(&config, &only).unwrap();
-    println!("without any snapshot     {:.0} ms", milliseconds(begin.elapsed()));
+    println!(
+        "without any snapshot     {:.0} ms",
+        milliseconds(begin.elapsed())
+    );
     let (mut mapper, _) = Mapper::restore(&config, &written.bytes).unwrap();
     let begin = Instant::now();
     mapper.update_grid();
-    println!("the grid, afterwards     {:.0} ms", milliseconds(begin.elapsed()));
+    println!(
+        "the grid, afterwards     {:.0} ms",
+        milliseconds(begin.elapsed())
+    );
     let mut bytes = Vec::new();
     let begin = Instant::now();
-    journal::append_snapshot(&mapper, &mut bytes).unwrap();
-    println!("taking a snapshot        {:.2} ms", milliseconds(begin.elapsed()));
+    journal::append_snapshot(&mapper, mapper.candidates().len(), &mut bytes).unwrap();
+    println!(
+        "taking a snapshot        {:.2} ms",
+        milliseconds(begin.elapsed())
+    );
 }
 
 fn report(what: &str, written: &Written, scans: u64) {
