@@ -47,10 +47,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         if stage.wait(&[&keyframes], pause)? == Woken::Stop {
             break;
         }
+        at_once = false;
         while let Some(keyframe) = keyframes.receive()? {
-            intake.take(keyframe.message());
+            at_once |= intake.take(keyframe.message());
         }
-        at_once = intake.sync();
+        at_once |= intake.sync();
         stage.report(&intake.trouble, intake.lost);
     }
     // What odometry sent before it ended.

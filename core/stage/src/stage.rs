@@ -103,6 +103,10 @@ impl Stage {
         let waits = WaitSetBuilder::new()
             .create::<ipc::Service>()
             .map_err(|cause| Error::bus("the wait set", cause))?;
+        eprintln!(
+            "randt-{name}: {}",
+            Qos::of::<StageHealthTopic>().budget(false)
+        );
         Ok(Self {
             writers: vec![Rc::clone(&health.port) as Rc<dyn UpdateConnections>],
             health,

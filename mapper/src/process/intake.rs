@@ -22,9 +22,10 @@ pub struct Intake {
     /// Keyframes that the map has and the journal could not take yet.
     unwritten: VecDeque<Message<Keyframe>>,
     synced: Instant,
-    /// Whether keyframes shall be sent again, and how often they were asked for.
+    /// Whether keyframes shall be sent again.
     is_missing: bool,
-    requests: u32,
+    /// How often they were asked for since one that is ahead has shown that there is somebody to answer.
+    requests: Option<u32>,
     /// Keyframes that never came.
     pub lost: u64,
     /// What is wrong with the journal; empty where nothing is.
@@ -70,33 +71,36 @@ impl Intake {
             synced: Instant::now(),
             // What came while nobody was here is in odometry's ring.
             is_missing: true,
-            requests: 0,
+            requests: None,
             lost: 0,
             trouble: String::new(),
         })
     }
 
     /// Takes a keyframe where it is the next one. Doubles are dropped; before one that is ahead the missing are asked for.
-    pub fn take(&mut self, keyframe: MessageRef<'_, Keyframe>) {
+    /// Gives whether to ask at once.
+    pub fn take(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
         let id = keyframe.head.id;
         if id < self.next {
-            return;
+            return false;
         }
         if id > self.next {
-            if self.requests < REQUESTS_MAX {
+            let is_news = self.requests.is_none();
+            if *self.requests.get_or_insert(0) < REQUESTS_MAX {
                 self.is_missing = true;
-                return;
+                return is_news;
             }
             // Nobody has them any more: a map with a gap is better than none.
             self.lost += id - self.next;
         }
-        (self.next, self.is_missing, self.requests) = (id + 1, false, 0);
+        (self.next, self.is_missing, self.requests) = (id + 1, false, None);
         self.mapper.push(keyframe);
         let mut copy = Message::default();
         *copy.head = *keyframe.head;
         copy.items.extend_from_slice(keyframe.items);
         self.unwritten.push_back(copy);
         self.write();
+        false
     }
 
     /// Appends what the journal lacks. A full disk does not stop the map.
@@ -137,7 +141,9 @@ impl Intake {
 
     /// Whether keyframes shall be sent again; counts how often that was asked.
     pub fn request(&mut self) -> bool {
-        self.requests += u32::from(self.is_missing);
+        if let Some(requests) = &mut self.requests {
+            *requests += 1;
+        }
         self.is_missing
     }
 

@@ -20,6 +20,17 @@ use std::time::Instant;
 /// The mapper's journal in the folder of the outputs.
 pub const JOURNAL: &str = "map.journal";
 
+/// Removes the journal that an earlier drive left in a folder.
+pub fn forget(out: &Path) -> anyhow::Result<()> {
+    let path = out.join(JOURNAL);
+    match std::fs::remove_file(&path) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("{}: cannot be removed", path.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// A drive that is over.
 pub struct Drive<'a> {
     pub realm: &'a Realm,
