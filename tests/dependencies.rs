@@ -49,10 +49,7 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "build time only in the older release: bindgen's, for iceoryx2",
     ),
     ("miniz_oxide", "png is a release behind flate2"),
-    (
-        "shlex",
-        "build time only: bindgen is a release behind cc",
-    ),
+    ("shlex", "build time only: bindgen is a release behind cc"),
     (
         "syn",
         "build time only: derive macros move to version 3 one by one",
