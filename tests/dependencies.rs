@@ -26,6 +26,16 @@ const LICENCES: &[&str] = &[
 /// Crates that are here in several versions, with the reason.
 const SEVERAL_VERSIONS: &[(&str, &str)] = &[
     (
+        "darling",
+        "build time only: enumset's derive macros are a release behind ratatui's",
+    ),
+    ("darling_core", "comes with darling"),
+    ("darling_macro", "comes with darling"),
+    (
+        "embedded-io",
+        "optional traits of postcard, of both ages: never built",
+    ),
+    (
         "equator",
         "assertions of faer, whose kernels for small products (nano-gemm) are a release behind",
     ),
@@ -38,11 +48,17 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "glam",
         "optional conversions of nalgebra: in the lock file, never built",
     ),
+    (
+        "itertools",
+        "build time only in the older release: bindgen's, for iceoryx2",
+    ),
     ("miniz_oxide", "png is a release behind flate2"),
+    ("shlex", "build time only: bindgen is a release behind cc"),
     (
         "syn",
         "build time only: derive macros move to version 3 one by one",
     ),
+    ("winnow", "iceoryx2's toml is a release behind ours"),
 ];
 
 /// Crates with a price in size, build time or determinism, and who may use them.
@@ -70,6 +86,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("plotters", &["randt-evaluation"]),
     ("postcard", &["randt-mapper"]),
     ("png", &["randt-readers"]),
+    ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),
     ("rustix", &["randt", "randt-stage"]),
     ("toml", &["randt-config"]),

@@ -29,6 +29,7 @@ pub(crate) type Service<T> = publish_subscribe::PortFactory<ipc::Service, [u8], 
 pub(crate) struct Bus {
     node: Node<ipc::Service>,
     realm: Realm,
+    name: String,
 }
 
 /// iceoryx2's configuration in a realm; files of its own that lie about are not looked at.
@@ -67,11 +68,12 @@ impl Bus {
         Ok(Self {
             node,
             realm: realm.clone(),
+            name: name.to_owned(),
         })
     }
 
     /// Opens a topic, or makes it where this is the first stage to want it.
-    pub(crate) fn topic<T: Topic>(&self, registry: &Registry) -> Result<Service<T>, Error> {
+    pub(crate) fn topic<T: Topic>(&self) -> Result<Service<T>, Error> {
         let qos = Qos::of::<T>();
         let name = service_name(T::NAME)?;
         let opened = self.patiently(T::NAME, || {
@@ -90,18 +92,17 @@ impl Bus {
         });
         opened.map_err(|error| match error {
             Error::Bus { cause, .. } if cause.contains("Incompatible") => {
-                self.foreign_layout::<T>(registry)
+                self.foreign_layout::<T>()
             }
             error => error,
         })
     }
 
     /// Who has the other layout of a topic.
-    fn foreign_layout<T: Topic>(&self, registry: &Registry) -> Error {
-        let own = registry.entry();
+    fn foreign_layout<T: Topic>(&self) -> Error {
         let holders: Vec<_> = Registry::all(&self.realm)
             .into_iter()
-            .filter(|(entry, lives)| *lives && entry.name != own.name)
+            .filter(|(entry, lives)| *lives && entry.name != self.name)
             .filter_map(|(entry, _)| {
                 let theirs = entry.topics.get(T::NAME)?.clone();
                 (theirs != T::TYPE_NAME).then_some((entry, theirs))
@@ -117,7 +118,8 @@ impl Bus {
             ours: T::TYPE_NAME,
             theirs: theirs.to_owned(),
             holder: if names.is_empty() {
-                "a process that is not in the register".to_owned()
+                "a process that is not in the register (a randt top of another build, perhaps)"
+                    .to_owned()
             } else {
                 names.join(" and ")
             },

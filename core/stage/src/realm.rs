@@ -121,6 +121,21 @@ impl Realm {
         })
     }
 
+    /// Enters only where a stage is in: whoever watches makes no realm, and clears none away.
+    pub(crate) fn visit(&self) -> Result<Option<Presence>, Error> {
+        if !self.folder().is_dir() {
+            return Ok(None);
+        }
+        self.check_owner()?;
+        let _door = self.lock("door", true)?;
+        Ok(match self.try_alone()? {
+            Some(_alone) => None,
+            None => Some(Presence {
+                _alive: self.lock("alive", false)?,
+            }),
+        })
+    }
+
     /// The lock of those who start: one at a time. It is waited for a while; a process that was stopped over it must not
     /// keep all others from starting.
     pub(crate) fn start(&self) -> Result<File, Error> {
@@ -200,10 +215,11 @@ mod tests {
         let realm = Realm::new("alone", Some(run.path())).unwrap();
         let presence = realm.enter().unwrap();
         assert!(realm.try_alone().unwrap().is_none());
-        let second = realm.enter().unwrap();
+        let second = realm.visit().unwrap().unwrap();
         drop(presence);
         assert!(realm.try_alone().unwrap().is_none());
         drop(second);
         assert!(realm.try_alone().unwrap().is_some());
+        assert!(realm.visit().unwrap().is_none(), "nobody to be watched");
     }
 }

@@ -5,6 +5,11 @@ use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::path::PathBuf;
+use std::time::Duration;
+
+/// Whoever looks whether a stage lives holds its lock for a moment: so often, and so long apart, a stage tries to get it.
+const ATTEMPTS: u32 = 10;
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// What a stage says of itself to those who cannot ask it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -21,6 +26,9 @@ pub struct Entry {
     pub version: String,
     /// Layouts of the topics that it has opened.
     pub topics: BTreeMap<String, String>,
+    /// Whether it has ended in order. One that is neither this nor alive has died.
+    #[serde(default)]
+    pub ended: bool,
 }
 
 /// The entry of this process. The lock goes with it.
@@ -45,7 +53,7 @@ impl Registry {
             .open(&path)
             .map_err(Error::file(&path, "cannot be opened"))?;
         let last = read(&mut file).unwrap_or_default();
-        match file.try_lock() {
+        match lock(&file) {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
                 return Err(Error::RunsAlready {
@@ -68,6 +76,7 @@ impl Registry {
                 starts: last.starts + 1,
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 topics: BTreeMap::new(),
+                ended: false,
             },
         };
         registry.write()?;
@@ -84,6 +93,12 @@ impl Registry {
         self.entry
             .topics
             .insert(topic.to_owned(), type_name.to_owned());
+        self.write()
+    }
+
+    /// Notes that the stage ends in order.
+    pub fn end(&mut self) -> Result<(), Error> {
+        self.entry.ended = true;
         self.write()
     }
 
@@ -116,6 +131,33 @@ impl Registry {
         entries.sort_by(|(a, _), (b, _)| a.name.cmp(&b.name));
         entries
     }
+
+    /// Notes of every stage that has died that nobody expects it any more.
+    pub fn settle(realm: &Realm) -> Result<(), Error> {
+        for (dead, _) in Self::all(realm).into_iter().filter(|(_, lives)| !lives) {
+            let path = folder(realm).join(format!("{}.json", dead.name));
+            let file = File::options()
+                .write(true)
+                .open(&path)
+                .map_err(Error::file(&path, "cannot be opened"))?;
+            // One that has just come back speaks for itself.
+            if file.try_lock().is_ok() {
+                let (path, entry) = (path, dead);
+                Self { file, path, entry }.end()?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn lock(file: &File) -> Result<(), TryLockError> {
+    for _ in 1..ATTEMPTS {
+        match file.try_lock() {
+            Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
+            done => return done,
+        }
+    }
+    file.try_lock()
 }
 
 fn folder(realm: &Realm) -> PathBuf {
@@ -147,6 +189,9 @@ mod tests {
         assert!(Registry::all(&realm)[0].1, "it lives");
         drop(first);
         let all = Registry::all(&realm);
+        assert!(!all[0].0.ended, "it has died");
+        Registry::settle(&realm).unwrap();
+        assert!(Registry::all(&realm)[0].0.ended);
         assert!(!all[0].1 && all[0].0.topics["radar/scan/v1"] == "RadarScan-0");
         assert_eq!(
             Registry::enter(&realm, "filter", 9).unwrap().entry().starts,

@@ -21,7 +21,7 @@ use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 /// Whoever begins to read a topic tells the writers by this name, so that they hand over their history at once.
-const JOINED: &str = "stage/joined";
+pub(crate) const JOINED: &str = "stage/joined";
 /// What a process needs beside its topics: services' own tables, checkpoints' folders and the like, bytes.
 const BESIDE: usize = 500_000;
 
@@ -90,7 +90,7 @@ impl Stage {
         require(name, &needed)?;
         let start = realm.start()?;
         let bus = Bus::open(realm, name)?;
-        let service = bus.topic::<StageHealthTopic>(&registry)?;
+        let service = bus.topic::<StageHealthTopic>()?;
         registry.add_topic(StageHealthTopic::NAME, StageHealthTopic::TYPE_NAME)?;
         needed.push((
             StageHealthTopic::NAME.to_owned(),
@@ -158,7 +158,7 @@ impl Stage {
     pub fn publisher<T: Topic>(&mut self) -> Result<Publisher<T>, Error> {
         let qos = Qos::of::<T>();
         self.reserve(T::NAME, qos.bytes_in_use(self.navtech))?;
-        let service = self.bus.topic::<T>(&self.registry)?;
+        let service = self.bus.topic::<T>()?;
         self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
         let counters = self.port(T::NAME, true);
         let publisher = Publisher::new(&self.bus, &service, self.clock, self.epoch(), counters)?;
@@ -170,7 +170,7 @@ impl Stage {
 
     /// Opens a topic for reading; who writes it hands over what is in reach.
     pub fn subscriber<T: Topic>(&mut self) -> Result<Subscriber<T>, Error> {
-        let service = self.bus.topic::<T>(&self.registry)?;
+        let service = self.bus.topic::<T>()?;
         self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
         let counters = self.port(T::NAME, false);
         let subscriber = Subscriber::new(&self.bus, &service, counters)?;
@@ -306,7 +306,7 @@ impl Stage {
         self.condition.state = StageState::Stopping;
         self.tell()?;
         std::thread::sleep(PARTING);
-        Ok(())
+        self.registry.end()
     }
 }
 

@@ -3,6 +3,7 @@
 mod bench;
 mod config;
 mod demo;
+mod doctor;
 mod eval;
 mod graph;
 mod import;
@@ -11,6 +12,7 @@ mod play;
 mod register;
 mod run;
 mod simulate;
+mod top;
 mod up;
 
 use crate::exit::Outcome;
@@ -33,6 +35,10 @@ pub enum Command {
     Up(up::Arguments),
     /// Publish a recording to the pipeline as the drivers would
     Play(play::Arguments),
+    /// Watch the pipeline: stages, topics, latency, pose and map
+    Top(top::Arguments),
+    /// Find out what is wrong with the pipeline and say what mends it
+    Doctor(doctor::Arguments),
     /// Examine an IMU recording: biases, standstills, mounting, attitude
     Imu(imu::Arguments),
     /// Register two radar scans to each other
@@ -56,6 +62,8 @@ impl Command {
             Self::Import(arguments) => import::run(arguments),
             Self::Up(arguments) => up::run(arguments),
             Self::Play(arguments) => play::run(arguments),
+            Self::Top(arguments) => top::run(arguments),
+            Self::Doctor(arguments) => doctor::run(arguments),
             Self::Imu(arguments) => imu::run(arguments),
             Self::Register(arguments) => register::run(arguments),
             Self::Graph(arguments) => graph::run(arguments),

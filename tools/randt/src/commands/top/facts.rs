@@ -1,0 +1,148 @@
+//! What is known of robot, latency and map, as names with values; short enough for 34 columns.
+
+use super::snapshot::{Pose, Snapshot};
+use crate::units::{count, or_dash};
+
+/// A name and its value; neither of them where it is a gap.
+pub type Fact = (&'static str, String);
+
+/// Where the robot is, how fast, how sure, and how late that is known.
+pub fn robot(snapshot: &Snapshot) -> Vec<Fact> {
+    let robot = snapshot.robot.as_ref();
+    let latency = &snapshot.latency_ms;
+    let degrees = f64::to_degrees;
+    // In the map where that is known: the frame in which a robot is sent somewhere.
+    let pose = robot.map(|robot| match &robot.map_pose {
+        Some(pose) => (pose, "map"),
+        None => (&robot.pose, "odom"),
+    });
+    let position =
+        |(pose, frame): (&Pose, &str)| format!("{:.2}, {:.2} m {frame}", pose.x_m, pose.y_m);
+    let turn = |[_, _, rate]: [f64; 3]| format!("{:.1} deg/s", degrees(rate));
+    let speed = |[forward, left, _]: [f64; 3]| format!("{forward:.2}, {left:.2} m/s");
+    let bias = |bias: [f64; 3]| {
+        let [x, y, z] = bias.map(degrees);
+        format!("{x:.2} {y:.2} {z:.2} deg/s")
+    };
+    let velocity = robot.map(|robot| robot.velocity);
+    vec![
+        ("position", or_dash(pose, position)),
+        (
+            "heading",
+            or_dash(pose, |(pose, _)| {
+                format!("{:.1} deg", degrees(pose.yaw_rad))
+            }),
+        ),
+        ("velocity", or_dash(velocity, speed)),
+        ("turning", or_dash(velocity, turn)),
+        (
+            "gyro bias",
+            or_dash(robot.map(|robot| robot.gyro_bias_rad_s), bias),
+        ),
+        ("trust", or_dash(robot, |robot| robot.trust.to_owned())),
+        ("wait", times(latency.wait_p50, latency.wait_p99)),
+        ("compute", times(latency.compute_p50, latency.compute_p99)),
+    ]
+}
+
+/// What the map holds.
+pub fn map(snapshot: &Snapshot) -> Vec<Fact> {
+    let map = snapshot.map.as_ref();
+    vec![
+        (
+            "keyframes",
+            or_dash(map, |map| {
+                format!("{}, {} on disk", map.keyframes, map.on_disk)
+            }),
+        ),
+        (
+            "loops",
+            or_dash(map, |map| {
+                format!("{}, {}", map.loops, count(map.parts, "part", "parts"))
+            }),
+        ),
+        (
+            "path",
+            or_dash(map, |map| {
+                format!("{:.1} m, {}", map.path_m, count(map.tiles, "tile", "tiles"))
+            }),
+        ),
+    ]
+}
+
+/// Median and 99th percentile.
+fn times(p50: Option<f64>, p99: Option<f64>) -> String {
+    or_dash(p50.zip(p99), |(p50, p99)| {
+        format!("{p50:.1} ms, p99 {p99:.1} ms")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::top::snapshot::{Map, Robot};
+    use crate::latency::LatencyFigures;
+
+    fn empty() -> Snapshot {
+        Snapshot {
+            prefix: "randt".to_owned(),
+            run: "/run/randt".to_owned(),
+            stages: Vec::new(),
+            topics: Vec::new(),
+            latency_ms: LatencyFigures::default(),
+            robot: None,
+            map: None,
+            notes: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn facts_fit_their_place_and_have_a_dash_where_nothing_is_known() {
+        let mut snapshot = empty();
+        let unknown = [robot(&snapshot), map(&snapshot)].concat();
+        assert!(unknown.iter().all(|(_, value)| value == "-"), "{unknown:?}");
+        let far = || Pose {
+            x_m: -1234.567,
+            y_m: -1234.567,
+            yaw_rad: -3.0,
+        };
+        snapshot.robot = Some(Robot {
+            pose: far(),
+            map_pose: Some(far()),
+            velocity: [-12.345, -0.123, -2.0],
+            trust: "degraded",
+            gyro_bias_rad_s: [-0.01, -0.02, 0.03],
+            odom_frame_id: 0,
+            scan: 0,
+        });
+        snapshot.map = Some(Map {
+            keyframes: 12_345,
+            on_disk: 12_345,
+            loops: 12_345,
+            parts: 12,
+            path_m: 12_345.678,
+            tiles: 1234,
+            version: 0,
+        });
+        snapshot.latency_ms = LatencyFigures {
+            wait_p50: Some(123.45),
+            wait_p99: Some(123.45),
+            compute_p50: Some(1.25),
+            compute_p99: Some(123.45),
+        };
+        let known = [robot(&snapshot), map(&snapshot)].concat();
+        assert!(
+            known
+                .iter()
+                .all(|(name, value)| name.len() <= 9 && value.len() <= 24),
+            "{known:?}"
+        );
+        assert_eq!(
+            known[0],
+            ("position", "-1234.57, -1234.57 m map".to_owned())
+        );
+        assert_eq!(known[4].1, "-0.57 -1.15 1.72 deg/s");
+        assert_eq!(known[9].1, "12345, 12 parts");
+        assert_eq!(known.len(), 11);
+    }
+}

@@ -1,0 +1,160 @@
+//! What is known of a pipeline at an instant, under the names that other programs read.
+
+use crate::latency::LatencyFigures;
+use randt_geometry::Pose2;
+use randt_messages::{Correction, GraphHead, OdometryState, Trust};
+use serde::Serialize;
+
+/// Everything that is shown.
+#[derive(Debug, Serialize)]
+pub struct Snapshot {
+    /// Name of the pipeline.
+    pub prefix: String,
+    /// Its run folder.
+    pub run: String,
+    /// Every stage in the register.
+    pub stages: Vec<StageRow>,
+    /// Every topic that a stage has open.
+    pub topics: Vec<TopicRow>,
+    /// Of the last states.
+    pub latency_ms: LatencyFigures,
+    /// Where the robot is; null until odometry has said so.
+    pub robot: Option<Robot>,
+    /// The map; null until the mapper has said so.
+    pub map: Option<Map>,
+    /// What a person should read.
+    pub notes: Vec<String>,
+}
+
+/// A stage.
+#[derive(Debug, Serialize)]
+pub struct StageRow {
+    /// Name such as `odometry`.
+    pub name: String,
+    /// Process; of one that is no more the last one.
+    pub pid: u64,
+    /// starting, running, degraded, stopping, finished, stopped, dead.
+    pub state: &'static str,
+    /// Epoch of its messages.
+    pub epoch: u64,
+    /// Starts before this one.
+    pub restarts: u64,
+    /// Share of one processor, %.
+    pub cpu_percent: Option<f64>,
+    /// Memory, bytes.
+    pub rss_bytes: Option<u64>,
+    /// Data lost in the stage itself.
+    pub lost: u64,
+    /// What is wrong; empty where nothing is.
+    pub message: String,
+}
+
+/// A topic.
+#[derive(Debug, Serialize)]
+pub struct TopicRow {
+    /// Name with version.
+    pub name: String,
+    /// Messages per second, of all writers.
+    pub rate_hz: f64,
+    /// Since the last message; null where there was none.
+    pub age_s: Option<f64>,
+    /// Messages that its readers missed.
+    pub lost: u64,
+}
+
+/// The last state of odometry.
+#[derive(Debug, Serialize)]
+pub struct Robot {
+    /// In `odom`.
+    pub pose: Pose,
+    /// In `map`, where the mapper has placed this odometry frame.
+    pub map_pose: Option<Pose>,
+    /// Forward m/s, left m/s, yaw rate rad/s.
+    pub velocity: [f64; 3],
+    /// good, degraded, lost.
+    pub trust: &'static str,
+    /// About the IMU's x, y, z.
+    pub gyro_bias_rad_s: [f64; 3],
+    /// The odometry frame.
+    pub odom_frame_id: u64,
+    /// The scan's number since odometry began.
+    pub scan: u64,
+}
+
+/// A pose.
+#[derive(Debug, Serialize)]
+pub struct Pose {
+    /// x, m.
+    pub x_m: f64,
+    /// y, m.
+    pub y_m: f64,
+    /// Counter-clockwise from x.
+    pub yaw_rad: f64,
+}
+
+/// The state of the map.
+#[derive(Debug, Serialize)]
+pub struct Map {
+    /// Keyframes in the graph.
+    pub keyframes: u64,
+    /// Keyframes on disk.
+    pub on_disk: u64,
+    /// Loops in force.
+    pub loops: u64,
+    /// Parts that nothing joins.
+    pub parts: u64,
+    /// Path over all keyframes, m.
+    pub path_m: f64,
+    /// Tiles of the occupancy grid.
+    pub tiles: u64,
+    /// Version of the graph.
+    pub version: u64,
+}
+
+impl Robot {
+    /// Of a state, placed in the map by the last correction.
+    pub fn of(state: &OdometryState, correction: Option<&Correction>) -> Self {
+        let pose = Pose2::from_array(state.pose);
+        let placed = correction.filter(|to| to.odom_frame_id == state.odom_frame_id);
+        let map_pose = placed.map(|to| Pose2::from_array(to.pose).compose(&pose));
+        Self {
+            pose: Pose::of(&pose),
+            map_pose: map_pose.map(|pose| Pose::of(&pose)),
+            velocity: state.velocity,
+            trust: trust(state.trust),
+            gyro_bias_rad_s: state.gyro_bias_rad_s,
+            odom_frame_id: state.odom_frame_id,
+            scan: state.id,
+        }
+    }
+}
+
+impl Pose {
+    fn of(pose: &Pose2) -> Self {
+        let [x_m, y_m, yaw_rad] = pose.to_array();
+        Self { x_m, y_m, yaw_rad }
+    }
+}
+
+impl From<&GraphHead> for Map {
+    fn from(head: &GraphHead) -> Self {
+        Self {
+            keyframes: head.keyframes,
+            on_disk: head.on_disk,
+            loops: head.loops,
+            parts: head.parts,
+            path_m: head.path_m,
+            tiles: head.tiles,
+            version: head.graph_version,
+        }
+    }
+}
+
+/// The word for a code of [`Trust`].
+fn trust(code: u32) -> &'static str {
+    match code {
+        code if code == Trust::Good as u32 => "good",
+        code if code == Trust::Degraded as u32 => "degraded",
+        _ => "lost",
+    }
+}

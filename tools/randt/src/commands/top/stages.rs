@@ -1,0 +1,153 @@
+//! The stages: what the register, their own words and the kernel say of them together.
+
+use super::snapshot::StageRow;
+use crate::process::Sample;
+use randt_messages::{StageHealth, StageState, health::text_of};
+use randt_stage::Entry;
+use std::collections::BTreeMap;
+
+/// A stage speaks twice a second; one that is silent for so long hangs.
+const HANGS_NS: i64 = 3_000_000_000;
+
+/// The last words and samples of all stages.
+#[derive(Debug, Default)]
+pub struct Stages {
+    /// By name and epoch.
+    words: BTreeMap<(String, u64), StageHealth>,
+    /// By process.
+    samples: BTreeMap<u64, Sample>,
+}
+
+impl Stages {
+    /// Takes the word of a stage.
+    pub fn push(&mut self, health: &StageHealth) {
+        let key = (text_of(&health.name).to_owned(), health.header.epoch);
+        self.words.insert(key, *health);
+    }
+
+    /// The rows of the register. `now_ns`: of the realm's clock, where there is a connection to it.
+    pub fn rows(&mut self, register: &[(Entry, bool)], now_ns: Option<i64>) -> Vec<StageRow> {
+        let epoch = |entry: &Entry| entry.started_ns.unsigned_abs();
+        self.words.retain(|(name, of), _| {
+            let current = |entry: &Entry| entry.name == *name && epoch(entry) == *of;
+            register.iter().any(|(entry, _)| current(entry))
+        });
+        let mut samples = BTreeMap::new();
+        let rows = register
+            .iter()
+            .map(|(entry, lives)| {
+                let word = self.words.get(&(entry.name.clone(), epoch(entry)));
+                let sample = lives.then(|| Sample::of(entry.pid)).flatten();
+                let earlier = self.samples.get(&entry.pid);
+                let silent_ns = word
+                    .zip(now_ns)
+                    .map(|(word, now)| now - word.header.stamp_ns);
+                let (state, message) = state(entry, sample.as_ref(), word, silent_ns);
+                if let Some(sample) = sample {
+                    samples.insert(entry.pid, sample);
+                }
+                StageRow {
+                    name: entry.name.clone(),
+                    pid: entry.pid,
+                    state,
+                    epoch: epoch(entry),
+                    restarts: entry.starts.saturating_sub(1),
+                    cpu_percent: sample.zip(earlier).and_then(|(now, e)| now.cpu_percent(e)),
+                    rss_bytes: sample.map(|sample| sample.rss_bytes),
+                    lost: word.map_or(0, |word| word.lost),
+                    message,
+                }
+            })
+            .collect();
+        self.samples = samples;
+        rows
+    }
+}
+
+/// State and message of a stage. `sample`: of its process, where it lives.
+fn state(
+    entry: &Entry,
+    sample: Option<&Sample>,
+    word: Option<&StageHealth>,
+    silent_ns: Option<i64>,
+) -> (&'static str, String) {
+    let Some(sample) = sample else {
+        return if entry.ended {
+            (StageState::Finished.name(), String::new())
+        } else {
+            ("dead", format!("died as process {}", entry.pid))
+        };
+    };
+    let message = word.map_or("", |word| text_of(&word.message)).to_owned();
+    if sample.stopped {
+        return ("stopped", format!("kill -CONT {} lets it go on", entry.pid));
+    }
+    let state = word.map_or(StageState::Starting, |word| {
+        StageState::from_code(word.state)
+    });
+    match silent_ns {
+        Some(silent_ns) if silent_ns > HANGS_NS => {
+            let silent_s = silent_ns as f64 * 1e-9;
+            (
+                StageState::Degraded.name(),
+                format!("has said nothing for {silent_s:.0} s"),
+            )
+        }
+        _ => (state.name(), message),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_messages::health::fixed_text;
+
+    fn entry(ended: bool) -> Entry {
+        Entry {
+            name: "filter".to_owned(),
+            // This process: one that surely lives.
+            pid: u64::from(std::process::id()),
+            started_ns: 7,
+            starts: 3,
+            ended,
+            ..Entry::default()
+        }
+    }
+
+    fn word(state: StageState, message: &str) -> StageHealth {
+        let mut health = StageHealth {
+            name: fixed_text("filter"),
+            message: fixed_text(message),
+            state: state as u32,
+            ..StageHealth::default()
+        };
+        health.header.epoch = 7;
+        health
+    }
+
+    #[test]
+    fn a_stage_is_what_it_says_unless_it_can_say_nothing() {
+        let mut stages = Stages::default();
+        let mut row = |register: (Entry, bool), now_ns| {
+            let mut rows = stages.rows(&[register], now_ns);
+            let row = rows.pop().unwrap();
+            (row.state, row.message)
+        };
+        assert_eq!(row((entry(false), true), Some(0)).0, "starting");
+        assert_eq!(row((entry(false), false), Some(0)).0, "dead");
+        assert_eq!(row((entry(true), false), None), ("finished", String::new()));
+
+        stages.push(&word(StageState::Degraded, "scans that do not fit"));
+        let mut row = |now_ns| {
+            stages
+                .rows(&[(entry(false), true)], Some(now_ns))
+                .pop()
+                .unwrap()
+        };
+        let now = row(1_000_000_000);
+        assert_eq!((now.state, now.restarts, now.epoch), ("degraded", 2, 7));
+        assert_eq!(now.message, "scans that do not fit");
+        assert_eq!(row(5_000_000_000).message, "has said nothing for 5 s");
+        assert!(row(6_000_000_000).cpu_percent.is_some());
+    }
+}

@@ -1,0 +1,172 @@
+//! Collects what a pipeline says, across its stages' coming and going.
+
+use super::feed::Feed;
+use super::snapshot::{Map, Robot, Snapshot};
+use super::stages::Stages;
+use super::traffic::Traffic;
+use crate::latency::Latencies;
+use randt_messages::{
+    Correction, GraphHead, MapperCorrection, MapperGraph, OdometryState, OdometryStateTopic,
+    StageHealthTopic,
+};
+use randt_stage::{Entry, Observer, Realm, Registry};
+
+/// What was seen of a realm.
+pub struct Watch {
+    realm: Realm,
+    connection: Option<Connection>,
+    stages: Stages,
+    traffic: Traffic,
+    latencies: Latencies,
+    state: Option<OdometryState>,
+    correction: Option<Correction>,
+    graph: Option<GraphHead>,
+}
+
+struct Connection {
+    // Ports go before the node that they belong to.
+    health: Feed<StageHealthTopic>,
+    states: Feed<OdometryStateTopic>,
+    corrections: Feed<MapperCorrection>,
+    graph: Feed<MapperGraph>,
+    observer: Observer,
+}
+
+impl Watch {
+    /// Of a realm in which there may be nobody yet.
+    pub fn new(realm: Realm) -> Self {
+        Self {
+            realm,
+            connection: None,
+            stages: Stages::default(),
+            traffic: Traffic::default(),
+            latencies: Latencies::default(),
+            state: None,
+            correction: None,
+            graph: None,
+        }
+    }
+
+    /// The realm.
+    pub fn realm(&self) -> &Realm {
+        &self.realm
+    }
+
+    /// Whether a pipeline is there.
+    pub fn is_connected(&self) -> bool {
+        self.connection.is_some()
+    }
+
+    /// Looks who is there, reads, and says what is known now.
+    pub fn refresh(&mut self) -> anyhow::Result<Snapshot> {
+        let register = Registry::all(&self.realm);
+        let living: Vec<Entry> = register
+            .iter()
+            .filter(|(_, lives)| *lives)
+            .map(|(entry, _)| entry.clone())
+            .collect();
+        if living.is_empty() {
+            // Stages of another build may come next; they would find what this process holds.
+            self.connection = None;
+        } else if self.connection.is_none() {
+            self.connection = Observer::enter(&self.realm)?.map(Connection::new);
+        }
+        if let Some(connection) = &mut self.connection {
+            connection.follow(&living);
+        }
+        self.read();
+        Ok(self.snapshot(&register))
+    }
+
+    /// Takes what has come.
+    pub fn read(&mut self) {
+        let Some(connection) = &mut self.connection else {
+            return;
+        };
+        let observer = &connection.observer;
+        connection.health.read(observer, |message| {
+            self.stages.push(message.head);
+            self.traffic.push(message.head);
+        });
+        connection.states.read(observer, |message| {
+            self.latencies.push(message.head);
+            self.state = Some(*message.head);
+        });
+        connection.corrections.read(observer, |message| {
+            self.correction = Some(*message.head);
+        });
+        connection.graph.read(observer, |message| {
+            self.graph = Some(*message.head);
+        });
+    }
+
+    fn snapshot(&mut self, register: &[(Entry, bool)]) -> Snapshot {
+        let now_ns = self
+            .connection
+            .as_ref()
+            .map(|c| c.observer.clock().now_ns());
+        let stages = self.stages.rows(register, now_ns);
+        let told = stages.iter().filter(|stage| !stage.message.is_empty());
+        let mut notes: Vec<String> = told
+            .map(|stage| format!("{}: {}", stage.name, stage.message))
+            .collect();
+        match &self.connection {
+            Some(connection) => notes.extend(connection.troubles()),
+            None => notes.push(format!(
+                "no pipeline is there: no stage lives in {}",
+                self.realm.folder().display()
+            )),
+        }
+        Snapshot {
+            prefix: self.realm.prefix().to_owned(),
+            run: self.realm.run().display().to_string(),
+            stages,
+            topics: now_ns.map_or_else(Vec::new, |now_ns| self.traffic.topics(now_ns)),
+            latency_ms: self.latencies.figures(),
+            robot: self
+                .state
+                .as_ref()
+                .map(|state| Robot::of(state, self.correction.as_ref())),
+            map: self.graph.as_ref().map(Map::from),
+            notes,
+        }
+    }
+}
+
+impl Connection {
+    fn new(observer: Observer) -> Self {
+        Self {
+            health: Feed::default(),
+            states: Feed::default(),
+            corrections: Feed::default(),
+            graph: Feed::default(),
+            observer,
+        }
+    }
+
+    fn follow(&mut self, living: &[Entry]) {
+        self.health.follow(&self.observer, living);
+        self.states.follow(&self.observer, living);
+        self.corrections.follow(&self.observer, living);
+        self.graph.follow(&self.observer, living);
+    }
+
+    fn troubles(&self) -> impl Iterator<Item = String> {
+        let Self {
+            health,
+            states,
+            corrections,
+            graph,
+            ..
+        } = self;
+        [
+            health.trouble(),
+            states.trouble(),
+            corrections.trouble(),
+            graph.trouble(),
+        ]
+        .into_iter()
+        .flatten()
+        .cloned()
+    }
+}
