@@ -243,12 +243,15 @@ fn lock(path: &Path) -> Result<File, Error> {
     }
 }
 
-/// Moves a file out of the way, under the first name that is free.
+/// Gives a file another name, the first that is free. Where the disk can, it keeps the old one until that is written
+/// anew: a kill in between loses nothing.
 fn set_aside(path: &Path) -> Result<PathBuf, Error> {
     let names = (1..).map(|n: u64| named(path, &format!(".aside-{n}")));
     let mut free = names.filter(|name| !name.exists());
     let aside = free.next().unwrap_or_else(|| named(path, ".aside"));
-    fs::rename(path, &aside).map_err(|cause| io_error(path, "set aside", cause))?;
+    fs::hard_link(path, &aside)
+        .or_else(|_| fs::rename(path, &aside))
+        .map_err(|cause| io_error(path, "set aside", cause))?;
     Ok(aside)
 }
 
