@@ -39,6 +39,10 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "equator",
         "assertions of faer, whose kernels for small products (nano-gemm) are a release behind",
     ),
+    (
+        "embedded-io",
+        "optional traits of postcard: in the lock file, never built",
+    ),
     ("equator-macro", "comes with equator"),
     (
         "glam",
@@ -80,6 +84,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("mcap", &["randt-log", "randt-readers"]),
     ("memmap2", &["randt-stage"]),
     ("plotters", &["randt-evaluation"]),
+    ("postcard", &["randt-mapper"]),
     ("png", &["randt-readers"]),
     ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),

@@ -1,1 +1,156 @@
-fn main() {}
+//! `cargo bench -p randt-mapper --bench journal`: how soon a mapper is back, and what its journal takes.
+//!
+//! Prints machine, data, median and worst. The keyframes are odometry's on simulated drives.
+#![allow(
+    clippy::unwrap_used,
+    reason = "a benchmark says by panicking what is wrong"
+)]
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use randt_config::Config;
+use randt_mapper::{Mapper, journal};
+use randt_simulator::World;
+use std::fs;
+use std::time::{Duration, Instant};
+use support::{Drive, config};
+
+/// Sweeps in which the building's robot makes a thousand keyframes: three laps and a little.
+const SCANS: u64 = 4600;
+const SCAN_S: f64 = 0.2;
+const RESTARTS: usize = 15;
+/// A restart may take so long, a drive may write so much: ms, kB/s.
+const RESTART_MAX_MS: f64 = 500.0;
+const RATE_MAX_KB_S: f64 = 50.0;
+
+/// A journal as the mapper's process writes it.
+struct Written {
+    bytes: Vec<u8>,
+    keyframes: usize,
+    keyframe_bytes: usize,
+    snapshots: usize,
+    last_snapshot_bytes: usize,
+    /// Where the last snapshot begins: the most that is ever pushed anew stands before it.
+    before_last_snapshot: usize,
+}
+
+fn write(config: &Config, drive: &Drive) -> Written {
+    let mut mapper = Mapper::new(config);
+    let mut written = Written {
+        bytes: Vec::new(),
+        keyframes: drive.keyframes.len(),
+        keyframe_bytes: 0,
+        snapshots: 0,
+        last_snapshot_bytes: 0,
+        before_last_snapshot: 0,
+    };
+    let bytes = &mut written.bytes;
+    journal::begin(config, bytes);
+    let (mut after_snapshot, mut first) = (0, 0);
+    for (count, keyframe) in (1..).zip(&drive.keyframes) {
+        let start = bytes.len();
+        journal::append_keyframe(keyframe.as_ref(), bytes).unwrap();
+        written.keyframe_bytes += bytes.len() - start;
+        mapper.push(keyframe.as_ref());
+        after_snapshot += 1;
+        if journal::is_snapshot_due(count, after_snapshot) {
+            written.before_last_snapshot = bytes.len();
+            journal::append_snapshot(&mapper, first, bytes).unwrap();
+            first = mapper.candidates().len();
+            written.last_snapshot_bytes = bytes.len() - written.before_last_snapshot;
+            written.snapshots += 1;
+            after_snapshot = 0;
+        }
+    }
+    written
+}
+
+fn main() {
+    println!("machine: {}", machine());
+    for name in World::NAMES {
+        let world = World::named(name).unwrap();
+        let scans = world.sweeps();
+        let drive = Drive::new(&world, scans, 1, &[]);
+        report(name, &write(&config(&world), &drive), scans);
+    }
+    let world = World::building();
+    let config = config(&world);
+    let written = write(&config, &Drive::new(&world, SCANS, 1, &[]));
+    report("building, three laps", &written, SCANS);
+    restart("with all of it", &config, &written.bytes);
+    let worst = &written.bytes[..written.before_last_snapshot];
+    restart("just before a snapshot", &config, worst);
+
+    let mut only = Vec::new();
+    journal::begin(&config, &mut only);
+    let (_, records) = journal::records(&written.bytes).unwrap();
+    for keyframe in records.of(journal::Kind::Keyframe) {
+        only.extend_from_slice(keyframe.bytes);
+    }
+    let begin = Instant::now();
+    Mapper::restore(&config, &only).unwrap();
+    println!(
+        "without any snapshot     {:.0} ms",
+        milliseconds(begin.elapsed())
+    );
+    let (mut mapper, _) = Mapper::restore(&config, &written.bytes).unwrap();
+    let begin = Instant::now();
+    mapper.update_grid();
+    println!(
+        "the grid, afterwards     {:.0} ms",
+        milliseconds(begin.elapsed())
+    );
+    let mut bytes = Vec::new();
+    let begin = Instant::now();
+    journal::append_snapshot(&mapper, mapper.candidates().len(), &mut bytes).unwrap();
+    println!(
+        "taking a snapshot        {:.2} ms",
+        milliseconds(begin.elapsed())
+    );
+}
+
+fn report(what: &str, written: &Written, scans: u64) {
+    let rate_kb_s = written.bytes.len() as f64 / (scans as f64 * SCAN_S) / 1e3;
+    println!(
+        "\n{what}: {} keyframes of {:.1} kB, {} snapshots, the last of {:.0} kB: {rate_kb_s:.1} kB/s (at most {RATE_MAX_KB_S})",
+        written.keyframes,
+        written.keyframe_bytes as f64 / written.keyframes as f64 / 1e3,
+        written.snapshots,
+        written.last_snapshot_bytes as f64 / 1e3,
+    );
+}
+
+fn restart(what: &str, config: &Config, bytes: &[u8]) {
+    let mut replayed = 0;
+    let mut times: Vec<f64> = (0..RESTARTS)
+        .map(|_| {
+            let begin = Instant::now();
+            let (_mapper, restored) = Mapper::restore(config, bytes).unwrap();
+            replayed = restored.replayed;
+            milliseconds(begin.elapsed())
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    println!(
+        "{what:24} median {:.0} ms, worst {:.0} ms, {replayed} pushed anew (at most {RESTART_MAX_MS} ms)",
+        times[RESTARTS / 2],
+        times[RESTARTS - 1]
+    );
+}
+
+fn milliseconds(time: Duration) -> f64 {
+    time.as_secs_f64() * 1e3
+}
+
+fn machine() -> String {
+    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info
+        .lines()
+        .find_map(|line| line.strip_prefix("model name"));
+    let model = model.map_or("unknown", |model| {
+        model.trim_start_matches([' ', '\t', ':'])
+    });
+    let cores = std::thread::available_parallelism().map_or(0, |n| n.get());
+    format!("{model}, {cores} cores")
+}

@@ -70,10 +70,10 @@ fn it_is_begun_continued_and_tells_what_is_on_the_disk() {
     drop(opened);
     let bytes = fs::read(&path).unwrap();
     let (_, records) = journal::records(&bytes).unwrap();
-    assert_eq!(records.of(Kind::Snapshot).count(), 2);
+    assert_eq!(records.of(Kind::Snapshot).count(), 10);
     let (again, restored) = Mapper::restore(&Config::default(), &bytes).unwrap();
     assert_eq!(again.poses(), mapper.poses());
-    assert_eq!((restored.from_snapshot, restored.replayed), (32, 8));
+    assert_eq!((restored.from_snapshot, restored.replayed), (40, 0));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Odometry: the paper's motion estimation, scan by scan.
 
 mod arrive;
+mod counters;
 mod founding;
 mod predict;
 mod publish;
@@ -25,6 +26,9 @@ use randt_messages::{Keyframe, Message, MessageRef, OdometryState, PoseRecord, R
 use randt_saved::{Label, saved};
 use std::collections::VecDeque;
 
+pub use arrive::Source;
+pub use counters::Counters;
+
 /// Rounds in which the first scan is de-skewed again with the speed that the second one shows.
 const FOUNDING_ROUNDS: u32 = 8;
 /// Change of speed below which those rounds end, m/s: 1 mm in a sweep.
@@ -38,62 +42,6 @@ pub trait Sink {
     fn state(&mut self, state: &OdometryState);
     /// A keyframe with its final pose.
     fn keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>);
-}
-
-/// What was dropped, repaired or lacked support.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Scans with stamps that no clock gives, or of a sweep that lasts over a minute: left out.
-    pub scans_rejected: u64,
-    /// Scans whose stamp repeats the one before: left out.
-    pub scans_repeated: u64,
-    /// Scans that found no support in the map, or had too few cells.
-    pub scans_unsupported: u64,
-    /// Scans for which the IMU ended before the sweep did.
-    pub scans_imu_late: u64,
-    /// Scans without IMU although there had been one.
-    pub scans_without_imu: u64,
-    /// Odometry frames opened after the first.
-    pub frames_reopened: u64,
-    /// Solves without a result.
-    pub solver_failures: u64,
-    /// IMU samples left out: back in time, repeated, not finite.
-    pub imu_rejected: u64,
-    /// Holes in the IMU's samples above 0.1 s.
-    pub imu_holes: u64,
-    /// Points outside of the submap's grid.
-    pub points_outside: u64,
-}
-
-saved!(Counters {
-    scans_rejected,
-    scans_repeated,
-    scans_unsupported,
-    scans_imu_late,
-    scans_without_imu,
-    frames_reopened,
-    solver_failures,
-    imu_rejected,
-    imu_holes,
-    points_outside,
-} sound has_room);
-
-impl Counters {
-    /// Whether they can go on counting.
-    fn has_room(&self) -> bool {
-        [
-            self.scans_rejected,
-            self.scans_repeated,
-            self.scans_unsupported,
-            self.scans_imu_late,
-            self.scans_without_imu,
-            self.frames_reopened,
-            self.solver_failures,
-            self.imu_rejected,
-        ]
-        .iter()
-        .all(|count| *count <= u64::MAX / 2)
-    }
 }
 
 /// The live estimate from filtered scans and IMU samples, each given in order of their stamps.
@@ -133,17 +81,6 @@ pub struct Odometry {
     last_scan: Option<Source>,
     last_imu: Option<Source>,
 }
-
-/// A message by its publisher's start and its number: what the source's epoch and sequence say. Later ones are greater.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Source {
-    /// New at each start of the publisher.
-    pub epoch: u64,
-    /// Number in that epoch.
-    pub sequence: u64,
-}
-
-saved!(Source { epoch, sequence });
 
 /// The odometry frame in force.
 #[derive(Clone, Copy, Debug, Default)]

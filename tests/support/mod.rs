@@ -14,7 +14,11 @@
 pub mod bag;
 pub mod drive;
 pub mod hall;
+pub mod killer;
+pub mod observer;
+pub mod phidgets;
 mod recordings;
+pub mod up;
 
 pub use recordings::recording;
 

@@ -34,6 +34,20 @@ pub struct Loop {
     pub on: bool,
 }
 
+impl Loop {
+    /// The same loop as an optimisation that ended at these poses leaves it.
+    pub(crate) fn weighed(&self, poses: &[Pose2]) -> Self {
+        let mut weighed = self.clone();
+        weighed.weigh(poses, LOOP_LOSS);
+        weighed
+    }
+
+    fn weigh(&mut self, poses: &[Pose2], loss: Loss) {
+        self.chi2 = self.edge.chi2(&poses[self.edge.from], &poses[self.edge.to]);
+        self.weight = if self.on { loss.weight(self.chi2) } else { 0.0 };
+    }
+}
+
 /// A pose graph with its estimate.
 ///
 /// Odometry is trusted. Loops are weighed by their chi2, and [`PoseGraph::recheck`] switches off those that contradict
@@ -180,10 +194,7 @@ impl PoseGraph {
         let terms = terms(&self.odometry, &self.loops, loss);
         let report = solve(&mut self.system, &mut self.poses, &terms, Effort::FULL)?;
         for l in &mut self.loops {
-            l.chi2 = l
-                .edge
-                .chi2(&self.poses[l.edge.from], &self.poses[l.edge.to]);
-            l.weight = if l.on { loss.weight(l.chi2) } else { 0.0 };
+            l.weigh(&self.poses, loss);
         }
         Ok(report)
     }

@@ -36,6 +36,8 @@ pub struct JournalFile {
     tail: Tail<File>,
     keyframes: u64,
     after_snapshot: u64,
+    /// Candidates that the snapshots have; none of those from before it was opened, which another build may have made.
+    candidates: usize,
     /// One more than the number of the newest keyframe, and the same of the newest that is on the disk.
     end: u64,
     on_disk: u64,
@@ -84,6 +86,7 @@ impl JournalFile {
             path,
             keyframes: 0,
             after_snapshot: 0,
+            candidates: 0,
             end: 0,
             on_disk: 0,
             bytes: Vec::new(),
@@ -110,8 +113,10 @@ impl JournalFile {
 
     /// Appends a snapshot of the mapper, which has taken all keyframes.
     pub fn append_snapshot(&mut self, mapper: &Mapper) -> Result<(), Error> {
-        self.append(|bytes| append_snapshot(mapper, bytes))?;
+        let first = self.candidates;
+        self.append(|bytes| append_snapshot(mapper, first, bytes))?;
         self.after_snapshot = 0;
+        self.candidates = mapper.candidates().len();
         Ok(())
     }
 
@@ -153,6 +158,7 @@ impl JournalFile {
         self.tail.doubt();
         self.tail = tail(&self.path, bytes.len() as u64)?;
         self.after_snapshot = 0;
+        self.candidates = mapper.candidates().len();
         self.on_disk = self.end;
         Ok(())
     }

@@ -39,11 +39,11 @@ use crate::Mapper;
 use randt_config::Config;
 use randt_messages::{Keyframe, Message, MessageRef};
 
-/// A snapshot costs about 300 bytes a keyframe, and pushing a keyframe again some milliseconds: after every 32nd part of
-/// a map both stay small beside the keyframes themselves.
-const SNAPSHOT_SHARE: u64 = 32;
+/// A snapshot costs about 32 bytes a keyframe of the map, and pushing a keyframe again some milliseconds: at every 256th
+/// part of a map snapshots take half as much as the keyframes, and few keyframes are left to push.
+const SNAPSHOT_SHARE: u64 = 256;
 /// ... but not for less than this.
-const SNAPSHOT_EVERY_MIN: u64 = 16;
+const SNAPSHOT_EVERY_MIN: u64 = 4;
 
 /// Whether a snapshot is due, by keyframes in the journal and those of them after its last snapshot.
 pub fn is_snapshot_due(keyframes: u64, after_snapshot: u64) -> bool {
@@ -61,9 +61,10 @@ pub fn append_keyframe(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) ->
     is_written.then_some(()).ok_or(Error::TooLarge)
 }
 
-/// Appends a snapshot of the mapper that has taken all keyframes before it.
-pub fn append_snapshot(mapper: &Mapper, out: &mut Vec<u8>) -> Result<(), Error> {
-    let is_written = record::append(Kind::Snapshot, out, |out| mapper.snapshot(out));
+/// Appends a snapshot of the mapper that has taken all keyframes before it, with its candidates from `first` on: the
+/// snapshots before it in the journal, by this program, have the others. From 0 on it stands for itself.
+pub fn append_snapshot(mapper: &Mapper, first: usize, out: &mut Vec<u8>) -> Result<(), Error> {
+    let is_written = record::append(Kind::Snapshot, out, |out| mapper.snapshot(first, out));
     is_written.then_some(()).ok_or(Error::TooLarge)
 }
 
@@ -74,7 +75,7 @@ pub fn compacted(journal: &[u8], mapper: &Mapper) -> Result<Vec<u8>, Error> {
     for record in records.of(Kind::Keyframe) {
         bytes.extend_from_slice(record.bytes);
     }
-    append_snapshot(mapper, &mut bytes)?;
+    append_snapshot(mapper, 0, &mut bytes)?;
     Ok(bytes)
 }
 

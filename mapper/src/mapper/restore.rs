@@ -1,9 +1,9 @@
 //! The mapper that was, from its journal.
 
 use super::Mapper;
-use super::snapshot::Memory;
+use super::snapshot::{self, Memory, News, Origin};
 use crate::{
-    Place,
+    Candidate, Place,
     graph::{Edge, PoseGraph},
     journal::{self, Damage, Error, Kind, Records},
 };
@@ -54,22 +54,22 @@ impl Mapper {
     pub fn restore(config: &Config, journal: &[u8]) -> Result<(Self, Restored), Error> {
         let (_, records) = journal::records(journal)?;
         let mut restored = Restored::default();
+        let snapshots = snapshots(records.clone());
         let mut tried = 0;
-        for snapshot in snapshots(records.clone()) {
-            let memory = Memory::read(snapshot.payload, config);
-            let recalled = memory.and_then(|memory| {
-                tried += 1;
-                let keyframes = records.clone();
-                Self::recall(config, memory, keyframes, snapshot.keyframes).ok_or(PassedOver::Unfit)
-            });
-            match recalled {
-                Ok(mut mapper) => {
-                    restored.from_snapshot = snapshot.keyframes;
-                    mapper.replay(snapshot.behind, &mut restored);
-                    return Ok((mapper, restored));
-                }
-                Err(why) => restored.passed_over = restored.passed_over.or(Some(why)),
+        for (index, snapshot) in snapshots.iter().enumerate().rev() {
+            let mut payload = snapshot.payload;
+            if snapshot::read(&mut payload) != Some(Origin::new(config)) {
+                restored.passed_over.get_or_insert(PassedOver::Foreign);
+                continue;
             }
+            let until = snapshots.get(..=index).unwrap_or_default();
+            if let Some(mut mapper) = Self::recall(config, records.clone(), until) {
+                restored.from_snapshot = snapshot.keyframes;
+                mapper.replay(snapshot.behind.clone(), &mut restored);
+                return Ok((mapper, restored));
+            }
+            restored.passed_over.get_or_insert(PassedOver::Unfit);
+            tried += 1;
             if tried == TRIED_MAX {
                 break;
             }
@@ -79,27 +79,22 @@ impl Mapper {
         Ok((mapper, restored))
     }
 
-    /// The mapper with this memory and the keyframes before it; `None` where they do not fit.
-    fn recall(
-        config: &Config,
-        memory: Memory,
-        records: Records<'_>,
-        keyframes: u64,
-    ) -> Option<Self> {
+    /// The mapper as of the last of these snapshots; `None` where it does not fit those and the keyframes before it.
+    fn recall(config: &Config, records: Records<'_>, snapshots: &[Standing<'_>]) -> Option<Self> {
+        let (candidates, memory) = remembered(config, snapshots)?;
         let mut mapper = Self::new(config);
-        let odometry = mapper.recall_places(&memory.ids, records, keyframes)?;
-        let places = mapper.places.len();
-        let mut ends = memory.candidates.iter().flat_map(|c| [c.from, c.to]);
-        if memory.poses.len() != places || ends.any(|place| place >= places) {
+        let odometry = mapper.recall_places(&memory.ids, records, snapshots.last()?.keyframes)?;
+        let poses: Vec<_> = memory.poses.iter().map(|pose| pose.0).collect();
+        let mut ends = candidates.iter().flat_map(|c| [c.from, c.to]);
+        if poses.len() != mapper.places.len() || ends.any(|place| place >= poses.len()) {
             return None;
         }
-        let poses = memory.poses.iter().map(|pose| pose.0).collect();
-        let loops = memory.loops.iter();
-        let loops: Option<Vec<_>> = loops.map(|l| l.restored(&memory.candidates)).collect();
+        let loops = memory.loops.iter().map(|l| l.restored(&candidates, &poses));
+        let loops: Option<Vec<_>> = loops.collect();
         mapper.graph = PoseGraph::restore(poses, odometry, loops?, memory.next_loop).ok()?;
         let named = mapper.graph.loops().iter().zip(&memory.loops);
         mapper.loops = named.map(|(l, saved)| (l.id, saved.candidate)).collect();
-        mapper.candidates = memory.candidates;
+        mapper.candidates = candidates;
         mapper.searched_m = memory.searched_m;
         mapper.joined_m = memory.joined_m;
         mapper.counters = memory.counters;
@@ -153,8 +148,34 @@ impl Mapper {
     }
 }
 
-/// The snapshots, the newest first.
-fn snapshots<'a>(mut records: Records<'a>) -> impl Iterator<Item = Standing<'a>> {
+/// All candidates as of the last of these snapshots, and what else it has.
+fn remembered(config: &Config, snapshots: &[Standing<'_>]) -> Option<(Vec<Candidate>, Memory)> {
+    let own = Origin::new(config);
+    let (mut candidates, mut rest): (Vec<Candidate>, &[u8]) = Default::default();
+    for snapshot in snapshots {
+        rest = snapshot.payload;
+        if snapshot::read(&mut rest) != Some(own) {
+            continue;
+        }
+        let news: News = snapshot::read(&mut rest)?;
+        if news.first > candidates.len() {
+            return None;
+        }
+        candidates.truncate(news.first);
+        candidates.extend(news.candidates);
+    }
+    let memory: Memory = snapshot::read(&mut rest)?;
+    if !rest.is_empty() || memory.fates.len() != candidates.len() {
+        return None;
+    }
+    for (candidate, fate) in candidates.iter_mut().zip(&memory.fates) {
+        candidate.fate = *fate;
+    }
+    Some((candidates, memory))
+}
+
+/// The snapshots of a journal.
+fn snapshots(mut records: Records<'_>) -> Vec<Standing<'_>> {
     let mut found = Vec::new();
     let mut keyframes = 0;
     while let Some(record) = records.next() {
@@ -167,5 +188,5 @@ fn snapshots<'a>(mut records: Records<'a>) -> impl Iterator<Item = Standing<'a>>
             }),
         }
     }
-    found.into_iter().rev()
+    found
 }

@@ -1,10 +1,11 @@
 //! What cannot be made again from keyframes alone: where they came to stand, and what became of every candidate.
 //!
-//! Places, edges of odometry, submaps, descriptors and the grid follow from keyframes and poses.
+//! Places, edges of odometry, submaps, descriptors and the grid follow from keyframes and poses. Of candidates only
+//! their fate ever changes, so a snapshot has those that came after the one before it: a twentieth of all.
 
-use super::{Counters, Mapper, PassedOver};
+use super::{Counters, Mapper};
 use crate::{
-    Candidate,
+    Candidate, Fate,
     graph::{Loop, LoopId},
     journal::fingerprint,
     plain,
@@ -21,18 +22,26 @@ const CODE: u64 = match u64::from_str_radix(env!("RANDT_CODE"), 16) {
 
 /// Whose snapshot it is; in front of the numbers, so that a foreign one is never read further.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-struct Origin {
+pub(super) struct Origin {
     code: u64,
     config: u64,
 }
 
-/// The mapper's memory.
+/// Candidates from one on; with those of the snapshots before it, all that there are.
+#[derive(Debug, Serialize, Deserialize)]
+pub(super) struct News {
+    pub first: usize,
+    pub candidates: Vec<Candidate>,
+}
+
+/// The rest of the mapper's memory.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct Memory {
     /// What each place's number is above the one before: it says which of the journal's keyframes the map has.
     pub ids: Vec<u64>,
     pub poses: Vec<SavedPose>,
-    pub candidates: Vec<Candidate>,
+    /// Of all candidates.
+    pub fates: Vec<Fate>,
     pub loops: Vec<SavedLoop>,
     pub next_loop: u64,
     pub searched_m: f64,
@@ -49,26 +58,48 @@ pub(super) struct SavedPose(#[serde(with = "plain::pose")] pub Pose2);
 pub(super) struct SavedLoop {
     id: u64,
     pub candidate: usize,
-    chi2: f64,
-    weight: f64,
     on: bool,
+    /// chi2 and weight where they are not what the poses say: after an optimisation without a result.
+    odd: Option<(f64, f64)>,
 }
 
 impl SavedLoop {
-    /// The loop as it was; `None` where it has no candidate.
-    pub fn restored(&self, candidates: &[Candidate]) -> Option<Loop> {
-        Some(Loop {
+    fn of(found: &Loop, candidate: usize, poses: &[Pose2]) -> Self {
+        let bits = |l: &Loop| (l.chi2.to_bits(), l.weight.to_bits());
+        let is_odd = bits(&found.weighed(poses)) != bits(found);
+        Self {
+            id: found.id.0,
+            candidate,
+            on: found.on,
+            odd: is_odd.then_some((found.chi2, found.weight)),
+        }
+    }
+
+    /// The loop as it was; `None` where its candidate or their places are not there.
+    pub fn restored(&self, candidates: &[Candidate], poses: &[Pose2]) -> Option<Loop> {
+        let found = Loop {
             id: LoopId(self.id),
             edge: candidates.get(self.candidate)?.edge(),
-            chi2: self.chi2,
-            weight: self.weight,
+            chi2: 0.0,
+            weight: 1.0,
             on: self.on,
+        };
+        if found.edge.from.max(found.edge.to) >= poses.len() {
+            return None;
+        }
+        Some(match self.odd {
+            Some((chi2, weight)) => Loop {
+                chi2,
+                weight,
+                ..found
+            },
+            None => found.weighed(poses),
         })
     }
 }
 
 impl Origin {
-    fn new(config: &Config) -> Self {
+    pub fn new(config: &Config) -> Self {
         Self {
             code: CODE,
             config: fingerprint(config),
@@ -76,41 +107,30 @@ impl Origin {
     }
 }
 
-impl Memory {
-    /// What a snapshot holds, if it was made by this code under this configuration.
-    pub fn read(snapshot: &[u8], config: &Config) -> Result<Self, PassedOver> {
-        let (origin, bytes) =
-            postcard::take_from_bytes::<Origin>(snapshot).map_err(|_| PassedOver::Unfit)?;
-        if origin != Origin::new(config) {
-            return Err(PassedOver::Foreign);
-        }
-        match postcard::take_from_bytes(bytes) {
-            Ok((memory, [])) => Ok(memory),
-            _ => Err(PassedOver::Unfit),
-        }
-    }
+/// Reads what stands in front of bytes; `None` where that is something else.
+pub(super) fn read<'a, T: Deserialize<'a>>(bytes: &mut &'a [u8]) -> Option<T> {
+    let (value, rest) = postcard::take_from_bytes(bytes).ok()?;
+    *bytes = rest;
+    Some(value)
 }
 
 impl Mapper {
-    /// Appends what [`Mapper::restore`] needs beside the keyframes.
-    pub(crate) fn snapshot(&self, out: &mut Vec<u8>) {
-        let before = std::iter::once(0).chain(self.places.iter().map(|place| place.keyframe_id));
-        let pairs = self.places.iter().zip(before);
+    /// Appends what [`Mapper::restore`] needs beside the keyframes, of candidates those from one on: snapshots before it
+    /// have the others.
+    pub(crate) fn snapshot(&self, first: usize, out: &mut Vec<u8>) {
+        let news = News {
+            first,
+            candidates: self.candidates.get(first..).unwrap_or_default().to_vec(),
+        };
+        let ids = self.places.iter().map(|place| place.keyframe_id);
+        let before = std::iter::once(0).chain(ids.clone());
         let loops = self.graph.loops().iter().zip(&self.loops);
         let memory = Memory {
-            ids: pairs
-                .map(|(place, before)| place.keyframe_id - before)
-                .collect(),
+            ids: ids.zip(before).map(|(id, before)| id - before).collect(),
             poses: self.graph.poses().iter().copied().map(SavedPose).collect(),
-            candidates: self.candidates.clone(),
+            fates: self.candidates.iter().map(|c| c.fate).collect(),
             loops: loops
-                .map(|(l, (_, candidate))| SavedLoop {
-                    id: l.id.0,
-                    candidate: *candidate,
-                    chi2: l.chi2,
-                    weight: l.weight,
-                    on: l.on,
-                })
+                .map(|(l, (_, candidate))| SavedLoop::of(l, *candidate, self.graph.poses()))
                 .collect(),
             next_loop: self.graph.next_loop(),
             searched_m: self.searched_m,
@@ -118,9 +138,8 @@ impl Mapper {
             counters: self.counters,
             version: self.version,
         };
-        let origin = Origin::new(&self.config);
         // Numbers into memory: nothing there can fail.
-        if let Ok(bytes) = postcard::to_allocvec(&(origin, memory)) {
+        if let Ok(bytes) = postcard::to_allocvec(&(Origin::new(&self.config), news, memory)) {
             out.extend_from_slice(&bytes);
         }
     }

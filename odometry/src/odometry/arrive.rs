@@ -1,12 +1,24 @@
 //! What comes in: checks, and the order in which scans and IMU samples are used whatever the order they come in.
 
-use super::{Odometry, PENDING, Sink, Source};
+use super::{Odometry, PENDING, Sink};
 use crate::{
     heading::{Heading, is_set_back},
     imu_queue::is_measurement,
     scan,
 };
 use randt_messages::{ImuSample, MessageRef, RadarPoints};
+use randt_saved::saved;
+
+/// A message by its publisher's start and its number: what the source's epoch and sequence say. Later ones are greater.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Source {
+    /// New at each start of the publisher.
+    pub epoch: u64,
+    /// Number in that epoch.
+    pub sequence: u64,
+}
+
+saved!(Source { epoch, sequence });
 
 impl Odometry {
     /// Takes an IMU sample; scans that waited for it are processed.

@@ -1,0 +1,59 @@
+//! What went wrong, counted.
+
+use randt_saved::saved;
+
+/// What was dropped, repaired or lacked support.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Scans with stamps that no clock gives, or of a sweep that lasts over a minute: left out.
+    pub scans_rejected: u64,
+    /// Scans whose stamp repeats the one before: left out.
+    pub scans_repeated: u64,
+    /// Scans that found no support in the map, or had too few cells.
+    pub scans_unsupported: u64,
+    /// Scans for which the IMU ended before the sweep did.
+    pub scans_imu_late: u64,
+    /// Scans without IMU although there had been one.
+    pub scans_without_imu: u64,
+    /// Odometry frames opened after the first.
+    pub frames_reopened: u64,
+    /// Solves without a result.
+    pub solver_failures: u64,
+    /// IMU samples left out: back in time, repeated, not finite.
+    pub imu_rejected: u64,
+    /// Holes in the IMU's samples above 0.1 s.
+    pub imu_holes: u64,
+    /// Points outside of the submap's grid.
+    pub points_outside: u64,
+}
+
+saved!(Counters {
+    scans_rejected,
+    scans_repeated,
+    scans_unsupported,
+    scans_imu_late,
+    scans_without_imu,
+    frames_reopened,
+    solver_failures,
+    imu_rejected,
+    imu_holes,
+    points_outside,
+} sound has_room);
+
+impl Counters {
+    /// Whether they can go on counting.
+    fn has_room(&self) -> bool {
+        [
+            self.scans_rejected,
+            self.scans_repeated,
+            self.scans_unsupported,
+            self.scans_imu_late,
+            self.scans_without_imu,
+            self.frames_reopened,
+            self.solver_failures,
+            self.imu_rejected,
+        ]
+        .iter()
+        .all(|count| *count <= u64::MAX / 2)
+    }
+}

@@ -1,0 +1,304 @@
+//! Any stage may die at any moment: it is back within a second, alone, and the drive's result is to the last bit that of
+//! an undisturbed one.
+//!
+//! The form for every day has 20 kills in two minutes; the long one has 60 and more in a drive of ten minutes:
+//! `cargo test -p randt --test death -- --ignored --nocapture`.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use randt_mapper::journal;
+use randt_messages::Message;
+use randt_stage::{Realm, leftovers, wipe};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+use support::killer::{APART, BACK_MAX_MS, Blow, Killer, STAGES};
+use support::up::{own_realm, up};
+use support::{Random, ended_within, hall, randt, report, tum};
+
+/// Scans that must have a pose.
+const POSES_MIN: f64 = 0.97;
+/// No blow falls in so long before the end of the drive.
+const REST_S: f64 = 12.0;
+/// What is left over is counted when nothing has happened for so long.
+const SETTLED: Duration = Duration::from_secs(2);
+/// Simulating and computing ten minutes takes a fraction of that.
+const COMPUTED_MAX: Duration = Duration::from_secs(300);
+
+/// A drive and what is done in it.
+struct Ordeal {
+    world: PathBuf,
+    scans: u64,
+    /// From when on loops are closed, s.
+    second_lap_s: f64,
+    blows: Vec<(&'static str, Blow)>,
+    /// Whether stages go on being killed until the drive ends.
+    to_the_end: bool,
+}
+
+fn times(count: usize, stage: &'static str, blow: Blow) -> Vec<(&'static str, Blow)> {
+    vec![(stage, blow); count]
+}
+
+#[test]
+fn twenty_kills_and_a_stop_leave_no_trace_in_the_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let world = folder.path().join("hall.world");
+    fs::write(&world, hall::WORLD).unwrap();
+    let blows = [
+        times(2, "filter", Blow::StartUp),
+        times(3, "odometry", Blow::StartUp),
+        times(2, "mapper", Blow::StartUp),
+        times(2, "mapper", Blow::With("odometry")),
+        times(1, "odometry", Blow::With("filter")),
+        times(1, "filter", Blow::Turn),
+        times(1, "odometry", Blow::Turn),
+        times(1, "odometry", Blow::Plain),
+        times(2, "filter", Blow::Plain),
+        times(2, "mapper", Blow::Closing),
+        times(1, "odometry", Blow::Stop),
+    ];
+    check(&Ordeal {
+        world,
+        scans: 720,
+        second_lap_s: 50.0,
+        blows: blows.concat(),
+        to_the_end: false,
+    });
+}
+
+#[test]
+#[ignore = "takes twelve minutes"]
+fn sixty_kills_and_more_in_ten_minutes_leave_no_trace_in_the_result() {
+    let mut blows = Vec::new();
+    for stage in STAGES {
+        blows.extend(times(8, stage, Blow::StartUp));
+        blows.extend(times(2, stage, Blow::Turn));
+        blows.extend(times(4, stage, Blow::Plain));
+        blows.extend(times(1, stage, Blow::Stop));
+    }
+    blows.extend(times(3, "mapper", Blow::Closing));
+    blows.extend(times(5, "mapper", Blow::With("odometry")));
+    blows.extend(times(3, "odometry", Blow::With("filter")));
+    blows.extend(times(3, "filter", Blow::With("mapper")));
+    check(&Ordeal {
+        world: PathBuf::from("building"),
+        scans: 3100,
+        second_lap_s: 300.0,
+        blows,
+        to_the_end: true,
+    });
+}
+
+fn check(ordeal: &Ordeal) {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let log = simulate(ordeal, folder.path());
+    let mut command = randt(&["run"]);
+    command.arg(&log).arg("--out").arg(at("run"));
+    let ended = ended_within(command, COMPUTED_MAX);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let accepted = &report(&at("run"))["loops"]["fates"]["accepted"];
+    assert!(accepted.as_u64().unwrap() > 0, "a drive without loops");
+
+    let own = own_realm("death");
+    let mut up = Up::start(&own.realm, &log, folder.path());
+    let killer = drive(ordeal, &own.realm, &mut up);
+    killer.observer.leave();
+    // A child that failed by itself has said so; being killed says nothing.
+    let said = up.end();
+    let failed: Vec<&str> = said.lines().filter(|l| l.contains("error")).collect();
+    assert!(
+        failed.is_empty(),
+        "a stage failed by itself: {failed:#?}\n{said}"
+    );
+    check_result(ordeal, &at("up"), &at("run"));
+    let wiped = wipe(&own.realm, false).unwrap();
+    println!("{:?} entries wiped", wiped.map(|all| all.len()));
+    assert_eq!(leftovers(&own.realm), [], "after doctor --clean");
+}
+
+fn simulate(ordeal: &Ordeal, folder: &Path) -> PathBuf {
+    let log = folder.join("drive.mcap");
+    let mut command = randt(&["simulate"]);
+    if ordeal.world.is_file() {
+        command.arg("--world");
+    }
+    command.arg(&ordeal.world).arg("--out").arg(&log);
+    command.args(["--scans", &ordeal.scans.to_string()]);
+    let ended = ended_within(command, COMPUTED_MAX);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    log
+}
+
+/// `randt up`, running.
+struct Up {
+    child: Child,
+    stderr: PathBuf,
+}
+
+impl Up {
+    fn start(realm: &Realm, log: &Path, folder: &Path) -> Self {
+        let stderr = folder.join("up.stderr");
+        let child = up(realm, log, &folder.join("up"))
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(File::create(&stderr).unwrap())
+            .spawn()
+            .unwrap();
+        let mut up = Self { child, stderr };
+        // Whoever enters before it would keep it from starting.
+        let begin = Instant::now();
+        let runs = || {
+            let all = randt_stage::Registry::all(realm);
+            all.iter()
+                .any(|(entry, lives)| entry.name == "play" && *lives)
+        };
+        while !runs() {
+            assert!(begin.elapsed() < Duration::from_secs(20), "{}", up.said());
+            assert!(up.child.try_wait().unwrap().is_none(), "{}", up.said());
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        up
+    }
+
+    fn said(&self) -> String {
+        fs::read_to_string(&self.stderr).unwrap()
+    }
+
+    /// Waits for its end, which comes by itself; gives what it said.
+    fn end(&mut self) -> String {
+        let begin = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            assert!(begin.elapsed() < COMPUTED_MAX, "{}", self.said());
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        assert_eq!(status.code(), Some(0), "{}", self.said());
+        self.said()
+    }
+}
+
+impl Drop for Up {
+    fn drop(&mut self) {
+        // Its children end with it.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// All blows, and what they must not leave behind while the pipeline runs.
+fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> Killer {
+    let seed = std::env::var("RANDT_SEED").map_or_else(
+        |_| {
+            let now = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap();
+            now.as_secs()
+        },
+        |seed| seed.parse().unwrap(),
+    );
+    let mut killer = Killer::enter(realm, seed);
+    killer.observer.until(SETTLED, |_| false);
+    let before = leftovers(realm).len();
+
+    let end_s = ordeal.scans as f64 * 0.2 - REST_S;
+    let mut blows = ordeal.blows.clone();
+    shuffle(&mut blows, &mut killer.random);
+    loop {
+        let now_s = killer.observer.driven_s();
+        let left_s = end_s - now_s;
+        if left_s < 0.0 {
+            assert!(blows.is_empty(), "the drive is over, but not {blows:?}");
+            break;
+        }
+        let at = blows
+            .iter()
+            .position(|(_, blow)| *blow != Blow::Closing || now_s > ordeal.second_lap_s);
+        let (stage, blow) = match at {
+            Some(at) => blows.remove(at),
+            None if blows.is_empty() && !ordeal.to_the_end => break,
+            None => (STAGES[killer.random.below(3)], Blow::Plain),
+        };
+        killer.strike(stage, blow);
+        if killer.rows.last().is_some_and(|row| !row.hit) {
+            blows.push((stage, blow));
+        }
+        // Evenly over the drive, at random.
+        let spare_s = left_s / (blows.len() + 1) as f64 - APART.as_secs_f64();
+        let spare_s = spare_s.clamp(0.0, 5.0) * killer.random.below(1000) as f64 / 1000.0;
+        let pause = APART + Duration::from_secs_f64(spare_s);
+        killer.observer.until(pause, |_| false);
+        assert!(up.child.try_wait().unwrap().is_none(), "{}", up.said());
+    }
+    killer.observer.until(SETTLED, |_| false);
+    let after = leftovers(realm).len();
+    summarise(&killer, before, after);
+    killer
+}
+
+fn shuffle<T>(items: &mut [T], random: &mut Random) {
+    for i in (1..items.len()).rev() {
+        items.swap(i, random.below(i + 1));
+    }
+}
+
+fn summarise(killer: &Killer, before: usize, after: usize) {
+    let rows = &killer.rows;
+    let mut back: Vec<f64> = rows
+        .iter()
+        .flat_map(|row| row.back_ms.iter().map(|(_, ms)| *ms))
+        .collect();
+    back.sort_by(f64::total_cmp);
+    let hits = |blow| rows.iter().filter(|r| r.blow == blow && r.hit).count();
+    let start_ups = hits(Blow::StartUp);
+    let kills = STAGES.map(|stage| rows.iter().filter(|row| row.kills(stage)).count());
+    let worst = back[back.len() - 1];
+    println!(
+        "{kills:?} kills of {STAGES:?}, {start_ups} while starting, {} in turns, {} at a keyframe of the second lap; \
+         back after {:.0} ms (median), {worst:.0} ms (worst); entries {before} -> {after}",
+        hits(Blow::Turn),
+        hits(Blow::Closing),
+        back[back.len() / 2],
+    );
+    assert!(
+        start_ups * 3 >= kills.iter().sum::<usize>(),
+        "a third of the kills falls into the start-up window"
+    );
+    assert!(worst < BACK_MAX_MS, "back after {worst:.0} ms");
+    let most = before + start_ups;
+    assert!(
+        after <= most,
+        "{after} entries of iceoryx2 instead of {most} at most"
+    );
+}
+
+fn check_result(ordeal: &Ordeal, found: &Path, expected: &Path) {
+    let rows = tum(&found.join("odometry.tum")).len();
+    println!("{rows} of {} scans have a pose", ordeal.scans);
+    assert!(rows as f64 >= POSES_MIN * ordeal.scans as f64);
+    let bytes = fs::read(found.join("map.journal")).unwrap();
+    let (_, records) = journal::records(&bytes).unwrap();
+    let mut message = Message::default();
+    for (expected, record) in records.of(journal::Kind::Keyframe).enumerate() {
+        assert!(journal::read_keyframe(record.payload, &mut message));
+        assert_eq!(
+            message.head.id, expected as u64,
+            "keyframes without a gap, each once"
+        );
+    }
+    for name in ["odometry.tum", "keyframes.tum", "trajectory.tum", "map.pgm"] {
+        let [found, expected] =
+            [found, expected].map(|folder| fs::read(folder.join(name)).unwrap());
+        let differs = found.iter().zip(&expected).position(|(a, b)| a != b);
+        assert!(found == expected, "{name}: differs at byte {differs:?}");
+        println!("{name}: identical");
+    }
+}
