@@ -7,6 +7,8 @@ use randt_messages::{
 
 /// Readers that a topic has room for: its stage, recorder, view, supervisor and a person's tool or two.
 const READERS: usize = 6;
+/// The same of topics that every `randt top` reads: people's tools may never take the place of a stage that comes back.
+const WATCHED: usize = 16;
 /// Writers that a topic has room for though it has one: a writer killed while it started may keep its place until
 /// somebody clears it away.
 const WRITERS: usize = 4;
@@ -47,14 +49,14 @@ pub const TOPICS: &[Qos] = &[
     // 8 s at 250 Hz.
     qos::<ImuSampleTopic>(2048, 2048, WRITERS, [0, 0]),
     qos::<RadarPoints>(32, 32, WRITERS, [2_500, 6_000]),
-    qos::<OdometryStateTopic>(32, 8, WRITERS, [0, 0]),
+    watched(qos::<OdometryStateTopic>(32, 8, WRITERS, [0, 0])),
     // Older ones are in the ring of keyframes.
     qos::<Keyframe>(64, 8, WRITERS, [2_500, 6_000]),
-    qos::<MapperCorrection>(4, 1, WRITERS, [0, 0]),
-    qos::<MapperGraph>(64, 8, WRITERS, [300, 300]),
+    watched(qos::<MapperCorrection>(4, 1, WRITERS, [0, 0])),
+    watched(qos::<MapperGraph>(64, 8, WRITERS, [300, 300])),
     qos::<MapperGrid>(64, 8, WRITERS, [4096, 4096]),
     // Every stage and tool writes here.
-    qos::<StageHealthTopic>(16, 1, 16, [0, 0]),
+    watched(qos::<StageHealthTopic>(16, 1, 16, [0, 0])),
 ];
 
 const fn qos<T: Topic>(buffer: usize, history: usize, writers: usize, items: [usize; 2]) -> Qos {
@@ -69,6 +71,13 @@ const fn qos<T: Topic>(buffer: usize, history: usize, writers: usize, items: [us
         head_bytes: size_of::<T::Head>(),
         items_bytes_max: T::MAX_ITEMS * item,
         items_bytes_usual: [items[0] * item, items[1] * item],
+    }
+}
+
+const fn watched(qos: Qos) -> Qos {
+    Qos {
+        readers: WATCHED,
+        ..qos
     }
 }
 

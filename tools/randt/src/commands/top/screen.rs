@@ -2,7 +2,7 @@
 
 use super::facts::{self, Fact};
 use super::snapshot::Snapshot;
-use super::table::{self, STATE, Table};
+use super::table::{self, Table};
 use anyhow::Context;
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
@@ -14,9 +14,9 @@ use std::time::Duration;
 
 /// From this width on robot and map stand beside each other.
 const WIDE: u16 = 110;
-/// Width of the topics, of which the longest name has 20 characters, and of robot or map.
-const TOPICS: u16 = 46;
-const FACTS: u16 = 36;
+/// Between two columns of a table, and the width of the topics with that: the longest name has 20 characters.
+const TOPICS: (usize, u16) = (2, 46);
+const WIDE_TOPICS: (usize, u16) = (4, 54);
 const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
 
 const HELP: &str = "\
@@ -115,6 +115,7 @@ fn draw(frame: &mut Frame, snapshot: &Snapshot, help: bool) {
     let (stages, topics) = (table::stages(snapshot), table::topics(snapshot));
     let (robot, map) = (facts::robot(snapshot), facts::map(snapshot));
     let wide = frame.area().width >= WIDE;
+    let (gap, width) = if wide { WIDE_TOPICS } else { TOPICS };
     let facts = if wide {
         robot.len()
     } else {
@@ -130,12 +131,12 @@ fn draw(frame: &mut Frame, snapshot: &Snapshot, help: bool) {
     ])
     .areas(frame.area());
     draw_title(frame, title, snapshot);
-    draw_table(frame, above, "stages", &stages);
+    draw_table(frame, above, "stages", &stages, gap);
     let [left, right] =
-        Layout::horizontal([Constraint::Length(TOPICS), Constraint::Min(0)]).areas(below);
-    draw_table(frame, left, "topics", &topics);
+        Layout::horizontal([Constraint::Length(width), Constraint::Min(0)]).areas(below);
+    draw_table(frame, left, "topics", &topics, gap);
     if wide {
-        let columns = Layout::horizontal([Constraint::Length(FACTS), Constraint::Min(0)]);
+        let columns = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]);
         let [middle, right] = columns.areas(right);
         draw_facts(frame, middle, "robot", &robot);
         draw_facts(frame, right, "map", &map);
@@ -167,27 +168,19 @@ fn draw_title(frame: &mut Frame, area: Rect, snapshot: &Snapshot) {
     frame.render_widget(keys, right);
 }
 
-fn draw_table(frame: &mut Frame, area: Rect, title: &'static str, table: &Table) {
+fn draw_table(frame: &mut Frame, area: Rect, title: &'static str, table: &Table, gap: usize) {
     let widths = table.widths();
-    let line = |cells: Vec<&str>, style: &dyn Fn(usize, &str) -> Style| {
+    let line = |cells: &mut dyn Iterator<Item = &str>, style: fn(&str) -> Style| {
         let mut spans = vec![Span::raw(" ")];
-        for (i, (cell, width)) in cells.iter().zip(&widths).enumerate() {
-            spans.push(Span::styled(table.filled(i, cell, *width), style(i, cell)));
-            spans.push(Span::raw("  "));
+        for (i, (cell, width)) in cells.zip(&widths).enumerate() {
+            spans.push(Span::styled(table.filled(i, cell, *width), style(cell)));
+            spans.push(Span::raw(" ".repeat(gap)));
         }
         Line::from(spans)
     };
-    let mut lines = vec![line(table.heads.to_vec(), &|_, _| BOLD)];
-    let is_state = |i: usize| i == STATE && title == "stages";
+    let mut lines = vec![line(&mut table.heads.iter().copied(), |_| BOLD)];
     for row in &table.rows {
-        let cells = row.iter().map(String::as_str).collect();
-        lines.push(line(cells, &|i, cell| {
-            if is_state(i) {
-                color(cell)
-            } else {
-                Style::new()
-            }
-        }));
+        lines.push(line(&mut row.iter().map(String::as_str), color));
     }
     frame.render_widget(Paragraph::new(lines).block(rule(title)), area);
 }
@@ -196,14 +189,9 @@ fn draw_facts(frame: &mut Frame, area: Rect, title: &'static str, facts: &[Fact]
     let lines: Vec<Line> = facts
         .iter()
         .map(|(name, value)| {
-            let style = if *name == "trust" {
-                color(value)
-            } else {
-                Style::new()
-            };
             Line::from(vec![
                 Span::raw(format!("{name:<9} ")),
-                Span::styled(value.clone(), style),
+                Span::styled(value.clone(), color(value)),
             ])
         })
         .collect();
@@ -234,7 +222,7 @@ fn rule(title: &'static str) -> Block<'static> {
         .title(format!(" {title} "))
 }
 
-/// Colour of a state; the word says the same.
+/// Colour of a word for a state, which says the same.
 fn color(state: &str) -> Style {
     match state {
         "running" | "good" => Style::new().fg(Color::Green),

@@ -13,9 +13,6 @@ pub struct Table {
     pub rows: Vec<Vec<String>>,
 }
 
-/// Column of the stages' table that holds their state.
-pub const STATE: usize = 2;
-
 /// The stages.
 pub fn stages(snapshot: &Snapshot) -> Table {
     let rows = snapshot.stages.iter().map(|stage| {
@@ -31,7 +28,7 @@ pub fn stages(snapshot: &Snapshot) -> Table {
     });
     Table {
         heads: &["STAGE", "PID", "STATE", "RESTARTS", "CPU", "MEMORY", "LOST"],
-        words: &[0, STATE],
+        words: &[0, 2],
         rows: rows.collect(),
     }
 }

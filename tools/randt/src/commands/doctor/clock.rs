@@ -1,0 +1,61 @@
+//! The anchor of the one clock: it must be there while stages live, and be of this boot.
+
+use super::finding::Finding;
+use super::scene::Scene;
+use crate::units::seconds;
+use rustix::time::{ClockId, clock_gettime};
+use std::fs;
+
+/// A system clock that was set by more is worth a word.
+const SET_S: f64 = 1.0;
+
+/// Whether the anchor is there and good.
+pub fn check(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "clock";
+    let path = scene.realm.run().join("clock-anchor");
+    let shown = path.display();
+    let lives = scene.living().next().is_some();
+    let anew = format!("stop all stages, rm -f {shown}, start them again");
+    let anchor_ns = match fs::read_to_string(&path) {
+        Ok(text) => text.trim().parse::<i64>().ok(),
+        Err(_) if !lives => {
+            return vec![Finding::ok(
+                ABOUT,
+                "the first stage that starts takes the anchor",
+            )];
+        }
+        Err(cause) => {
+            let text =
+                format!("{shown}: {cause}: a stage that starts now has other stamps than the rest");
+            return vec![Finding::bad(ABOUT, text, anew)];
+        }
+    };
+    let Some(anchor_ns) = anchor_ns else {
+        return vec![Finding::bad(
+            ABOUT,
+            format!("{shown} holds no number"),
+            anew,
+        )];
+    };
+    let now_ns = nanoseconds(ClockId::Boottime) + anchor_ns;
+    let off_s = (now_ns - nanoseconds(ClockId::Realtime)) as f64 * 1e-9;
+    if off_s.abs() < SET_S {
+        return vec![Finding::ok(
+            ABOUT,
+            format!("{shown} agrees with the system's clock"),
+        )];
+    }
+    let off = seconds(off_s.abs());
+    vec![Finding::warn(
+        ABOUT,
+        format!(
+            "stamps are {off} off the system's clock: it was set since, or {shown} is of another boot"
+        ),
+        format!("nothing, if it was set: stamps do not step; else {anew}"),
+    )]
+}
+
+fn nanoseconds(clock: ClockId) -> i64 {
+    let time = clock_gettime(clock);
+    time.tv_sec * 1_000_000_000 + time.tv_nsec
+}

@@ -1,0 +1,117 @@
+//! Whether there is memory for every topic and for what outlives a stage. Where it runs out a store is a stage's end.
+
+use super::finding::Finding;
+use super::scene::Scene;
+use crate::units::bytes;
+use randt_stage::{KeyframeRing, TOPICS, leftovers};
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Magic number of a file system in memory, statfs(2).
+const TMPFS: u64 = 0x0102_1994;
+/// Checkpoints of odometry, beside the ring of keyframes.
+const CHECKPOINTS: usize = 8 << 20;
+
+/// /dev/shm holds all topics.
+pub fn check(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "memory";
+    let Ok(found) = rustix::fs::statvfs(SHARED_MEMORY) else {
+        let mend = "mount -t tmpfs tmpfs /dev/shm";
+        return vec![Finding::bad(ABOUT, "/dev/shm is not there", mend)];
+    };
+    let (free, size) = (
+        found.f_bavail * found.f_frsize,
+        found.f_blocks * found.f_frsize,
+    );
+    let used: u64 = leftovers(&scene.realm)
+        .iter()
+        .filter(|file| file.path.starts_with(SHARED_MEMORY))
+        .map(|file| file.bytes)
+        .sum();
+    // What this realm has already is there for it.
+    let there = free + used;
+    let topics = |navtech| -> usize { TOPICS.iter().map(|qos| qos.bytes_in_use(navtech)).sum() };
+    let state = if on_shared_memory(scene) {
+        state_bytes()
+    } else {
+        0
+    };
+    let needed = |navtech| (topics(navtech) + state) as u64;
+    let text = format!(
+        "{} of {} in /dev/shm are free or this realm's; it needs {} with an iSDR-C, {} with a Navtech",
+        bytes(there),
+        bytes(size),
+        bytes(needed(false)),
+        bytes(needed(true))
+    );
+    let enough = needed(true).next_multiple_of(64 << 20) >> 20;
+    let mend = if size < needed(true) {
+        format!("mount -o remount,size={enough}M /dev/shm (docker run --shm-size={enough}m)")
+    } else {
+        "du -a /dev/shm | sort -n | tail (remove what takes it)".to_owned()
+    };
+    vec![if there < needed(false) {
+        Finding::bad(ABOUT, text, mend)
+    } else if there < needed(true) {
+        Finding::warn(ABOUT, text, mend)
+    } else {
+        Finding::ok(ABOUT, text)
+    }]
+}
+
+/// The run folder is in memory and has room for what outlives a stage.
+pub fn check_run_folder(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "run folder";
+    let run = scene.realm.run();
+    let shown = run.display();
+    let (Ok(kind), Ok(found)) = (rustix::fs::statfs(run), rustix::fs::statvfs(run)) else {
+        // The first stage makes it.
+        return Vec::new();
+    };
+    if kind.f_type as u64 != TMPFS {
+        return vec![Finding::warn(
+            ABOUT,
+            format!(
+                "{shown} is not in memory: checkpoints wait for the disk, and its clock outlives a boot"
+            ),
+            "leave --run away, or name a folder on a tmpfs (/run, /dev/shm)",
+        )];
+    }
+    let free = found.f_bavail * found.f_frsize + state_on_disk(scene);
+    let needed = state_bytes() as u64;
+    let text = format!(
+        "{shown} is in memory and has {} for checkpoints, which need {}",
+        bytes(free),
+        bytes(needed)
+    );
+    vec![if free < needed {
+        Finding::bad(
+            ABOUT,
+            text,
+            format!("mount -o remount,size=64M the file system of {shown}"),
+        )
+    } else {
+        Finding::ok(ABOUT, text)
+    }]
+}
+
+fn state_bytes() -> usize {
+    KeyframeRing::BYTES + CHECKPOINTS
+}
+
+fn state_on_disk(scene: &Scene) -> u64 {
+    let files = fs::read_dir(scene.realm.state())
+        .into_iter()
+        .flatten()
+        .flatten();
+    files
+        .filter_map(|file| Some(file.metadata().ok()?.blocks() * 512))
+        .sum()
+}
+
+fn on_shared_memory(scene: &Scene) -> bool {
+    let device = |path: &Path| fs::metadata(path).ok().map(|found| found.dev());
+    device(scene.realm.run()) == device(Path::new(SHARED_MEMORY))
+}

@@ -1,0 +1,103 @@
+//! Whose the realm is, and what others may do in it. All stages must be one user's: shared memory is.
+
+use super::finding::Finding;
+use super::scene::Scene;
+use randt_stage::leftovers;
+use rustix::fs::Access;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+
+/// The realm, its shared memory, its stages and this process are one user's.
+pub fn check(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "user";
+    let folder = scene.realm.folder();
+    let (user, options) = (scene.user, scene.options());
+    let Some(owner) = scene.owner else {
+        let text = format!("{}: not there, no stage ever ran here", folder.display());
+        return vec![Finding::ok(ABOUT, text)];
+    };
+    let mut found = Vec::new();
+    if owner != user {
+        found.push(Finding::bad(
+            ABOUT,
+            format!(
+                "{} belongs to user {owner}, this process is user {user}: all stages and tools must run as one",
+                folder.display()
+            ),
+            format!("sudo -u '#{owner}' randt doctor {options}"),
+        ));
+    }
+    for process in scene.inside().filter(|process| process.user != owner) {
+        let theirs = process.user;
+        found.push(Finding::bad(
+            ABOUT,
+            format!("{process} runs as user {theirs}, the realm belongs to user {owner}"),
+            format!("kill {}, and start it with sudo -u '#{owner}'", process.pid),
+        ));
+    }
+    let foreign = leftovers(&scene.realm).into_iter().filter_map(|file| {
+        let theirs = fs::metadata(&file.path).ok()?.uid();
+        (theirs != owner).then_some((theirs, file.path))
+    });
+    let foreign: Vec<_> = foreign.collect();
+    if let Some((theirs, first)) = foreign.first() {
+        found.push(Finding::bad(
+            ABOUT,
+            format!(
+                "{} files of user {theirs} in the realm of user {owner}, such as {}",
+                foreign.len(),
+                first.display()
+            ),
+            format!(
+                "end that user's stages, then sudo rm /dev/shm/{}*",
+                scene.realm.segment_prefix()
+            ),
+        ));
+    }
+    if found.is_empty() {
+        let text = format!("the realm, its stages and this process are user {user}");
+        found.push(Finding::ok(ABOUT, text));
+    }
+    found
+}
+
+/// The folder is its owner's alone, and can be written.
+pub fn check_rights(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "rights";
+    let folder = scene.realm.folder();
+    let shown = folder.display();
+    let Ok(metadata) = fs::metadata(&folder) else {
+        return Vec::new();
+    };
+    let mode = metadata.mode() & 0o777;
+    let mend = format!("chmod 700 {shown}");
+    if mode & 0o700 != 0o700 || mode & 0o022 != 0 {
+        let who = if mode & 0o022 == 0 {
+            "its owner cannot use it"
+        } else {
+            "others may write in it"
+        };
+        return vec![Finding::bad(
+            ABOUT,
+            format!("{shown} has mode {mode:03o}: {who}"),
+            mend,
+        )];
+    }
+    let writable = rustix::fs::access(&folder, Access::WRITE_OK | Access::EXEC_OK);
+    if let Err(cause) = writable
+        && scene.owner == Some(scene.user)
+    {
+        return vec![Finding::bad(
+            ABOUT,
+            format!("{shown} cannot be written: {cause}"),
+            format!(
+                "mount -o remount,rw the file system of {shown}, or give all stages another --run"
+            ),
+        )];
+    }
+    if mode != 0o700 {
+        let text = format!("{shown} has mode {mode:03o}: others may look into it");
+        return vec![Finding::warn(ABOUT, text, mend)];
+    }
+    vec![Finding::ok(ABOUT, format!("{shown} has mode 700"))]
+}

@@ -1,0 +1,198 @@
+//! The processes of all pipelines on this machine, as the kernel shows them: none has to be asked.
+
+use std::collections::BTreeSet;
+use std::fs::{self, Metadata};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// Every stage and tool has this file of its realm open.
+const PRESENCE: &str = "alive.lock";
+/// What the kernel adds to the name of a file that is no more.
+const DELETED: &str = " (deleted)";
+/// Commands of randt itself that enter a realm.
+const COMMANDS: [&str; 3] = ["up", "play", "top"];
+
+/// A file, whatever name it is reached by.
+pub type FileId = (u64, u64);
+
+/// A process in a realm.
+#[derive(Debug)]
+pub struct Process {
+    /// Its number.
+    pub pid: u32,
+    /// Its user.
+    pub user: u32,
+    /// Such as `randt-filter` or `randt play`.
+    pub name: String,
+    /// Folder of its realm, as it sees it.
+    pub folder: PathBuf,
+    /// Its realm's presence file; none where this user may not look.
+    pub presence: Option<FileId>,
+    /// Whether that was removed under it.
+    pub removed: bool,
+    /// Whether its program was replaced or removed since it started.
+    pub replaced: bool,
+    /// The file system that it sees as /dev/shm.
+    pub shared_memory: Option<u64>,
+    /// Files that it has open.
+    pub open: BTreeSet<FileId>,
+}
+
+/// All of them but this one.
+pub fn all() -> Vec<Process> {
+    let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
+    let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    pids.filter(|pid| *pid != std::process::id())
+        .filter_map(Process::of)
+        .collect()
+}
+
+/// Identity of a file.
+pub fn id(metadata: &Metadata) -> FileId {
+    (metadata.dev(), metadata.ino())
+}
+
+impl Process {
+    fn of(pid: u32) -> Option<Self> {
+        let proc = PathBuf::from(format!("/proc/{pid}"));
+        let arguments = arguments(&proc);
+        let mut process = Self {
+            pid,
+            user: fs::metadata(&proc).ok()?.uid(),
+            name: name(&arguments),
+            folder: PathBuf::new(),
+            presence: None,
+            removed: false,
+            replaced: fs::read_link(proc.join("exe")).is_ok_and(|exe| is_deleted(&exe)),
+            shared_memory: fs::metadata(proc.join("root/dev/shm"))
+                .ok()
+                .map(|found| found.dev()),
+            open: BTreeSet::new(),
+        };
+        match fs::read_dir(proc.join("fd")) {
+            Ok(files) => files.flatten().for_each(|file| process.add(&file.path())),
+            // Another user's: what it was told is all that is known.
+            Err(_) if is_stage(&arguments) => {
+                process.folder = told(&proc, &arguments, process.user)?
+            }
+            Err(_) => {}
+        }
+        (!process.folder.as_os_str().is_empty()).then_some(process)
+    }
+
+    fn add(&mut self, file: &Path) {
+        let (Ok(target), Ok(metadata)) = (fs::read_link(file), fs::metadata(file)) else {
+            return;
+        };
+        self.open.insert(id(&metadata));
+        let text = target.to_string_lossy();
+        let name = text.strip_suffix(DELETED).unwrap_or(&text);
+        let path = Path::new(name);
+        if path.file_name().is_some_and(|name| name == PRESENCE) {
+            self.folder = path.parent().unwrap_or(path).to_owned();
+            self.presence = Some(id(&metadata));
+            self.removed = is_deleted(&target);
+        }
+    }
+}
+
+impl std::fmt::Display for Process {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} (process {})", self.name, self.pid)
+    }
+}
+
+/// The identity of a realm's presence file.
+pub fn presence(folder: &Path) -> Option<FileId> {
+    fs::metadata(folder.join(PRESENCE))
+        .ok()
+        .map(|found| id(&found))
+}
+
+fn is_deleted(path: &Path) -> bool {
+    path.to_string_lossy().ends_with(DELETED)
+}
+
+fn arguments(proc: &Path) -> Vec<String> {
+    let text = fs::read(proc.join("cmdline")).unwrap_or_default();
+    let arguments = text.split(|byte| *byte == 0);
+    arguments
+        .map(|argument| String::from_utf8_lossy(argument).into_owned())
+        .collect()
+}
+
+/// The program, with its command where it is randt itself.
+fn name(arguments: &[String]) -> String {
+    let program = arguments.first().map_or("", String::as_str);
+    let program = program.rsplit('/').next().unwrap_or_default();
+    match arguments.get(1) {
+        Some(command) if program == "randt" => format!("randt {command}"),
+        _ => program.to_owned(),
+    }
+}
+
+fn is_stage(arguments: &[String]) -> bool {
+    let name = name(arguments);
+    let command = name.strip_prefix("randt ");
+    name.starts_with("randt-") || command.is_some_and(|command| COMMANDS.contains(&command))
+}
+
+/// The realm that a process was told to be in.
+fn told(proc: &Path, arguments: &[String], user: u32) -> Option<PathBuf> {
+    let option = |name: &str| {
+        let with_value = format!("{name}=");
+        let given = arguments.iter().enumerate().find_map(|(i, argument)| {
+            if argument == name {
+                return arguments.get(i + 1).cloned();
+            }
+            argument.strip_prefix(&with_value).map(str::to_owned)
+        });
+        given.filter(|value| !value.is_empty())
+    };
+    let run = match option("--run") {
+        Some(run) => {
+            let working = fs::read_link(proc.join("cwd")).unwrap_or_default();
+            working.join(run)
+        }
+        None if Path::new("/run/randt").is_dir() => PathBuf::from("/run/randt"),
+        None => PathBuf::from(format!("/dev/shm/randt-{user}")),
+    };
+    Some(run.join(option("--prefix").unwrap_or_else(|| "randt".to_owned())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(text: &str) -> Vec<String> {
+        text.split(' ').map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn stages_and_the_tools_that_enter_a_realm_are_told_from_others() {
+        for stage in [
+            "/opt/randt-filter --run /r",
+            "randt play x.mcap",
+            "./randt up",
+        ] {
+            assert!(is_stage(&words(stage)), "{stage}");
+        }
+        for other in [
+            "randt",
+            "randt doctor",
+            "cat randt-filter",
+            "/bin/sh -c randt-filter",
+            "",
+        ] {
+            assert!(!is_stage(&words(other)), "{other}");
+        }
+        assert_eq!(name(&words("/opt/randt play x")), "randt play");
+    }
+
+    #[test]
+    fn a_realm_is_read_from_the_command_line_where_nothing_else_is_known() {
+        let told = |text: &str| told(Path::new("/proc/no-such"), &words(text), 7).unwrap();
+        assert_eq!(told("randt-filter --run /r --prefix p"), Path::new("/r/p"));
+        assert_eq!(told("randt-filter --prefix=q --run=/s"), Path::new("/s/q"));
+    }
+}

@@ -1,0 +1,71 @@
+//! What the checks look at: the realm, its register, and every process that may have to do with it.
+
+use super::processes::{self, FileId, Process};
+use randt_stage::{Entry, Realm, Registry};
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+
+/// A realm as it was found.
+pub struct Scene {
+    /// The realm.
+    pub realm: Realm,
+    /// The user that this process is.
+    pub user: u32,
+    /// Owner of the realm's folder; none where it is not there.
+    pub owner: Option<u32>,
+    /// All stages that ever ran in it, with whether they live.
+    pub register: Vec<(Entry, bool)>,
+    /// Stages and tools of all realms.
+    pub processes: Vec<Process>,
+    presence: Option<FileId>,
+}
+
+impl Scene {
+    /// Looks.
+    pub fn of(realm: Realm) -> Self {
+        let folder = realm.folder();
+        Self {
+            user: rustix::process::geteuid().as_raw(),
+            owner: fs::metadata(&folder).ok().map(|found| found.uid()),
+            register: Registry::all(&realm),
+            processes: processes::all(),
+            presence: processes::presence(&folder),
+            realm,
+        }
+    }
+
+    /// Whether a process is in this realm.
+    pub fn is_in(&self, process: &Process) -> bool {
+        match (process.presence, self.presence) {
+            (Some(theirs), Some(ours)) => theirs == ours,
+            _ => process.folder == self.realm.folder() && !process.removed,
+        }
+    }
+
+    /// The processes in this realm.
+    pub fn inside(&self) -> impl Iterator<Item = &Process> {
+        self.processes.iter().filter(|process| self.is_in(process))
+    }
+
+    /// The living stages of the register.
+    pub fn living(&self) -> impl Iterator<Item = &Entry> {
+        let living = self.register.iter().filter(|(_, lives)| *lives);
+        living.map(|(entry, _)| entry)
+    }
+
+    /// Options that lead other programs here.
+    pub fn options(&self) -> String {
+        let (prefix, run) = (self.realm.prefix(), self.realm.run().display());
+        format!("--prefix {prefix} --run {run}")
+    }
+
+    /// The command that starts a stage here.
+    pub fn start(&self, stage: &str) -> String {
+        let program = match stage {
+            "up" => "randt up",
+            "play" => "randt play LOG",
+            _ => return format!("randt-{stage} {}", self.options()),
+        };
+        format!("{program} {}", self.options())
+    }
+}

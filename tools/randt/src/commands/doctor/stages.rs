@@ -1,0 +1,92 @@
+//! Whether the stages that should run do, and are of one build.
+
+use super::finding::Finding;
+use super::scene::Scene;
+use crate::process::Sample;
+use randt_stage::{Entry, TOPICS};
+
+/// Whoever has not ended in order lives, and is not stopped.
+pub fn check(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "stages";
+    let mut found = Vec::new();
+    for (entry, lives) in &scene.register {
+        let Entry { name, pid, .. } = entry;
+        if !lives && !entry.ended {
+            found.push(Finding::bad(
+                ABOUT,
+                format!("randt-{name} has died as process {pid}, and nobody has started it again"),
+                scene.start(name),
+            ));
+        }
+        if *lives && Sample::of(*pid).is_some_and(|sample| sample.stopped) {
+            let text = format!("randt-{name} (process {pid}) is stopped by a signal");
+            found.push(Finding::warn(ABOUT, text, format!("kill -CONT {pid}")));
+        }
+    }
+    if found.is_empty() {
+        let names: Vec<&str> = scene.living().map(|entry| entry.name.as_str()).collect();
+        found.push(Finding::ok(
+            ABOUT,
+            match names.as_slice() {
+                [] => "none lives, none has died".to_owned(),
+                names => format!("{} live, none has died", names.join(", ")),
+            },
+        ));
+    }
+    found
+}
+
+/// The living stages have this build's layouts, and their programs are still on disk.
+pub fn check_builds(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "builds";
+    let mut found = Vec::new();
+    for entry in scene.living() {
+        let Entry { name, pid, .. } = entry;
+        let stage = format!("randt-{name} (process {pid})");
+        let restart = format!(
+            "restart randt-{name} from this build: kill {pid}; {}",
+            scene.start(name)
+        );
+        if let Some((topic, theirs, ours)) = other_layout(entry) {
+            let text = format!(
+                "{stage} has the layout {theirs} of {topic}, this build has {ours}: neither reads the other"
+            );
+            found.push(Finding::bad(ABOUT, text, restart));
+        } else if entry.version != env!("CARGO_PKG_VERSION") {
+            let text = format!(
+                "{stage} is of version {}, this is {}",
+                entry.version,
+                env!("CARGO_PKG_VERSION")
+            );
+            found.push(Finding::warn(ABOUT, text, restart));
+        } else if replaced(scene, *pid) {
+            let text = format!("the program of {stage} was replaced on disk since it started");
+            found.push(Finding::warn(ABOUT, text, restart));
+        }
+    }
+    if found.is_empty() {
+        let count = scene.living().count();
+        found.push(Finding::ok(
+            ABOUT,
+            match count {
+                0 => "no stage lives".to_owned(),
+                _ => "all living stages have this build's layouts".to_owned(),
+            },
+        ));
+    }
+    found
+}
+
+/// A topic that a stage has in another layout than this build: name, its layout, ours.
+fn other_layout(entry: &Entry) -> Option<(&'static str, &str, &'static str)> {
+    TOPICS.iter().find_map(|qos| {
+        let theirs = entry.topics.get(qos.topic)?;
+        (theirs != qos.type_name).then_some((qos.topic, theirs.as_str(), qos.type_name))
+    })
+}
+
+fn replaced(scene: &Scene, pid: u64) -> bool {
+    scene
+        .inside()
+        .any(|process| u64::from(process.pid) == pid && process.replaced)
+}

@@ -1,0 +1,104 @@
+//! Stages that do not see each other although somebody meant them to.
+
+use super::finding::Finding;
+use super::processes::Process;
+use super::scene::Scene;
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+const ABOUT: &str = "worlds";
+
+/// All stages are in this realm and see the same of it. `by_default`: the run folder was not named.
+pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
+    let shared_memory = fs::metadata("/dev/shm").ok().map(|found| found.dev());
+    let mut found: Vec<Finding> = scene
+        .processes
+        .iter()
+        .filter_map(|process| {
+            if scene.is_in(process) {
+                apart(process, shared_memory)
+            } else {
+                elsewhere(scene, process)
+            }
+        })
+        .collect();
+    if by_default {
+        found.extend(both_folders(scene));
+    }
+    if found.is_empty() {
+        let text = match scene.inside().count() {
+            0 => "no stage lives, here or elsewhere".to_owned(),
+            1 => "one process, here".to_owned(),
+            count => format!("{count} processes, all here"),
+        };
+        found.push(Finding::ok(ABOUT, text));
+    }
+    found
+}
+
+/// In the realm, but with other shared memory.
+fn apart(process: &Process, shared_memory: Option<u64>) -> Option<Finding> {
+    // Where one of them cannot be seen nothing can be said.
+    (process.shared_memory? != shared_memory?).then(|| {
+        Finding::bad(
+            ABOUT,
+            format!("{process} has a /dev/shm of its own: it neither hears the others nor is heard"),
+            "start it in the same container and mount namespace as the others (docker run --ipc=host)",
+        )
+    })
+}
+
+/// In another realm, or in one that only looks like this.
+fn elsewhere(scene: &Scene, process: &Process) -> Option<Finding> {
+    let (ours, theirs) = (scene.realm.folder(), &process.folder);
+    let prefix = theirs
+        .file_name()
+        .is_some_and(|name| name == scene.realm.prefix());
+    let restart = format!(
+        "kill {}, and start it with {}",
+        process.pid,
+        scene.options()
+    );
+    let shown = theirs.display();
+    Some(if process.removed && prefix {
+        let text =
+            format!("{process} is in {shown}, which was removed under it: nobody finds it there");
+        Finding::bad(ABOUT, text, restart)
+    } else if *theirs == ours {
+        let text = format!("{process} sees another {shown}: it has a mount namespace of its own");
+        let mend =
+            "give all of them a --run that all see, or none a namespace (systemd: PrivateTmp=no)";
+        Finding::bad(ABOUT, text, mend)
+    } else if prefix {
+        let text = format!(
+            "{process} has the same prefix in another run folder, {shown}: the two remove each other's shared memory"
+        );
+        Finding::bad(ABOUT, text, restart)
+    } else {
+        let text = format!("{process} is in another realm, {shown}");
+        Finding::warn(
+            ABOUT,
+            text,
+            format!("nothing, if that is meant; else {restart}"),
+        )
+    })
+}
+
+/// Without --run a stage takes /run/randt, or where that is not yet there the other folder.
+fn both_folders(scene: &Scene) -> Option<Finding> {
+    let other = PathBuf::from(format!("/dev/shm/randt-{}", scene.user)).join(scene.realm.prefix());
+    let both = scene.realm.folder() != other && Path::new(&other).is_dir();
+    both.then(|| {
+        let text = format!(
+            "{} is there too: stages that started before {} was made were there",
+            other.display(),
+            scene.realm.run().display()
+        );
+        Finding::warn(
+            ABOUT,
+            text,
+            format!("rm -r {}, when no stage is in it", other.display()),
+        )
+    })
+}
