@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 /// Keyframes are brought onto the disk about so often: what a power cut costs.
 const SYNC_EVERY: Duration = Duration::from_millis(500);
-/// Missing keyframes are asked for so often before the map goes on without them.
-const REQUESTS_MAX: u32 = 6;
+/// So many requests for missing keyframes have later ones for an answer before the map goes on without them.
+const REFUSALS_MAX: u32 = 6;
 
 /// Journal and map, which always have the same keyframes.
 pub struct Intake {
@@ -22,9 +22,11 @@ pub struct Intake {
     /// Keyframes that the map has and the journal could not take yet.
     unwritten: VecDeque<Message<Keyframe>>,
     synced: Instant,
-    /// Whether keyframes shall be sent again, and how often they were asked for.
+    /// Whether keyframes shall be sent again, whether that was asked for since the last answer, and how often the answer
+    /// was a later keyframe. Silence is no answer: odometry may be away itself.
     is_missing: bool,
-    requests: u32,
+    is_asked: bool,
+    refusals: u32,
     /// Keyframes that never came.
     pub lost: u64,
     /// What is wrong with the journal; empty where nothing is.
@@ -70,7 +72,8 @@ impl Intake {
             synced: Instant::now(),
             // What came while nobody was here is in odometry's ring.
             is_missing: true,
-            requests: 0,
+            is_asked: false,
+            refusals: 0,
             lost: 0,
             trouble: String::new(),
         })
@@ -83,14 +86,15 @@ impl Intake {
             return;
         }
         if id > self.next {
-            if self.requests < REQUESTS_MAX {
+            self.refusals += u32::from(std::mem::take(&mut self.is_asked));
+            if self.refusals < REFUSALS_MAX {
                 self.is_missing = true;
                 return;
             }
             // Nobody has them any more: a map with a gap is better than none.
             self.lost += id - self.next;
         }
-        (self.next, self.is_missing, self.requests) = (id + 1, false, 0);
+        (self.next, self.is_missing, self.refusals) = (id + 1, false, 0);
         self.mapper.push(keyframe);
         let mut copy = Message::default();
         *copy.head = *keyframe.head;
@@ -135,9 +139,9 @@ impl Intake {
         }
     }
 
-    /// Whether keyframes shall be sent again; counts how often that was asked.
+    /// Whether keyframes shall be sent again, which whoever asks tells odometry.
     pub fn request(&mut self) -> bool {
-        self.requests += u32::from(self.is_missing);
+        self.is_asked = self.is_missing;
         self.is_missing
     }
 
