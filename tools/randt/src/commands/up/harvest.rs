@@ -74,9 +74,12 @@ impl Drive<'_> {
         let (mut mapper, _) = Mapper::restore(self.config, &journal)?;
         // What the mapper had no time for.
         let first = mapper.places().last().map_or(0, |p| p.keyframe_id + 1);
-        let rest = first..odometry.pose_record().next_keyframe;
-        for keyframe in rest.filter_map(|id| ring.get(id)) {
-            mapper.push(keyframe.as_ref());
+        let mut keyframes_lost = 0;
+        for id in first..odometry.pose_record().next_keyframe {
+            match ring.get(id) {
+                Some(keyframe) => _ = mapper.push(keyframe.as_ref()),
+                None => keyframes_lost += 1,
+            }
         }
         odometry.finish(&mut Last {
             results: &mut results,
@@ -92,6 +95,10 @@ impl Drive<'_> {
             &mapper.counters(),
         );
         counters.extend(extra);
+        if keyframes_lost > 0 {
+            let first = "keyframes that neither journal nor ring has".to_owned();
+            counters.insert("keyframes_lost", Count::lost(keyframes_lost, first));
+        }
         let timing = BTreeMap::from([("run", Cost::of(&[begin.elapsed().as_nanos() as u64]))]);
         let shown = Conclusion {
             input: log.input.unwrap_or(Input {
