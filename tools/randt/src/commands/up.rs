@@ -68,6 +68,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
             realm.folder().display()
         );
     }
+    if arguments.play.is_some() {
+        harvest::set_aside(&arguments.out)?;
+    }
     let mut pipeline = Pipeline::start(&arguments, &realm, &loaded, source.as_deref())?;
     let ended = pipeline.watch();
     let stopped = pipeline.stop();

@@ -20,6 +20,18 @@ use std::time::Instant;
 /// The mapper's journal in the folder of the outputs.
 pub const JOURNAL: &str = "map.journal";
 
+/// Moves the journal of an earlier drive into the same folder out of the way: a log's map begins empty.
+pub fn set_aside(out: &Path) -> anyhow::Result<()> {
+    let journal = out.join(JOURNAL);
+    let aside = out.join(format!("{JOURNAL}.before"));
+    match std::fs::rename(&journal, &aside) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+            Err(error).with_context(|| format!("{}: cannot be set aside", journal.display()))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// A drive that is over.
 pub struct Drive<'a> {
     pub realm: &'a Realm,
