@@ -160,3 +160,57 @@ impl Intake {
         &mut self.mapper
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
+mod tests {
+    use super::*;
+    use randt_stage::Realm;
+
+    fn keyframe(id: u64) -> Message<Keyframe> {
+        let mut message = Message::<Keyframe>::default();
+        message.head.id = id;
+        message.head.header.stamp_ns = 1_000_000_000 * (id as i64 + 1);
+        message
+    }
+
+    #[test]
+    fn missing_keyframes_are_waited_for_until_odometry_has_none() {
+        let run = tempfile::tempdir().unwrap();
+        let prefix = format!("intake-{}", std::process::id());
+        let realm = Realm::new(&prefix, Some(run.path())).unwrap();
+        let stage = Stage::open("mapper", &realm).unwrap();
+        let journal = run.path().join("map.journal");
+        let mut intake = Intake::open(&journal, &Config::default(), &stage).unwrap();
+        for id in [0, 1, 1, 0, 2] {
+            intake.take(keyframe(id).as_ref());
+        }
+        assert_eq!((intake.next(), intake.request()), (3, false));
+
+        // Odometry is away for long: one keyframe that was on its way, then nothing.
+        intake.take(keyframe(5).as_ref());
+        for _ in 0..100 {
+            assert!(intake.request());
+        }
+        // It is back and goes on before it hears the requests, then it answers.
+        for id in [6, 7, 3, 4, 5, 6, 7, 8] {
+            intake.take(keyframe(id).as_ref());
+        }
+        assert_eq!(
+            (intake.next(), intake.lost, intake.request()),
+            (9, 0, false)
+        );
+
+        // It does not have it any more.
+        for _ in 0..REFUSALS_MAX {
+            assert_eq!(intake.next(), 9);
+            intake.take(keyframe(12).as_ref());
+            intake.take(keyframe(13).as_ref());
+            intake.request();
+        }
+        intake.take(keyframe(12).as_ref());
+        assert_eq!((intake.next(), intake.lost), (13, 3));
+        drop(stage);
+        randt_stage::wipe(&realm, true).unwrap();
+    }
+}
