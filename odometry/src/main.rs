@@ -50,8 +50,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     stage.running()?;
     out.publish(&mut feed.past)?;
     loop {
-        feed.take()?;
-        out.publish(&mut feed.past)?;
+        while feed.take()? {
+            out.publish(&mut feed.past)?;
+        }
         has_past |= answer(&mut graph, &mut feed, &mut out, has_past)?;
         report(&mut stage, &feed);
         let pause = feed.pause();

@@ -16,6 +16,9 @@ pub const BACK_MAX_MS: f64 = 1000.0;
 const WAIT_MAX: Duration = Duration::from_secs(8);
 /// So long a stage is stopped.
 const STOP: Duration = Duration::from_secs(5);
+/// So long before it is killed over what has piled up, and how soon after that, ms.
+const SHORT_STOP: Duration = Duration::from_secs(3);
+const CATCHING_UP_MS: usize = 60;
 /// So long a turn, or a keyframe, is waited for.
 const OCCASION_MAX: Duration = Duration::from_secs(30);
 /// A turn, rad/s.
@@ -40,6 +43,8 @@ pub enum Blow {
     With(&'static str),
     /// Stopped for 5 s.
     Stop,
+    /// Stopped for 3 s, and killed while it catches up.
+    CatchingUp,
 }
 
 /// One blow and what came of it.
@@ -86,6 +91,11 @@ impl Killer {
         }
     }
 
+    /// How many processes it has killed.
+    pub fn kills(&self) -> u64 {
+        self.starts.iter().map(|starts| starts - 1).sum()
+    }
+
     /// Does it, waits until whoever was hit is back, and looks whether anybody else was disturbed.
     pub fn strike(&mut self, stage: &'static str, blow: Blow) {
         let occasion = self.observer.keyframes_heard;
@@ -130,6 +140,17 @@ impl Killer {
             }
             Blow::StartUp => self.strike_twice(stage, &mut row),
             Blow::Stop => self.stop(stage, &mut row),
+            Blow::CatchingUp => {
+                let pid = self.observer.pid(stage).unwrap();
+                send(pid, Signal::STOP);
+                self.observer.until(SHORT_STOP, |_| false);
+                send(pid, Signal::CONT);
+                let ms = self.random.below(CATCHING_UP_MS);
+                std::thread::sleep(Duration::from_millis(ms as u64));
+                row.note = format!("{ms} ms after a stop of {SHORT_STOP:?}");
+                let killed = self.kill(stage);
+                self.wait_for(stage, killed, &mut row);
+            }
         }
         self.finish(row);
     }
@@ -147,7 +168,8 @@ impl Killer {
             }
             std::thread::sleep(Duration::from_micros(300));
         };
-        let micros = self.random.below(typical.as_micros() as usize) as u64;
+        // The clock of the beginning is read a moment before the register shows it.
+        let micros = self.random.below(typical.as_micros() as usize * 9 / 10) as u64;
         std::thread::sleep(Duration::from_micros(micros));
         let killed = self.kill_process(stage, next);
         self.wait_for(stage, killed, row);

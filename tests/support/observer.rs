@@ -154,13 +154,10 @@ impl Observer {
             .filter(|ns| *ns > after_ns)
     }
 
-    /// From a process's beginning to its loop, the median of a stage's lives.
+    /// From a process's beginning to its loop, the shortest of a stage's lives.
     pub fn start_up(&self, name: &str) -> Duration {
         let lives = self.lives.iter().filter(|life| life.name == name);
-        let mut spans: Vec<i64> = lives
-            .map(|life| life.running_ns - life.started_ns)
-            .collect();
-        spans.sort_unstable();
-        Duration::from_nanos(spans[spans.len() / 2].unsigned_abs())
+        let spans = lives.map(|life| life.running_ns - life.started_ns);
+        Duration::from_nanos(spans.min().unwrap().unsigned_abs())
     }
 }

@@ -45,7 +45,8 @@ impl KeyframeRing {
             next: LIST,
             bytes: Vec::new(),
         };
-        ring.next = ring.newest_entry().map_or(LIST, |e| end(&e));
+        // A writer that was killed over the list may have left an entry that leads anywhere.
+        ring.next = ring.newest_whole().map_or(LIST, |e| end(&e));
         Ok(ring)
     }
 
@@ -97,6 +98,17 @@ impl KeyframeRing {
     /// Number of the newest keyframe.
     pub fn newest(&self) -> Option<u64> {
         self.newest_entry().map(|entry| entry.number - 1)
+    }
+
+    fn newest_whole(&self) -> Option<Entry> {
+        let mut entries: Vec<Entry> = (0..ENTRIES as u64)
+            .filter_map(|i| self.entry_at(slot(i)))
+            .filter(|entry| entry.number > 0)
+            .collect();
+        entries.sort_unstable_by_key(|entry| std::cmp::Reverse(entry.number));
+        entries
+            .into_iter()
+            .find(|entry| self.get(entry.number - 1).is_some())
     }
 
     fn newest_entry(&self) -> Option<Entry> {

@@ -2,7 +2,7 @@
 
 use crate::Error;
 use std::fs::{self, File, TryLockError};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -136,16 +136,23 @@ impl Realm {
         })
     }
 
-    /// The lock of those who start: one at a time. It is waited for a while; a process that was stopped over it must not
-    /// keep all others from starting.
+    /// The lock of those who start: one at a time. It is waited for a while; one that was stopped over it (SIGSTOP) does
+    /// not keep the others from starting.
     pub(crate) fn start(&self) -> Result<File, Error> {
         let path = self.folder().join("start.lock");
         let file = open_lock(&path)?;
         let give_up = Instant::now() + START_WAIT;
         loop {
             match file.try_lock() {
-                Ok(()) => return Ok(file),
-                Err(TryLockError::WouldBlock) if Instant::now() < give_up => {
+                Ok(()) => {
+                    let text = format!("{:<10}", std::process::id());
+                    let written = file.write_all_at(text.as_bytes(), 0);
+                    written.map_err(Error::file(path, "cannot be written"))?;
+                    return Ok(file);
+                }
+                Err(TryLockError::WouldBlock)
+                    if Instant::now() < give_up && !is_holder_stopped(&path) =>
+                {
                     std::thread::sleep(START_PAUSE);
                 }
                 Err(TryLockError::WouldBlock) => return Ok(file),
@@ -195,6 +202,17 @@ pub(crate) fn user() -> u32 {
     rustix::process::geteuid().as_raw()
 }
 
+/// Whether the process that wrote its number into a lock is stopped.
+fn is_holder_stopped(lock: &Path) -> bool {
+    let holder = fs::read_to_string(lock).unwrap_or_default();
+    let stat = fs::read_to_string(format!("/proc/{}/stat", holder.trim())).unwrap_or_default();
+    // The state follows the name, which stands in brackets and may hold any of them.
+    let state = stat
+        .rsplit_once(')')
+        .and_then(|(_, rest)| rest.trim_start().chars().next());
+    state == Some('T')
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -221,5 +239,26 @@ mod tests {
         drop(second);
         assert!(realm.try_alone().unwrap().is_some());
         assert!(realm.visit().unwrap().is_none(), "nobody to be watched");
+    }
+
+    #[test]
+    fn one_that_is_stopped_while_it_starts_keeps_nobody_waiting() {
+        let run = tempfile::tempdir().unwrap();
+        let realm = Realm::new("stopped", Some(run.path())).unwrap();
+        realm.make().unwrap();
+        let held = realm.start().unwrap();
+        let mut stopped = std::process::Command::new("sleep")
+            .arg("60")
+            .spawn()
+            .unwrap();
+        held.write_all_at(format!("{:<10}", stopped.id()).as_bytes(), 0)
+            .unwrap();
+        let pid = rustix::process::Pid::from_child(&stopped);
+        rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
+        let begin = Instant::now();
+        realm.start().unwrap();
+        assert!(begin.elapsed() < START_WAIT / 2);
+        stopped.kill().unwrap();
+        stopped.wait().unwrap();
     }
 }

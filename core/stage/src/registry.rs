@@ -3,13 +3,14 @@
 use crate::{Error, Realm};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
-use std::io::{Read, Seek, Write};
+use std::io::Read;
+use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// Whoever looks whether a stage lives holds its lock for a moment: so often, and so long apart, a stage tries to get it.
-const ATTEMPTS: u32 = 10;
-const PAUSE: Duration = Duration::from_millis(5);
+/// Whoever looks whether a stage lives holds its file for microseconds; another stage of that name holds it on.
+const LOOKED_AT: Duration = Duration::from_millis(50);
+const PAUSE: Duration = Duration::from_micros(500);
 
 /// What a stage says of itself to those who cannot ask it.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -52,20 +53,26 @@ impl Registry {
             .write(true)
             .open(&path)
             .map_err(Error::file(&path, "cannot be opened"))?;
-        let last = read(&mut file).unwrap_or_default();
-        match lock(&file) {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(Error::RunsAlready {
-                    stage: name.to_owned(),
-                    pid: last.pid,
-                    run: realm.folder(),
-                });
-            }
-            Err(TryLockError::Error(cause)) => {
-                return Err(Error::file(path, "cannot be locked")(cause));
+        let give_up = Instant::now() + LOOKED_AT;
+        loop {
+            match file.try_lock() {
+                Ok(()) => break,
+                Err(TryLockError::WouldBlock) if Instant::now() < give_up => {
+                    std::thread::sleep(PAUSE);
+                }
+                Err(TryLockError::WouldBlock) => {
+                    return Err(Error::RunsAlready {
+                        stage: name.to_owned(),
+                        pid: read(&mut file).unwrap_or_default().pid,
+                        run: realm.folder(),
+                    });
+                }
+                Err(TryLockError::Error(cause)) => {
+                    return Err(Error::file(path, "cannot be locked")(cause));
+                }
             }
         }
+        let last = read(&mut file).unwrap_or_default();
         let mut registry = Self {
             file,
             path,
@@ -103,13 +110,13 @@ impl Registry {
     }
 
     fn write(&mut self) -> Result<(), Error> {
-        let text = serde_json::to_string_pretty(&self.entry).unwrap_or_default();
-        let file = &mut self.file;
-        // In place: another name would be another lock. Whoever reads half of it reads again later.
-        let written = file
-            .set_len(0)
-            .and_then(|()| file.rewind())
-            .and_then(|()| file.write_all(text.as_bytes()));
+        let mut text = serde_json::to_string_pretty(&self.entry).unwrap_or_default();
+        // In place, because another name would be another lock, and in one go: a stage that is killed here must not
+        // take the count of its starts with it. Blanks cover what was there before.
+        let before = self.file.metadata().map_or(0, |found| found.len());
+        let blanks = usize::try_from(before).unwrap_or(0);
+        text.extend(std::iter::repeat_n(' ', blanks.saturating_sub(text.len())));
+        let written = self.file.write_all_at(text.as_bytes(), 0);
         written.map_err(Error::file(&self.path, "cannot be written"))
     }
 
@@ -150,16 +157,6 @@ impl Registry {
     }
 }
 
-fn lock(file: &File) -> Result<(), TryLockError> {
-    for _ in 1..ATTEMPTS {
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => std::thread::sleep(PAUSE),
-            done => return done,
-        }
-    }
-    file.try_lock()
-}
-
 fn folder(realm: &Realm) -> PathBuf {
     realm.folder().join("stages")
 }
@@ -197,5 +194,27 @@ mod tests {
             Registry::enter(&realm, "filter", 9).unwrap().entry().starts,
             2
         );
+    }
+
+    #[test]
+    fn whoever_looks_keeps_no_stage_from_starting() {
+        let run = tempfile::tempdir().unwrap();
+        let realm = Realm::new("registry", Some(run.path())).unwrap();
+        realm.make().unwrap();
+        let path = Registry::enter(&realm, "filter", 7).unwrap().path.clone();
+        let looking = File::open(path).unwrap();
+        looking.try_lock_shared().unwrap();
+        let (said, heard) = std::sync::mpsc::channel();
+        let looker = std::thread::spawn(move || {
+            said.send(()).unwrap();
+            std::thread::sleep(Duration::from_millis(5));
+            drop(looking);
+        });
+        heard.recv().unwrap();
+        assert_eq!(
+            Registry::enter(&realm, "filter", 8).unwrap().entry().starts,
+            2
+        );
+        looker.join().unwrap();
     }
 }

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 /// Keyframes are brought onto the disk about so often: what a power cut costs.
 const SYNC_EVERY: Duration = Duration::from_millis(500);
-/// Missing keyframes are asked for so often before the map goes on without them.
-const REQUESTS_MAX: u32 = 6;
+/// So many requests for missing keyframes have later ones for an answer before the map goes on without them.
+const REFUSALS_MAX: u32 = 6;
 
 /// Journal and map, which always have the same keyframes.
 pub struct Intake {
@@ -22,10 +22,11 @@ pub struct Intake {
     /// Keyframes that the map has and the journal could not take yet.
     unwritten: VecDeque<Message<Keyframe>>,
     synced: Instant,
-    /// Whether keyframes shall be sent again.
+    /// Whether keyframes shall be sent again, whether that was asked for since the last answer, and how often the answer
+    /// was a later keyframe. Silence is no answer: odometry may be away itself.
     is_missing: bool,
-    /// How often they were asked for since one that is ahead has shown that there is somebody to answer.
-    requests: Option<u32>,
+    is_asked: bool,
+    refusals: u32,
     /// Keyframes that never came.
     pub lost: u64,
     /// What is wrong with the journal; empty where nothing is.
@@ -71,7 +72,8 @@ impl Intake {
             synced: Instant::now(),
             // What came while nobody was here is in odometry's ring.
             is_missing: true,
-            requests: None,
+            is_asked: false,
+            refusals: 0,
             lost: 0,
             trouble: String::new(),
         })
@@ -85,15 +87,16 @@ impl Intake {
             return false;
         }
         if id > self.next {
-            let is_news = self.requests.is_none();
-            if *self.requests.get_or_insert(0) < REQUESTS_MAX {
+            let is_news = !self.is_missing;
+            self.refusals += u32::from(std::mem::take(&mut self.is_asked));
+            if self.refusals < REFUSALS_MAX {
                 self.is_missing = true;
                 return is_news;
             }
             // Nobody has them any more: a map with a gap is better than none.
             self.lost += id - self.next;
         }
-        (self.next, self.is_missing, self.requests) = (id + 1, false, None);
+        (self.next, self.is_missing, self.refusals) = (id + 1, false, 0);
         self.mapper.push(keyframe);
         let mut copy = Message::default();
         *copy.head = *keyframe.head;
@@ -139,11 +142,9 @@ impl Intake {
         }
     }
 
-    /// Whether keyframes shall be sent again; counts how often that was asked.
+    /// Whether keyframes shall be sent again, which whoever asks tells odometry.
     pub fn request(&mut self) -> bool {
-        if let Some(requests) = &mut self.requests {
-            *requests += 1;
-        }
+        self.is_asked = self.is_missing;
         self.is_missing
     }
 
@@ -160,5 +161,59 @@ impl Intake {
     /// The map.
     pub fn mapper(&mut self) -> &mut Mapper {
         &mut self.mapper
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
+mod tests {
+    use super::*;
+    use randt_stage::Realm;
+
+    fn keyframe(id: u64) -> Message<Keyframe> {
+        let mut message = Message::<Keyframe>::default();
+        message.head.id = id;
+        message.head.header.stamp_ns = 1_000_000_000 * (id as i64 + 1);
+        message
+    }
+
+    #[test]
+    fn missing_keyframes_are_waited_for_until_odometry_has_none() {
+        let run = tempfile::tempdir().unwrap();
+        let prefix = format!("intake-{}", std::process::id());
+        let realm = Realm::new(&prefix, Some(run.path())).unwrap();
+        let stage = Stage::open("mapper", &realm).unwrap();
+        let journal = run.path().join("map.journal");
+        let mut intake = Intake::open(&journal, &Config::default(), &stage).unwrap();
+        for id in [0, 1, 1, 0, 2] {
+            intake.take(keyframe(id).as_ref());
+        }
+        assert_eq!((intake.next(), intake.request()), (3, false));
+
+        // Odometry is away for long: one keyframe that was on its way, then nothing.
+        intake.take(keyframe(5).as_ref());
+        for _ in 0..100 {
+            assert!(intake.request());
+        }
+        // It is back and goes on before it hears the requests, then it answers.
+        for id in [6, 7, 3, 4, 5, 6, 7, 8] {
+            intake.take(keyframe(id).as_ref());
+        }
+        assert_eq!(
+            (intake.next(), intake.lost, intake.request()),
+            (9, 0, false)
+        );
+
+        // It does not have it any more.
+        for _ in 0..REFUSALS_MAX {
+            assert_eq!(intake.next(), 9);
+            intake.take(keyframe(12).as_ref());
+            intake.take(keyframe(13).as_ref());
+            intake.request();
+        }
+        intake.take(keyframe(12).as_ref());
+        assert_eq!((intake.next(), intake.lost), (13, 3));
+        drop(stage);
+        randt_stage::wipe(&realm, true).unwrap();
     }
 }

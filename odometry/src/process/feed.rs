@@ -54,40 +54,50 @@ impl Feed {
         }
     }
 
-    /// Takes all that is there, as far as nothing has to be waited for. Results lie in the outbox, and the past is kept.
-    pub fn take(&mut self) -> Result<(), Box<dyn std::error::Error>> {
+    /// Takes what is there, until something comes out of it: that is kept, lies in the outbox, and is to be published
+    /// before this is called again. `false` where nothing more is there, or has to be waited for.
+    ///
+    /// Not more at once: what is sent again after a restart is bounded.
+    pub fn take(&mut self) -> Result<bool, Box<dyn std::error::Error>> {
         loop {
-            self.take_samples()?;
+            if self.take_samples()? {
+                return Ok(true);
+            }
             if self.odometry.waiting_for_ns().is_some() {
                 if self
                     .deadline
                     .is_none_or(|deadline| Instant::now() < deadline)
                 {
-                    return Ok(());
+                    return Ok(false);
                 }
                 // The samples may have come while this process was not running.
-                self.take_samples()?;
-                if self.odometry.waiting_for_ns().is_some() {
-                    self.odometry.proceed(&mut self.past.sink());
+                if self.take_samples()? {
+                    return Ok(true);
                 }
-                self.keep()?;
+                self.odometry.proceed(&mut self.past.sink());
+                if self.keep()? {
+                    return Ok(true);
+                }
                 continue;
             }
             self.deadline = None;
             let Some(scan) = self.points.receive()? else {
-                return Ok(());
+                return Ok(false);
             };
             let scan = scan.message();
             if self.is_new(scan) {
                 self.odometry.push_points(scan, &mut self.past.sink());
                 let patience = self.patience.unwrap_or_else(Instant::now);
                 self.deadline = Some(patience.max(Instant::now() + self.wait));
-                self.keep()?;
+                if self.keep()? {
+                    return Ok(true);
+                }
             }
         }
     }
 
-    fn take_samples(&mut self) -> Result<(), Box<dyn std::error::Error>> {
+    /// Takes samples until something comes out, or none is left.
+    fn take_samples(&mut self) -> Result<bool, Box<dyn std::error::Error>> {
         while let Some(sample) = self.samples.receive()? {
             self.patience = None;
             let sample: &ImuSample = sample.message().head;
@@ -97,10 +107,12 @@ impl Feed {
             };
             if self.odometry.last_imu().is_none_or(|last| source > last) {
                 self.odometry.push_imu(sample, &mut self.past.sink());
-                self.keep()?;
+                if self.keep()? {
+                    return Ok(true);
+                }
             }
         }
-        Ok(())
+        Ok(false)
     }
 
     /// Whether a scan was not taken before; those between that never came are counted.
@@ -118,12 +130,13 @@ impl Feed {
         source > last
     }
 
-    /// Keeps the past where something came out.
-    fn keep(&mut self) -> Result<(), SavedError> {
+    /// Keeps the past where something came out; gives whether it did.
+    fn keep(&mut self) -> Result<bool, SavedError> {
         if self.past.outbox().is_empty() {
-            return Ok(());
+            return Ok(false);
         }
-        self.past.keep(&self.odometry)
+        self.past.keep(&self.odometry)?;
+        Ok(true)
     }
 
     /// How long to sleep at most, where a scan waits for its samples.

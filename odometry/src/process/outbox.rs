@@ -6,7 +6,8 @@ use randt_stage::KeyframeRing;
 use std::collections::VecDeque;
 
 /// States that are sent again after a restart: those that a reader may have missed because its publisher died with them.
-const STATES: usize = 8;
+/// As many as a reader has room for: all those of a stage that was catching up when it was killed.
+const STATES: usize = 32;
 const STATE: usize = size_of::<OdometryState>();
 /// Bytes of the outbox in a record.
 pub(super) const BYTES: usize = 8 + STATES * STATE;

@@ -68,8 +68,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
             realm.folder().display()
         );
     }
-    // The map of an earlier drive would go on.
-    harvest::forget(&arguments.out)?;
+    harvest::set_aside(&arguments.out)?;
     let mut pipeline = Pipeline::start(&arguments, &realm, &loaded, source.as_deref())?;
     let ended = pipeline.watch();
     let stopped = pipeline.stop();

@@ -20,6 +20,8 @@ const SOON: Duration = Duration::from_secs(1);
 const BACK_OFF: Duration = Duration::from_millis(100);
 /// A child that does not end on SIGTERM within this time is killed.
 const END_MAX: Duration = Duration::from_secs(5);
+/// Signals that a program brings upon itself: SIGILL, SIGABRT, SIGBUS, SIGFPE, SIGSEGV.
+const FAULTS: [i32; 5] = [4, 6, 7, 8, 11];
 const LOOK: Duration = Duration::from_millis(5);
 
 /// What to start.
@@ -165,8 +167,13 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
             return;
         }
         let (by_itself, configuration) = match &ended {
-            // A signal is somebody else's doing.
-            Ok(status) => (status.signal().is_none(), status.code() == Some(78)),
+            // Other signals are somebody else's doing.
+            Ok(status) => (
+                status
+                    .signal()
+                    .is_none_or(|signal| FAULTS.contains(&signal)),
+                status.code() == Some(78),
+            ),
             Err(_) => (true, false),
         };
         failures = if by_itself && begin.elapsed() < SOON {

@@ -20,12 +20,13 @@ use std::time::Instant;
 /// The mapper's journal in the folder of the outputs.
 pub const JOURNAL: &str = "map.journal";
 
-/// Removes the journal that an earlier drive left in a folder.
-pub fn forget(out: &Path) -> anyhow::Result<()> {
-    let path = out.join(JOURNAL);
-    match std::fs::remove_file(&path) {
+/// Moves the journal of an earlier drive into the same folder out of the way: a log's map begins empty.
+pub fn set_aside(out: &Path) -> anyhow::Result<()> {
+    let journal = out.join(JOURNAL);
+    let aside = out.join(format!("{JOURNAL}.before"));
+    match std::fs::rename(&journal, &aside) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-            Err(error).with_context(|| format!("{}: cannot be removed", path.display()))
+            Err(error).with_context(|| format!("{}: cannot be set aside", journal.display()))
         }
         _ => Ok(()),
     }
@@ -85,9 +86,12 @@ impl Drive<'_> {
         let (mut mapper, _) = Mapper::restore(self.config, &journal)?;
         // What the mapper had no time for.
         let first = mapper.places().last().map_or(0, |p| p.keyframe_id + 1);
-        let rest = first..odometry.pose_record().next_keyframe;
-        for keyframe in rest.filter_map(|id| ring.get(id)) {
-            mapper.push(keyframe.as_ref());
+        let mut keyframes_lost = 0;
+        for id in first..odometry.pose_record().next_keyframe {
+            match ring.get(id) {
+                Some(keyframe) => _ = mapper.push(keyframe.as_ref()),
+                None => keyframes_lost += 1,
+            }
         }
         odometry.finish(&mut Last {
             results: &mut results,
@@ -103,6 +107,10 @@ impl Drive<'_> {
             &mapper.counters(),
         );
         counters.extend(extra);
+        if keyframes_lost > 0 {
+            let first = "keyframes that neither journal nor ring has".to_owned();
+            counters.insert("keyframes_lost", Count::lost(keyframes_lost, first));
+        }
         let timing = BTreeMap::from([("run", Cost::of(&[begin.elapsed().as_nanos() as u64]))]);
         let shown = Conclusion {
             input: log.input.unwrap_or(Input {

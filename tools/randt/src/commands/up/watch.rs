@@ -9,14 +9,21 @@ use randt_stage::{Stage, Subscriber, Wakes};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
+/// A stage that has said nothing for so long is dead or stopped: twice a second it would.
+const SILENT: Duration = Duration::from_millis(1500);
+/// Stages between the log and the map.
+const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
+
 /// All states, each once, and the last word of every stage.
 pub struct Watch {
     states: Vec<OdometryState>,
     states_missed: u64,
     /// By name and epoch: a stage that came back counts anew.
     health: BTreeMap<(String, u64), StageHealth>,
+    heard: BTreeMap<String, Instant>,
     keyframes: u64,
     loops: u64,
+    /// When something came that shows that there is more to come.
     last: Instant,
     states_in: Subscriber<OdometryStateTopic>,
     health_in: Subscriber<StageHealthTopic>,
@@ -30,6 +37,7 @@ impl Watch {
             states: Vec::new(),
             states_missed: 0,
             health: BTreeMap::new(),
+            heard: BTreeMap::new(),
             keyframes: 0,
             loops: 0,
             last: Instant::now(),
@@ -59,11 +67,20 @@ impl Watch {
         while let Some(received) = self.health_in.receive()? {
             let health = *received.message().head;
             let key = (text_of(&health.name).to_owned(), health.header.epoch);
+            self.heard.insert(key.0.clone(), Instant::now());
             self.health.insert(key, health);
         }
         while let Some(received) = self.graph_in.receive()? {
             let head = received.message().head;
             (self.keyframes, self.loops) = (head.keyframes, head.loops);
+        }
+        // What a stage that is away has not done yet is still to come.
+        let is_heard = |name| {
+            let heard = self.heard.get(name);
+            heard.is_some_and(|heard| heard.elapsed() < SILENT)
+        };
+        if !STAGES.into_iter().all(is_heard) {
+            self.last = Instant::now();
         }
         Ok(())
     }
@@ -103,7 +120,7 @@ impl Watch {
         })
     }
 
-    /// Time since the last state.
+    /// Time since the last state, while all stages were there.
     pub fn quiet_for(&self) -> Duration {
         self.last.elapsed()
     }
@@ -121,7 +138,7 @@ impl Watch {
             Some(_) => "lost",
             None => "-",
         };
-        let stages = ["filter", "odometry", "mapper"].map(|name| {
+        let stages = STAGES.map(|name| {
             let health = self.newest(name);
             let state = health.map_or("dead", |h| StageState::from_code(h.state).name());
             match health.map_or(0, |h| h.restarts) {
@@ -162,7 +179,7 @@ impl Watch {
             let first = "states of odometry that never came".to_owned();
             counters.insert("states_missed", Count::lost(self.states_missed, first));
         }
-        let restarts: u64 = ["filter", "odometry", "mapper"]
+        let restarts: u64 = STAGES
             .iter()
             .filter_map(|name| Some(self.newest(name)?.restarts))
             .sum();
