@@ -17,6 +17,7 @@ pub mod hall;
 pub mod killer;
 pub mod observer;
 pub mod phidgets;
+pub mod pipeline;
 mod recordings;
 pub mod up;
 

@@ -1,6 +1,7 @@
 //! `randt doctor --clean`: takes away what dead stages left, when no stage lives.
 
-use super::scene::Scene;
+use super::processes::Process;
+use super::scene::{Scene, program};
 use crate::exit::Outcome;
 use crate::output::print;
 use crate::units::{bytes, count};
@@ -14,7 +15,7 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
     let living = living(scene);
     if !living.is_empty() {
         bail!(
-            "{here}: nothing was removed, for {} in it: stop that first",
+            "{here}: nothing was removed while somebody lives in it: stop {} first",
             living.join(", ")
         );
     }
@@ -44,21 +45,18 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
 
 /// Everybody in this realm, and everybody whose shared memory has the same names.
 fn living(scene: &Scene) -> Vec<String> {
-    let prefix = |folder: &std::path::Path| {
-        folder
-            .file_name()
-            .is_some_and(|name| name == scene.realm.prefix())
+    let same_names = |process: &Process| {
+        let prefix = process.folder.file_name();
+        prefix.is_some_and(|prefix| prefix == scene.realm.prefix())
     };
     let processes = scene.processes.iter();
-    let mut living: Vec<String> = processes
-        .filter(|process| scene.is_in(process) || prefix(&process.folder))
-        .map(|process| format!("{process} is"))
-        .collect();
+    let seen = processes.filter(|process| scene.is_in(process) || same_names(process));
+    let mut living: Vec<String> = seen.map(ToString::to_string).collect();
     // What the register knows and this process may not look at.
     let unseen = scene.living().filter(|entry| {
-        let seen = |process: &super::processes::Process| u64::from(process.pid) == entry.pid;
-        !scene.processes.iter().any(seen)
+        let is = |process: &Process| u64::from(process.pid) == entry.pid;
+        !scene.processes.iter().any(is)
     });
-    living.extend(unseen.map(|entry| format!("randt-{} (process {}) is", entry.name, entry.pid)));
+    living.extend(unseen.map(|entry| format!("{} (process {})", program(&entry.name), entry.pid)));
     living
 }

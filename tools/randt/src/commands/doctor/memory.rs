@@ -38,27 +38,34 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
     } else {
         0
     };
-    let needed = |navtech| (topics(navtech) + state) as u64;
+    let needed = [false, true].map(|navtech| (topics(navtech) + state) as u64);
+    vec![judge(there, size, needed)]
+}
+
+/// `needed`: with an iSDR-C, with a Navtech.
+fn judge(there: u64, size: u64, needed: [u64; 2]) -> Finding {
+    const ABOUT: &str = "memory";
+    let [isdr_c, navtech] = needed;
     let text = format!(
         "{} of {} in /dev/shm are free or this realm's; it needs {} with an iSDR-C, {} with a Navtech",
         bytes(there),
         bytes(size),
-        bytes(needed(false)),
-        bytes(needed(true))
+        bytes(isdr_c),
+        bytes(navtech)
     );
-    let enough = needed(true).next_multiple_of(64 << 20) >> 20;
-    let mend = if size < needed(true) {
+    let mend = if size < navtech {
+        let enough = navtech.next_multiple_of(64 << 20) >> 20;
         format!("mount -o remount,size={enough}M /dev/shm (docker run --shm-size={enough}m)")
     } else {
         "du -a /dev/shm | sort -n | tail (remove what takes it)".to_owned()
     };
-    vec![if there < needed(false) {
+    if there < isdr_c {
         Finding::bad(ABOUT, text, mend)
-    } else if there < needed(true) {
+    } else if there < navtech {
         Finding::warn(ABOUT, text, mend)
     } else {
         Finding::ok(ABOUT, text)
-    }]
+    }
 }
 
 /// The run folder is in memory and has room for what outlives a stage.
@@ -114,4 +121,23 @@ fn state_on_disk(scene: &Scene) -> u64 {
 fn on_shared_memory(scene: &Scene) -> bool {
     let device = |path: &Path| fs::metadata(path).ok().map(|found| found.dev());
     device(scene.realm.run()) == device(Path::new(SHARED_MEMORY))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::doctor::finding::Grade;
+
+    #[test]
+    fn memory_is_judged_by_what_the_sensors_need() {
+        let judge = |there, size| judge(there, size, [10_600_000, 24_500_000]);
+        assert_eq!(judge(64_000_000, 64_000_000).grade, Grade::Ok);
+        let small = judge(20_000_000, 20_000_000);
+        assert_eq!(small.grade, Grade::Warn);
+        assert!(small.to_string().contains("remount,size=64M"), "{small}");
+        // Large enough, but somebody has filled it.
+        let full = judge(1_000_000, 64_000_000);
+        assert_eq!(full.grade, Grade::Bad);
+        assert!(full.to_string().contains("remove what takes it"), "{full}");
+    }
 }

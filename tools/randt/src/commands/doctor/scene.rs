@@ -61,11 +61,15 @@ impl Scene {
 
     /// The command that starts a stage here.
     pub fn start(&self, stage: &str) -> String {
-        let program = match stage {
-            "up" => "randt up",
-            "play" => "randt play LOG",
-            _ => return format!("randt-{stage} {}", self.options()),
-        };
-        format!("{program} {}", self.options())
+        let log = if stage == "play" { " LOG" } else { "" };
+        format!("{}{log} {}", program(stage), self.options())
+    }
+}
+
+/// The program of a stage, as people know it.
+pub fn program(stage: &str) -> String {
+    match stage {
+        "up" | "play" => format!("randt {stage}"),
+        _ => format!("randt-{stage}"),
     }
 }

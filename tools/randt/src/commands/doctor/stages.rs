@@ -1,7 +1,7 @@
 //! Whether the stages that should run do, and are of one build.
 
 use super::finding::Finding;
-use super::scene::Scene;
+use super::scene::{Scene, program};
 use crate::process::Sample;
 use randt_stage::{Entry, TOPICS};
 
@@ -14,12 +14,15 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
         if !lives && !entry.ended {
             found.push(Finding::bad(
                 ABOUT,
-                format!("randt-{name} has died as process {pid}, and nobody has started it again"),
+                format!(
+                    "{} has died as process {pid}, and nobody has started it again",
+                    program(name)
+                ),
                 scene.start(name),
             ));
         }
         if *lives && Sample::of(*pid).is_some_and(|sample| sample.stopped) {
-            let text = format!("randt-{name} (process {pid}) is stopped by a signal");
+            let text = format!("{} (process {pid}) is stopped by a signal", program(name));
             found.push(Finding::warn(ABOUT, text, format!("kill -CONT {pid}")));
         }
     }
@@ -42,9 +45,10 @@ pub fn check_builds(scene: &Scene) -> Vec<Finding> {
     let mut found = Vec::new();
     for entry in scene.living() {
         let Entry { name, pid, .. } = entry;
-        let stage = format!("randt-{name} (process {pid})");
+        let stage = format!("{} (process {pid})", program(name));
         let restart = format!(
-            "restart randt-{name} from this build: kill {pid}; {}",
+            "restart {} from this build: kill {pid}; {}",
+            program(name),
             scene.start(name)
         );
         if let Some((topic, theirs, ours)) = other_layout(entry) {

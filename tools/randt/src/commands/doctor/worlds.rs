@@ -3,6 +3,7 @@
 use super::finding::Finding;
 use super::processes::Process;
 use super::scene::Scene;
+use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -12,17 +13,30 @@ const ABOUT: &str = "worlds";
 /// All stages are in this realm and see the same of it. `by_default`: the run folder was not named.
 pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
     let shared_memory = fs::metadata("/dev/shm").ok().map(|found| found.dev());
-    let mut found: Vec<Finding> = scene
-        .processes
-        .iter()
-        .filter_map(|process| {
-            if scene.is_in(process) {
-                apart(process, shared_memory)
-            } else {
-                elsewhere(scene, process)
-            }
-        })
-        .collect();
+    let mut found = Vec::new();
+    let mut others: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
+    for process in &scene.processes {
+        if scene.is_in(process) {
+            found.extend(apart(process, shared_memory));
+        } else if let Some(lost) = lost(scene, process) {
+            found.push(lost);
+        } else {
+            let there = others.entry(&process.folder).or_default();
+            there.push(process.to_string());
+        }
+    }
+    for (folder, there) in others {
+        let text = format!(
+            "another realm is in {}: {}",
+            folder.display(),
+            there.join(", ")
+        );
+        let mend = format!(
+            "nothing, if that is meant; else start them with {}",
+            scene.options()
+        );
+        found.push(Finding::warn(ABOUT, text, mend));
+    }
     if by_default {
         found.extend(both_folders(scene));
     }
@@ -49,19 +63,19 @@ fn apart(process: &Process, shared_memory: Option<u64>) -> Option<Finding> {
     })
 }
 
-/// In another realm, or in one that only looks like this.
-fn elsewhere(scene: &Scene, process: &Process) -> Option<Finding> {
+/// In a realm that only looks like this one.
+fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
     let (ours, theirs) = (scene.realm.folder(), &process.folder);
-    let prefix = theirs
-        .file_name()
-        .is_some_and(|name| name == scene.realm.prefix());
+    if theirs.file_name() != ours.file_name() {
+        return None;
+    }
+    let shown = theirs.display();
     let restart = format!(
         "kill {}, and start it with {}",
         process.pid,
         scene.options()
     );
-    let shown = theirs.display();
-    Some(if process.removed && prefix {
+    Some(if process.removed {
         let text =
             format!("{process} is in {shown}, which was removed under it: nobody finds it there");
         Finding::bad(ABOUT, text, restart)
@@ -70,18 +84,11 @@ fn elsewhere(scene: &Scene, process: &Process) -> Option<Finding> {
         let mend =
             "give all of them a --run that all see, or none a namespace (systemd: PrivateTmp=no)";
         Finding::bad(ABOUT, text, mend)
-    } else if prefix {
+    } else {
         let text = format!(
             "{process} has the same prefix in another run folder, {shown}: the two remove each other's shared memory"
         );
         Finding::bad(ABOUT, text, restart)
-    } else {
-        let text = format!("{process} is in another realm, {shown}");
-        Finding::warn(
-            ABOUT,
-            text,
-            format!("nothing, if that is meant; else {restart}"),
-        )
     })
 }
 

@@ -1,0 +1,156 @@
+//! Stages of a realm of its own, as processes.
+
+use super::{Ended, ended, randt};
+use randt_stage::{Realm, Registry};
+use rustix::process::{Pid, Signal, kill_process};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::{Duration, Instant};
+
+/// Nothing is waited for longer.
+const WAIT_MAX: Duration = Duration::from_secs(10);
+
+/// Processes in a realm; all of it goes with this.
+pub struct Pipeline {
+    realm: Realm,
+    children: Vec<Child>,
+    _run: tempfile::TempDir,
+}
+
+impl Pipeline {
+    /// A realm in which nobody is yet, with its run folder in memory.
+    pub fn new(name: &str) -> Self {
+        Self::below(name, Path::new("/dev/shm"))
+    }
+
+    /// The same with its run folder somewhere else.
+    pub fn below(name: &str, folder: &Path) -> Self {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let count = COUNT.fetch_add(1, Ordering::Relaxed);
+        let mut run = tempfile::Builder::new();
+        let run = run.prefix("randt-test-").tempdir_in(folder).unwrap();
+        let prefix = format!("{name}-{}-{count}", std::process::id());
+        Self {
+            realm: Realm::new(&prefix, Some(run.path())).unwrap(),
+            children: Vec::new(),
+            _run: run,
+        }
+    }
+
+    pub fn realm(&self) -> &Realm {
+        &self.realm
+    }
+
+    /// A command of randt for this realm.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = randt(arguments);
+        self.enter(&mut command);
+        command
+    }
+
+    /// Runs one to its end.
+    pub fn randt(&self, arguments: &[&str]) -> Ended {
+        ended(self.command(arguments))
+    }
+
+    /// Starts a stage's own program; gives its process.
+    pub fn stage(&mut self, name: &str) -> u32 {
+        let mut command = Command::new(stage_program(name));
+        self.enter(&mut command);
+        self.start(name, command)
+    }
+
+    /// Starts `randt play`.
+    pub fn play(&mut self, log: &Path, more: &[&str]) -> u32 {
+        let mut command = self.command(&["play"]);
+        command.arg(log).args(more);
+        self.start("play", command)
+    }
+
+    /// Adds the options that lead here.
+    pub fn enter(&self, command: &mut Command) {
+        command.args(["--prefix", self.realm.prefix(), "--run"]);
+        command.arg(self.realm.run());
+    }
+
+    /// Starts a program and waits until it is in the register with its topics.
+    pub fn start(&mut self, name: &str, mut command: Command) -> u32 {
+        command.stdin(Stdio::null()).stdout(Stdio::null());
+        let child = command.stderr(Stdio::null()).spawn().unwrap();
+        let pid = child.id();
+        self.children.push(child);
+        let is = |(entry, lives): &(randt_stage::Entry, bool)| {
+            *lives && entry.name == name && entry.pid == u64::from(pid) && entry.topics.len() > 1
+        };
+        until(name, || Registry::all(&self.realm).iter().any(is));
+        pid
+    }
+
+    /// Ends a process and waits until it is gone.
+    pub fn end(&mut self, pid: u32, with: Signal) {
+        signal(pid, with);
+        let child = self.children.iter_mut().find(|child| child.id() == pid);
+        child.unwrap().wait().unwrap();
+    }
+
+    /// Kills all that live.
+    pub fn kill_all(&mut self) {
+        for child in &mut self.children {
+            // One that has ended cannot be killed.
+            let _ = child.kill();
+            child.wait().unwrap();
+        }
+    }
+
+    /// Names in /dev/shm that are this realm's.
+    pub fn segments(&self) -> Vec<String> {
+        let mut names = super::names(Path::new("/dev/shm"));
+        names.retain(|name| name.starts_with(&self.realm.segment_prefix()));
+        names
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        self.kill_all();
+        for name in self.segments() {
+            let _ = std::fs::remove_file(Path::new("/dev/shm").join(name));
+        }
+    }
+}
+
+/// Sends a signal.
+pub fn signal(pid: u32, signal: Signal) {
+    kill_process(Pid::from_raw(pid as i32).unwrap(), signal).unwrap();
+}
+
+/// Waits until something holds.
+pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let begin = Instant::now();
+    while !holds() {
+        assert!(begin.elapsed() < WAIT_MAX, "{what}: waited for in vain");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// The program of a stage, which stands beside randt.
+pub fn stage_program(name: &str) -> PathBuf {
+    let program = Path::new(env!("CARGO_BIN_EXE_randt")).with_file_name(format!("randt-{name}"));
+    assert!(
+        program.is_file(),
+        "{}: not there; cargo build --workspace makes it",
+        program.display()
+    );
+    program
+}
+
+/// A log of so many scans at 5 Hz, with 250 Hz of IMU.
+pub fn log(folder: &Path, scans: u32) -> PathBuf {
+    let path = folder.join("log.mcap");
+    let mut command = randt(&["simulate", "building", "--seed", "1", "--scans"]);
+    command.arg(scans.to_string()).arg("--out").arg(&path);
+    let made = ended(command);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    path
+}
