@@ -53,6 +53,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         at_once |= intake.sync();
         stage.report(&intake.trouble, intake.lost);
+        if intake.is_unsure {
+            return Err(intake.trouble.into());
+        }
     }
     // What odometry sent before it ended.
     while let Some(keyframe) = keyframes.receive()? {

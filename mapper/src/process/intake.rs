@@ -1,7 +1,10 @@
 //! Keyframes on their way into journal and map: in order, each once, none missing.
 
 use randt_config::Config;
-use randt_mapper::{Mapper, journal::JournalFile};
+use randt_mapper::{
+    Mapper,
+    journal::{Error, JournalFile},
+};
 use randt_messages::{Keyframe, Message, MessageRef};
 use randt_stage::Stage;
 use std::collections::VecDeque;
@@ -31,15 +34,13 @@ pub struct Intake {
     pub lost: u64,
     /// What is wrong with the journal; empty where nothing is.
     pub trouble: String,
+    /// Whether only opening the journal anew tells what is in it: a matter for the next process.
+    pub is_unsure: bool,
 }
 
 impl Intake {
     /// Goes on where the journal ends.
-    pub fn open(
-        path: &Path,
-        config: &Config,
-        stage: &Stage,
-    ) -> Result<Self, randt_mapper::journal::Error> {
+    pub fn open(path: &Path, config: &Config, stage: &Stage) -> Result<Self, Error> {
         let begin = Instant::now();
         let opened = JournalFile::open(path, config)?;
         let name = path.display();
@@ -76,6 +77,7 @@ impl Intake {
             refusals: 0,
             lost: 0,
             trouble: String::new(),
+            is_unsure: false,
         })
     }
 
@@ -98,30 +100,51 @@ impl Intake {
         }
         (self.next, self.is_missing, self.refusals) = (id + 1, false, 0);
         self.mapper.push(keyframe);
-        let mut copy = Message::default();
-        *copy.head = *keyframe.head;
-        copy.items.extend_from_slice(keyframe.items);
-        self.unwritten.push_back(copy);
         self.write();
+        if !self.unwritten.is_empty() || !self.append(keyframe) {
+            let mut copy = Message::default();
+            *copy.head = *keyframe.head;
+            copy.items.extend_from_slice(keyframe.items);
+            self.unwritten.push_back(copy);
+        }
+        self.snapshot();
         false
     }
 
     /// Appends what the journal lacks. A full disk does not stop the map.
     fn write(&mut self) {
-        while let Some(keyframe) = self.unwritten.front() {
-            if let Err(error) = self.journal.append_keyframe(keyframe.as_ref()) {
-                self.trouble = error.to_string();
+        while let Some(keyframe) = self.unwritten.pop_front() {
+            if !self.append(keyframe.as_ref()) {
+                self.unwritten.push_front(keyframe);
                 return;
             }
-            self.unwritten.pop_front();
         }
-        self.trouble.clear();
-        if self.journal.is_snapshot_due()
-            && let Err(error) = self.journal.append_snapshot(&self.mapper)
-        {
-            // Without one the next restart takes longer.
-            self.trouble = error.to_string();
+    }
+
+    /// Whether the journal took a keyframe.
+    fn append(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
+        let appended = self.journal.append_keyframe(keyframe);
+        self.note(appended)
+    }
+
+    /// A snapshot where one is due: of a map that has what the journal has and no more.
+    fn snapshot(&mut self) {
+        if self.unwritten.is_empty() && self.journal.is_snapshot_due() {
+            let appended = self.journal.append_snapshot(&self.mapper);
+            self.note(appended);
         }
+    }
+
+    /// Remembers what is wrong; gives whether nothing is.
+    fn note(&mut self, done: Result<(), Error>) -> bool {
+        match done {
+            Ok(()) => self.trouble.clear(),
+            Err(error) => {
+                self.trouble = error.to_string();
+                self.is_unsure |= matches!(error, Error::Unsure { .. });
+            }
+        }
+        self.trouble.is_empty()
     }
 
     /// Brings the journal onto the disk where it is time; gives whether it did.
@@ -137,9 +160,8 @@ impl Intake {
     pub fn finish(&mut self) {
         self.synced = Instant::now();
         self.write();
-        if let Err(error) = self.journal.sync() {
-            self.trouble = error.to_string();
-        }
+        let synced = self.journal.sync();
+        self.note(synced);
     }
 
     /// Whether keyframes shall be sent again, which whoever asks tells odometry.
