@@ -21,6 +21,9 @@ pub struct Entry {
     pub version: String,
     /// Layouts of the topics that it has opened.
     pub topics: BTreeMap<String, String>,
+    /// Shared memory that its topics take while every reader keeps up, bytes: in use already or not.
+    #[serde(default)]
+    pub needs_bytes: u64,
 }
 
 /// The entry of this process. The lock goes with it.
@@ -68,6 +71,7 @@ impl Registry {
                 starts: last.starts + 1,
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 topics: BTreeMap::new(),
+                needs_bytes: 0,
             },
         };
         registry.write()?;
@@ -84,6 +88,12 @@ impl Registry {
         self.entry
             .topics
             .insert(topic.to_owned(), type_name.to_owned());
+        self.write()
+    }
+
+    /// Notes how much shared memory this stage will have in use.
+    pub fn set_needs(&mut self, bytes: u64) -> Result<(), Error> {
+        self.entry.needs_bytes = bytes;
         self.write()
     }
 
