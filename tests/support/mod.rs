@@ -12,9 +12,11 @@
 )]
 
 pub mod bag;
+pub mod calls;
 pub mod drive;
 pub mod hall;
 mod recordings;
+pub mod stages;
 
 pub use recordings::recording;
 

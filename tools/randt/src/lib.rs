@@ -12,6 +12,7 @@ pub mod final_poses;
 pub mod input;
 pub mod job;
 pub mod judgement;
+pub mod latency;
 pub mod loops;
 pub mod machine;
 pub mod output;
