@@ -56,7 +56,48 @@ pub(crate) fn sweep(realm: &Realm) -> Result<(), Error> {
     for id in dead_nodes(realm) {
         remove_node(realm, &id);
     }
+    remove_orphans(realm);
     Ok(())
+}
+
+/// Memory and sockets of ports that no node has any more. Each is named by its port, a connection by both of its ports;
+/// a port is listed with its node before it makes any of them.
+fn remove_orphans(realm: &Realm) {
+    let prefix = realm.segment_prefix();
+    let below = |path: &Path| fs::read_dir(path).into_iter().flatten().flatten();
+    let ports: BTreeSet<String> = below(&nodes(realm))
+        .flat_map(|node| below(&node.path()))
+        .filter_map(|tag| {
+            let name = tag.file_name().into_string().ok()?;
+            Some(
+                name.strip_prefix(&prefix)?
+                    .strip_suffix(".port_tag")?
+                    .to_owned(),
+            )
+        })
+        .collect();
+    for entry in below(Path::new(SHARED_MEMORY)).chain(below(&realm.root())) {
+        let name = entry.file_name();
+        let Some((stem, kind)) = name
+            .to_str()
+            .and_then(|name| name.strip_prefix(&prefix)?.split_once('.'))
+        else {
+            continue;
+        };
+        let named_by = match kind {
+            "data" | "event_mgmt" | "event" => 1,
+            "connection" => 2,
+            _ => continue,
+        };
+        if stem
+            .rsplit('_')
+            .take(named_by)
+            .any(|port| !ports.contains(port))
+        {
+            // Best effort, as with nodes.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// Services whose maker died over them; clearing a node away waits for its services.
