@@ -20,7 +20,7 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
-use support::killer::{APART, BACK_MAX_MS, Blow, Killer, STAGES};
+use support::killer::{APART, BACK_MAX_MS, Blow, Killer, Row, STAGES};
 use support::up::{own_realm, up};
 use support::{Random, ended_within, hall, randt, report, tum};
 
@@ -80,7 +80,7 @@ fn twenty_kills_and_a_stop_leave_no_trace_in_the_result() {
 fn sixty_kills_and_more_in_ten_minutes_leave_no_trace_in_the_result() {
     let mut blows = Vec::new();
     for stage in STAGES {
-        blows.extend(times(8, stage, Blow::StartUp));
+        blows.extend(times(9, stage, Blow::StartUp));
         blows.extend(times(2, stage, Blow::Turn));
         blows.extend(times(2, stage, Blow::Plain));
         blows.extend(times(2, stage, Blow::CatchingUp));
@@ -112,9 +112,10 @@ fn check(ordeal: &Ordeal) {
 
     let own = own_realm("death");
     let mut up = Up::start(&own.realm, &log, folder.path());
-    let killer = drive(ordeal, &own.realm, &mut up);
-    let kills = killer.kills();
-    killer.observer.leave();
+    let (killer, entries) = drive(ordeal, &own.realm, &mut up);
+    let processes = killer.kills();
+    let Killer { observer, rows, .. } = killer;
+    observer.leave();
     // A child that failed by itself has said so; being killed says nothing.
     let said = up.end();
     let failed: Vec<&str> = said.lines().filter(|l| l.contains("error")).collect();
@@ -123,7 +124,8 @@ fn check(ordeal: &Ordeal) {
         "a stage failed by itself: {failed:#?}\n{said}"
     );
     check_result(ordeal, &at("up"), &at("run"));
-    check_counters(&at("up"), &at("run"), kills);
+    check_counters(&at("up"), &at("run"), processes);
+    check_rows(&rows, entries);
     let wiped = wipe(&own.realm, false).unwrap();
     println!("{:?} entries wiped", wiped.map(|all| all.len()));
     assert_eq!(leftovers(&own.realm), [], "after doctor --clean");
@@ -206,8 +208,8 @@ impl Drop for Up {
     }
 }
 
-/// All blows, and what they must not leave behind while the pipeline runs.
-fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> Killer {
+/// All blows; with them the entries of iceoryx2 before and after, while the pipeline runs.
+fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> (Killer, [usize; 2]) {
     let seed = std::env::var("RANDT_SEED").map_or_else(
         |_| {
             let now = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap();
@@ -236,7 +238,9 @@ fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> Killer {
             Some(at) => blows.remove(at),
             None if blows.is_empty() && !ordeal.to_the_end => break,
             None => {
-                let blow = [Blow::StartUp, Blow::Plain][killer.random.below(2)];
+                let (start_ups, kills) = (start_ups(&killer.rows), kills(&killer.rows));
+                let is_short = 3 * start_ups <= kills.iter().sum::<usize>() + 3;
+                let blow = if is_short { Blow::StartUp } else { Blow::Plain };
                 (STAGES[killer.random.below(3)], blow)
             }
         };
@@ -254,8 +258,9 @@ fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> Killer {
     killer.observer.until(SETTLED, |_| false);
     let after = leftovers(realm);
     println!("{}", kinds(&before, &after));
-    summarise(&killer, before.len(), after.len());
-    killer
+    let entries = [before.len(), after.len()];
+    summarise(&killer.rows, entries);
+    (killer, entries)
 }
 
 /// Which kinds of entries there are more of.
@@ -284,28 +289,48 @@ fn shuffle<T>(items: &mut [T], random: &mut Random) {
     }
 }
 
-fn summarise(killer: &Killer, before: usize, after: usize) {
-    let rows = &killer.rows;
-    let mut back: Vec<f64> = rows
-        .iter()
-        .flat_map(|row| row.back_ms.iter().map(|(_, ms)| *ms))
-        .collect();
+/// Kills inside the start-up window.
+fn start_ups(rows: &[Row]) -> usize {
+    let hits = rows.iter().filter(|r| r.blow == Blow::StartUp && r.hit);
+    hits.count()
+}
+
+/// Rows in which each stage died.
+fn kills(rows: &[Row]) -> [usize; 3] {
+    STAGES.map(|stage| rows.iter().filter(|row| row.kills(stage)).count())
+}
+
+/// Times until stages were back, ms, in order.
+fn back_ms(rows: &[Row]) -> Vec<f64> {
+    let all = rows.iter().flat_map(|row| &row.back_ms);
+    let mut back: Vec<f64> = all.map(|(_, ms)| *ms).collect();
     back.sort_by(f64::total_cmp);
+    back
+}
+
+fn summarise(rows: &[Row], [before, after]: [usize; 2]) {
     let hits = |blow| rows.iter().filter(|r| r.blow == blow && r.hit).count();
-    let start_ups = hits(Blow::StartUp);
-    let kills = STAGES.map(|stage| rows.iter().filter(|row| row.kills(stage)).count());
-    let worst = back[back.len() - 1];
+    let back = back_ms(rows);
     println!(
-        "{kills:?} kills of {STAGES:?}, {start_ups} while starting, {} in turns, {} at a keyframe of the second lap; \
-         back after {:.0} ms (median), {worst:.0} ms (worst); entries {before} -> {after}",
+        "{:?} kills of {STAGES:?}, {} while starting, {} in turns, {} at a keyframe of the second lap; \
+         back after {:.0} ms (median), {:.0} ms (worst); entries {before} -> {after}",
+        kills(rows),
+        start_ups(rows),
         hits(Blow::Turn),
         hits(Blow::Closing),
         back[back.len() / 2],
+        back[back.len() - 1],
     );
+}
+
+fn check_rows(rows: &[Row], [before, after]: [usize; 2]) {
+    let start_ups = start_ups(rows);
+    let share = start_ups as f64 / kills(rows).iter().sum::<usize>() as f64;
     assert!(
-        start_ups * 3 >= kills.iter().sum::<usize>(),
-        "a third of the kills falls into the start-up window"
+        share >= 1.0 / 3.0,
+        "only {share:.2} of the kills fell into the start-up window"
     );
+    let worst = back_ms(rows).into_iter().fold(0.0, f64::max);
     assert!(worst < BACK_MAX_MS, "back after {worst:.0} ms");
     let most = before + start_ups;
     assert!(
