@@ -1,4 +1,10 @@
 //! Two builds whose messages differ by two swapped fields of one size do not talk to each other, and say what to do.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
 
 mod support;
 

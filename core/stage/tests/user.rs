@@ -1,4 +1,10 @@
 //! All stages of a pipeline run as one user; another one is told so.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
 #![cfg(target_os = "linux")]
 
 mod support;
