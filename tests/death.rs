@@ -14,7 +14,8 @@ mod support;
 
 use randt_mapper::journal;
 use randt_messages::Message;
-use randt_stage::{Realm, leftovers, wipe};
+use randt_stage::{Leftover, Realm, leftovers, wipe};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
@@ -193,6 +194,12 @@ impl Up {
 
 impl Drop for Up {
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            let said = self.said();
+            let lines: Vec<&str> = said.lines().collect();
+            let last = &lines[lines.len().saturating_sub(40)..];
+            println!("randt up said last:\n{}", last.join("\n"));
+        }
         // Its children end with it.
         let _ = self.child.kill();
         let _ = self.child.wait();
@@ -210,7 +217,7 @@ fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> Killer {
     );
     let mut killer = Killer::enter(realm, seed);
     killer.observer.until(SETTLED, |_| false);
-    let before = leftovers(realm).len();
+    let before = leftovers(realm);
 
     let end_s = ordeal.scans as f64 * 0.2 - REST_S;
     let mut blows = ordeal.blows.clone();
@@ -228,7 +235,10 @@ fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> Killer {
         let (stage, blow) = match at {
             Some(at) => blows.remove(at),
             None if blows.is_empty() && !ordeal.to_the_end => break,
-            None => (STAGES[killer.random.below(3)], Blow::Plain),
+            None => {
+                let blow = [Blow::StartUp, Blow::Plain][killer.random.below(2)];
+                (STAGES[killer.random.below(3)], blow)
+            }
         };
         killer.strike(stage, blow);
         if killer.rows.last().is_some_and(|row| !row.hit) {
@@ -242,9 +252,30 @@ fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> Killer {
         assert!(up.child.try_wait().unwrap().is_none(), "{}", up.said());
     }
     killer.observer.until(SETTLED, |_| false);
-    let after = leftovers(realm).len();
-    summarise(&killer, before, after);
+    let after = leftovers(realm);
+    println!("{}", kinds(&before, &after));
+    summarise(&killer, before.len(), after.len());
     killer
+}
+
+/// Which kinds of entries there are more of.
+fn kinds(before: &[Leftover], after: &[Leftover]) -> String {
+    let count = |all: &[Leftover]| {
+        let mut counts = BTreeMap::<String, i64>::new();
+        for entry in all {
+            let kind = entry.path.extension().unwrap_or_default();
+            *counts
+                .entry(kind.to_string_lossy().into_owned())
+                .or_default() += 1;
+        }
+        counts
+    };
+    let (before, after) = (count(before), count(after));
+    let more = after.iter().map(|(kind, count)| {
+        let was = before.get(kind).copied().unwrap_or(0);
+        format!("{kind} {was} -> {count}")
+    });
+    more.collect::<Vec<_>>().join(", ")
 }
 
 fn shuffle<T>(items: &mut [T], random: &mut Random) {

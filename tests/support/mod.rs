@@ -12,6 +12,7 @@
 )]
 
 pub mod bag;
+pub mod calls;
 pub mod drive;
 pub mod hall;
 pub mod killer;
@@ -19,6 +20,7 @@ pub mod observer;
 pub mod phidgets;
 pub mod pipeline;
 mod recordings;
+pub mod stages;
 pub mod up;
 
 pub use recordings::recording;

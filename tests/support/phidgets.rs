@@ -1,6 +1,7 @@
 //! A simulated log whose IMU stamps are like those of a Phidgets Spatial: off the scans, and with its jitter.
 
 use super::Random;
+use randt_geometry::elementary::ln;
 use randt_log::{LogFile, LogReader, Options, ROBOT_METADATA};
 use randt_messages::{ImuSampleTopic, RadarScan, TruthPoseTopic};
 use std::path::Path;
@@ -31,9 +32,7 @@ pub fn restamp(from: &Path, to: &Path, seed: u64) -> Vec<i64> {
         if let Some(mut sample) = entry.decode::<ImuSampleTopic>().unwrap() {
             let noise_ns = (2.0 * unit(&mut random) - 1.0) * NOISE_NS;
             let is_late = random.below(LATE_ONE_IN) == 0;
-            let late_ns = f64::from(u8::from(is_late))
-                * -randt_geometry::elementary::ln(unit(&mut random))
-                * LATE_MEAN_NS;
+            let late_ns = f64::from(u8::from(is_late)) * -ln(unit(&mut random)) * LATE_MEAN_NS;
             let header = &mut sample.head.header;
             header.stamp_ns += SHIFT_NS + (noise_ns + late_ns) as i64;
             if let Some(before) = stamps.last() {

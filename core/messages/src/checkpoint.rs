@@ -1,6 +1,6 @@
 //! What a stage keeps outside of its process for the next one. Not on the bus.
 
-use crate::layout::plain;
+use crate::plain;
 
 plain! {
     /// Where odometry is and how far it has counted: small, and the same for every build that has this layout. For a

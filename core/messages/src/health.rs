@@ -1,6 +1,6 @@
 //! `stage/health`: what a stage says of itself.
 
-use crate::{Header, layout::plain, topic::topic};
+use crate::{Header, plain, topic};
 
 /// Most ports of a stage that are reported.
 pub const HEALTH_PORTS: usize = 8;

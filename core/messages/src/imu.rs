@@ -1,6 +1,6 @@
 //! `imu/sample`: one reading of an inertial measurement unit.
 
-use crate::{Header, layout::plain, topic::topic};
+use crate::{Header, plain, topic};
 
 plain! {
     /// One reading in the IMU's own frame (x forward, y left, z up when mounted upright, SI units).

@@ -1,6 +1,6 @@
 //! `odometry/keyframe`: a scan with its final pose, de-skewed, for the mapper.
 
-use crate::{Header, MAX_BEAMS, layout::plain, radar::MAX_RETURNS, topic::topic};
+use crate::{Header, MAX_BEAMS, plain, radar::MAX_RETURNS, topic};
 
 plain! {
     /// Where a beam began and looked, in the keyframe's `base_link` at the sweep's end.

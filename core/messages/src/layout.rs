@@ -77,7 +77,9 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
     }
 }
 
-/// Declares plain old data: `repr(C)`, no padding (refused by the compiler), with its layout hash.
+/// Declares plain old data: `repr(C)`, no padding (refused by the compiler), with its layout hash. The crate that uses it
+/// needs `bytemuck` with its feature `derive`.
+#[macro_export]
 macro_rules! plain {
     ($( $(#[$meta:meta])* pub struct $name:ident {
         $( $(#[$field_meta:meta])* pub $field:ident : $ty:ty ),+ $(,)?
@@ -114,7 +116,6 @@ macro_rules! plain {
         }
     )+ };
 }
-pub(crate) use plain;
 
 #[cfg(test)]
 mod tests {

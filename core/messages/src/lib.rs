@@ -48,8 +48,6 @@ pub use radar::{
 pub use topic::{Message, MessageRef, Topic};
 pub use truth::{TruthPose, TruthPoseTopic};
 
-use layout::plain;
-
 plain! {
     /// The beginning of every message.
     pub struct Header {

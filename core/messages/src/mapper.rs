@@ -1,6 +1,6 @@
 //! `mapper/correction`, `mapper/graph`, `mapper/grid`: the global map as it becomes known.
 
-use crate::{Header, layout::plain, topic::topic};
+use crate::{Header, plain, topic};
 
 /// Cells along an edge of a tile of the occupancy grid.
 pub const TILE_CELLS: usize = 64;

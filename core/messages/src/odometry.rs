@@ -1,6 +1,6 @@
 //! `odometry/state`: where the robot is, how fast, how sure, after each sweep.
 
-use crate::{Header, layout::plain, topic::topic};
+use crate::{Header, plain, topic};
 
 /// How far the pose can be believed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,6 +1,6 @@
 //! `radar/scan` and `radar/points`: one sweep of a rotating radar, whole and filtered.
 
-use crate::{Header, layout::plain, topic::topic};
+use crate::{Header, plain, topic};
 
 /// Most beams in a sweep.
 pub const MAX_BEAMS: usize = 1024;

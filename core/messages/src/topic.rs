@@ -111,7 +111,27 @@ impl<'a, T: Topic> MessageRef<'a, T> {
     }
 }
 
-/// Declares a topic: `Marker = "name/v1": Head, [Item; MAX]`.
+/// Declares a topic: `Marker = "name/v1": Head, [Item; MAX]`. The head's field `header` is a [`Header`](crate::Header).
+///
+/// ```
+/// use randt_messages::{Header, Topic};
+///
+/// randt_messages::plain! {
+///     /// What a wheel has turned.
+///     pub struct Wheel {
+///         /// The beginning of every message.
+///         pub header: Header,
+///         /// In all, m.
+///         pub turned_m: f64,
+///     }
+/// }
+/// randt_messages::topic! {
+///     /// Topic of [`Wheel`].
+///     WheelTopic = "example/wheel/v1": Wheel, [(); 0];
+/// }
+/// assert!(WheelTopic::TYPE_NAME.starts_with("WheelTopic-"));
+/// ```
+#[macro_export]
 macro_rules! topic {
     ($( $(#[$meta:meta])* $marker:ident = $name:literal : $head:ty, [$item:ty; $max:expr]; )+) => { $(
         $(#[$meta])*
@@ -142,4 +162,3 @@ macro_rules! topic {
         }
     )+ };
 }
-pub(crate) use topic;

@@ -1,6 +1,6 @@
 //! `truth/pose`: where a simulated robot really was. Evaluation reads it; the estimator never does.
 
-use crate::{Header, layout::plain, topic::topic};
+use crate::{Header, plain, topic};
 
 plain! {
     /// True pose and velocity of `base_link` at the stamp.

@@ -11,6 +11,14 @@ pub enum Error {
         /// As given.
         name: String,
     },
+    /// Sockets in the folder would have longer paths than the system allows.
+    #[error("{}: {over} characters too long for the sockets in it: give --run a shorter folder, or a shorter --prefix, which counts twice", path.display())]
+    LongPath {
+        /// The realm's folder.
+        path: PathBuf,
+        /// By how much.
+        over: usize,
+    },
     /// A file or folder of the realm.
     #[error("{}: {what}: {cause}", path.display())]
     File {
@@ -58,7 +66,7 @@ pub enum Error {
         restart: String,
     },
     /// Not enough memory for the segments.
-    #[error("{}: {free_mb:.1} MB free, randt-{stage} needs {needed_mb:.1} MB of shared memory ({largest}); free some (randt doctor --clean, when no stage runs) or enlarge it: mount -o remount,size=256M {}", path.display(), path.display())]
+    #[error("{}: {free_mb:.1} MB free, randt-{stage} needs {needed_mb:.1} MB of memory there, with what the other stages are going to use ({largest}); free some (randt doctor --clean, when no stage runs) or enlarge it: mount -o remount,size=256M {}", path.display(), path.display())]
     TooLittleMemory {
         /// Where.
         path: PathBuf,

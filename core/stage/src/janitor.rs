@@ -12,9 +12,16 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Permission to write is taken from a service's file when it is whole.
 const HALF_MADE: u32 = 0o200;
+/// Permission to read is given to a piece of shared memory when it is whole.
+const WHOLE: u32 = 0o400;
+/// Connections are made whenever two ports meet, by stages that run, in microseconds: one that is half made for so long
+/// was left by a dead one. Everything else is made under the lock of those who start.
+const CONNECTION: &str = "connection";
+const MADE_WITHIN: Duration = Duration::from_secs(1);
 /// Files of a node beside its folder; the first is locked while the node lives.
 const NODE_FILES: [&str; 3] = [
     ".node_monitor",
@@ -35,6 +42,7 @@ pub struct Leftover {
 /// a node of its own: whoever closes a file gives up all locks that he has on it.
 pub(crate) fn sweep(realm: &Realm) -> Result<(), Error> {
     remove_half_made(realm);
+    remove_half_made_memory(realm);
     let configuration = bus::configuration(realm)?;
     // What iceoryx2 can clear away itself, ports and segments included.
     let listed = Node::<ipc::Service>::list(&configuration, |state| {
@@ -48,7 +56,48 @@ pub(crate) fn sweep(realm: &Realm) -> Result<(), Error> {
     for id in dead_nodes(realm) {
         remove_node(realm, &id);
     }
+    remove_orphans(realm);
     Ok(())
+}
+
+/// Memory and sockets of ports that no node has any more. Each is named by its port, a connection by both of its ports;
+/// a port is listed with its node before it makes any of them.
+fn remove_orphans(realm: &Realm) {
+    let prefix = realm.segment_prefix();
+    let below = |path: &Path| fs::read_dir(path).into_iter().flatten().flatten();
+    let ports: BTreeSet<String> = below(&nodes(realm))
+        .flat_map(|node| below(&node.path()))
+        .filter_map(|tag| {
+            let name = tag.file_name().into_string().ok()?;
+            Some(
+                name.strip_prefix(&prefix)?
+                    .strip_suffix(".port_tag")?
+                    .to_owned(),
+            )
+        })
+        .collect();
+    for entry in below(Path::new(SHARED_MEMORY)).chain(below(&realm.root())) {
+        let name = entry.file_name();
+        let Some((stem, kind)) = name
+            .to_str()
+            .and_then(|name| name.strip_prefix(&prefix)?.split_once('.'))
+        else {
+            continue;
+        };
+        let named_by = match kind {
+            "data" | "event_mgmt" | "event" => 1,
+            "connection" => 2,
+            _ => continue,
+        };
+        if stem
+            .rsplit('_')
+            .take(named_by)
+            .any(|port| !ports.contains(port))
+        {
+            // Best effort, as with nodes.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// Services whose maker died over them; clearing a node away waits for its services.
@@ -61,6 +110,29 @@ fn remove_half_made(realm: &Realm) {
         if mode & HALF_MADE != 0 {
             // Best effort, as with nodes.
             let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Shared memory whose maker died over it: iceoryx2 cannot open it, and then leaves the place of the dead port taken for
+/// ever.
+fn remove_half_made_memory(realm: &Realm) {
+    let prefix = realm.segment_prefix();
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    for entry in entries {
+        if !entry.file_name().to_string_lossy().starts_with(&prefix) {
+            continue;
+        }
+        let path = entry.path();
+        let Ok(found) = entry.metadata() else {
+            continue;
+        };
+        let age = found.modified().ok().and_then(|made| made.elapsed().ok());
+        let may_be_in_the_making = path.extension().is_some_and(|kind| kind == CONNECTION)
+            && age.is_none_or(|age| age < MADE_WITHIN);
+        if found.permissions().mode() & WHOLE == 0 && !may_be_in_the_making {
+            // Best effort, as with nodes.
+            let _ = fs::remove_file(path);
         }
     }
 }

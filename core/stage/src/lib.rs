@@ -29,6 +29,7 @@ mod health;
 mod janitor;
 mod keyframes;
 mod mapped;
+mod memory;
 mod observer;
 mod parent;
 mod ports;

@@ -1,7 +1,9 @@
 //! Realm: the world that the stages of one pipeline share, and that no other pipeline sees.
 
 use crate::Error;
+use rustix::fs::Access;
 use std::fs::{self, File, TryLockError};
+use std::io::ErrorKind;
 use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,6 +12,11 @@ use std::time::{Duration, Instant};
 const SYSTEM_RUN: &str = "/run/randt";
 /// Where shared memory lives.
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
+
+/// Notices go through sockets in the realm's folder, whose paths the system keeps short.
+const SOCKET_PATH_MAX: usize = 107;
+/// Most characters of a socket's name after the prefix: iceoryx2's number and ending.
+const SOCKET_NAME: usize = 38;
 
 /// A start takes a few hundredths of a second.
 const START_WAIT: Duration = Duration::from_secs(2);
@@ -46,10 +53,18 @@ impl Realm {
             None if Path::new(SYSTEM_RUN).is_dir() => PathBuf::from(SYSTEM_RUN),
             None => Path::new(SHARED_MEMORY).join(format!("randt-{}", user())),
         };
-        Ok(Self {
+        let realm = Self {
             prefix: prefix.to_owned(),
             run,
-        })
+        };
+        let longest = realm.root().as_os_str().len() + 1 + prefix.len() + SOCKET_NAME;
+        match longest.checked_sub(SOCKET_PATH_MAX) {
+            None | Some(0) => Ok(realm),
+            Some(over) => Err(Error::LongPath {
+                path: realm.folder(),
+                over,
+            }),
+        }
     }
 
     /// The prefix.
@@ -89,23 +104,37 @@ impl Realm {
                 .recursive(true)
                 .mode(0o700)
                 .create(&path);
-            made.map_err(Error::file(&path, "cannot be made"))?;
+            if let Err(cause) = made {
+                // In another user's folder nothing can be made, nor can what is there be seen.
+                self.check_owner()?;
+                return Err(Error::file(path, "cannot be made")(cause));
+            }
         }
         self.check_owner()
     }
 
-    /// Refuses a realm that another user made.
+    /// Refuses a realm that another user made, or a run folder in which only another user may make one.
     pub fn check_owner(&self) -> Result<(), Error> {
-        let path = self.folder();
-        let found = fs::metadata(&path).map_err(Error::file(&path, "cannot be read"))?;
-        if found.uid() == user() {
-            return Ok(());
+        for path in [self.folder(), self.run.clone()] {
+            let found = match fs::metadata(&path) {
+                Ok(found) => found,
+                Err(error) if is_hidden(&error) => continue,
+                Err(cause) => return Err(Error::file(path, "cannot be read")(cause)),
+            };
+            // A realm of our own in somebody's folder is ours.
+            if found.uid() == user() {
+                return Ok(());
+            }
+            let is_open = path == self.run && rustix::fs::access(&path, Access::WRITE_OK).is_ok();
+            if !is_open {
+                return Err(Error::OtherUser {
+                    path,
+                    owner: found.uid(),
+                    user: user(),
+                });
+            }
         }
-        Err(Error::OtherUser {
-            path,
-            owner: found.uid(),
-            user: user(),
-        })
+        Ok(())
     }
 
     /// Enters the realm: from now on nobody wipes it. The first one in clears away what earlier stages left behind.
@@ -188,6 +217,14 @@ impl Realm {
     }
 }
 
+/// Not there, or not to be seen by this user.
+fn is_hidden(error: &std::io::Error) -> bool {
+    matches!(
+        error.kind(),
+        ErrorKind::NotFound | ErrorKind::PermissionDenied
+    )
+}
+
 fn open_lock(path: &Path) -> Result<File, Error> {
     File::options()
         .create(true)
@@ -225,6 +262,18 @@ mod tests {
         let realm = Realm::new("test-1", Some(Path::new("/tmp/x"))).unwrap();
         assert_eq!(realm.root(), Path::new("/tmp/x/test-1/iceoryx2"));
         assert_eq!(realm.segment_prefix(), "test-1_");
+    }
+
+    #[test]
+    fn a_folder_whose_sockets_would_have_no_name_is_refused() {
+        let longest = "x".repeat(24);
+        assert!(Realm::new(&longest, Some(Path::new(SYSTEM_RUN))).is_ok());
+        let folder = format!("/tmp/{}", "y".repeat(60));
+        let error = Realm::new("randt", Some(Path::new(&folder))).unwrap_err();
+        assert!(
+            error.to_string().contains("17 characters too long"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -30,6 +30,9 @@ pub struct Entry {
     /// Whether it has ended in order. One that is neither this nor alive has died.
     #[serde(default)]
     pub ended: bool,
+    /// Shared memory that its topics take while every reader keeps up, bytes: in use already or not.
+    #[serde(default)]
+    pub needs_bytes: u64,
 }
 
 /// The entry of this process. The lock goes with it.
@@ -84,6 +87,7 @@ impl Registry {
                 version: env!("CARGO_PKG_VERSION").to_owned(),
                 topics: BTreeMap::new(),
                 ended: false,
+                needs_bytes: 0,
             },
         };
         registry.write()?;
@@ -106,6 +110,12 @@ impl Registry {
     /// Notes that the stage ends in order.
     pub fn end(&mut self) -> Result<(), Error> {
         self.entry.ended = true;
+        self.write()
+    }
+
+    /// Notes how much shared memory this stage will have in use.
+    pub fn set_needs(&mut self, bytes: u64) -> Result<(), Error> {
+        self.entry.needs_bytes = bytes;
         self.write()
     }
 

@@ -4,8 +4,8 @@ use crate::{
     Clock, Error, Presence, Publisher, Qos, Realm, Registry, Subscriber,
     bus::Bus,
     health::{Condition, PERIOD_NS},
+    memory::Memory,
     ports::PortCounters,
-    realm::SHARED_MEMORY,
 };
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -76,7 +76,7 @@ pub struct Stage {
     ports: Vec<Rc<PortCounters>>,
     next_health_ns: i64,
     navtech: bool,
-    needed: Vec<(String, usize)>,
+    memory: Memory,
 }
 
 impl Stage {
@@ -86,16 +86,18 @@ impl Stage {
         let clock = Clock::of(realm)?;
         let started_ns = clock.now_ns();
         let mut registry = Registry::enter(realm, name, started_ns)?;
-        let mut needed = vec![("tables".to_owned(), BESIDE)];
-        require(name, &needed)?;
         let start = realm.start()?;
+        let mut memory = Memory::new(name, realm);
+        memory.need("tables", BESIDE, &mut registry)?;
         let bus = Bus::open(realm, name)?;
+        let qos = Qos::of::<StageHealthTopic>();
+        memory.need(
+            StageHealthTopic::NAME,
+            qos.bytes_in_use(false),
+            &mut registry,
+        )?;
         let service = bus.topic::<StageHealthTopic>()?;
         registry.add_topic(StageHealthTopic::NAME, StageHealthTopic::TYPE_NAME)?;
-        needed.push((
-            StageHealthTopic::NAME.to_owned(),
-            Qos::of::<StageHealthTopic>().bytes_in_use(false),
-        ));
         let epoch = started_ns.unsigned_abs();
         // Not among the ports that are reported: it would only report itself.
         let counters = PortCounters::new(StageHealthTopic::NAME, true);
@@ -103,11 +105,7 @@ impl Stage {
         let waits = WaitSetBuilder::new()
             .create::<ipc::Service>()
             .map_err(|cause| Error::bus("the wait set", cause))?;
-        eprintln!(
-            "randt-{name}: {}",
-            Qos::of::<StageHealthTopic>().budget(false)
-        );
-        Ok(Self {
+        let stage = Self {
             writers: vec![Rc::clone(&health.port) as Rc<dyn UpdateConnections>],
             health,
             joined: bus.listener(JOINED)?,
@@ -130,8 +128,10 @@ impl Stage {
             ports: Vec::new(),
             next_health_ns: i64::MAX,
             navtech: false,
-            needed,
-        })
+            memory,
+        };
+        stage.say(&qos.budget(false));
+        Ok(stage)
     }
 
     /// Says which radar's scans are to be expected: they decide how much memory is needed.
@@ -157,7 +157,8 @@ impl Stage {
     /// Opens a topic for writing.
     pub fn publisher<T: Topic>(&mut self) -> Result<Publisher<T>, Error> {
         let qos = Qos::of::<T>();
-        self.reserve(T::NAME, qos.bytes_in_use(self.navtech))?;
+        let bytes = qos.bytes_in_use(self.navtech);
+        self.memory.need(T::NAME, bytes, &mut self.registry)?;
         let service = self.bus.topic::<T>()?;
         self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
         let counters = self.port(T::NAME, true);
@@ -179,10 +180,9 @@ impl Stage {
         Ok(subscriber)
     }
 
-    /// Refuses where there is not memory for so much more.
-    pub fn reserve(&mut self, what: &str, bytes: usize) -> Result<(), Error> {
-        self.needed.push((what.to_owned(), bytes));
-        require(&self.condition.name, &self.needed)
+    /// Refuses where there is no memory for a file in the run folder that is about to be opened.
+    pub fn reserve(&mut self, path: &Path, bytes: usize) -> Result<(), Error> {
+        self.memory.need_file(path, bytes)
     }
 
     fn port(&mut self, topic: &str, publishes: bool) -> Rc<PortCounters> {
@@ -317,28 +317,4 @@ enum Slept {
     Event,
     Nothing,
     Stop,
-}
-
-/// Memory is counted before it is used: where tmpfs is full a store is the end of the process, without a word.
-fn require(stage: &str, needed: &[(String, usize)]) -> Result<(), Error> {
-    let path = Path::new(SHARED_MEMORY);
-    let Ok(found) = rustix::fs::statvfs(path) else {
-        return Ok(());
-    };
-    let free = found.f_bavail.saturating_mul(found.f_frsize);
-    let sum: usize = needed.iter().map(|(_, bytes)| bytes).sum();
-    if free >= sum as u64 {
-        return Ok(());
-    }
-    let largest = needed.iter().max_by_key(|(_, bytes)| *bytes);
-    let largest = largest.map_or(String::new(), |(name, bytes)| {
-        format!("{:.1} MB for {name}", *bytes as f64 * 1e-6)
-    });
-    Err(Error::TooLittleMemory {
-        path: path.to_owned(),
-        stage: stage.to_owned(),
-        free_mb: free as f64 * 1e-6,
-        needed_mb: sum as f64 * 1e-6,
-        largest,
-    })
 }

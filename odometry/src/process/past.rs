@@ -8,6 +8,9 @@ use randt_saved::Error as SavedError;
 use randt_stage::{Checkpoint, Error, KeyframeRing, Realm, Stage};
 use std::path::{Path, PathBuf};
 
+/// Files in the realm's folder.
+const STATE: &str = "odometry.state";
+const RING: &str = "keyframes.ring";
 /// Room for the state: that of an iSDR-C takes under 1 MB, a Navtech's some more.
 const STATE_BYTES: usize = 4 << 20;
 /// Keyframes that are sent again after a restart; of older ones the mapper asks for what it lacks.
@@ -43,16 +46,17 @@ pub struct Past {
 impl Past {
     /// Opens or makes the records.
     pub fn open(stage: &mut Stage) -> Result<Self, Error> {
-        stage.reserve("odometry's checkpoints", 2 * STATE_BYTES)?;
-        stage.reserve("the ring of keyframes", KeyframeRing::BYTES)?;
-        Self::at(&stage.realm().state())
+        let folder = stage.realm().state();
+        stage.reserve(&folder.join(STATE), 2 * STATE_BYTES)?;
+        stage.reserve(&folder.join(RING), KeyframeRing::BYTES)?;
+        Self::at(&folder)
     }
 
     fn at(folder: &Path) -> Result<Self, Error> {
         Ok(Self {
-            state: Checkpoint::open(&folder.join("odometry.state"), STATE_BYTES)?,
+            state: Checkpoint::open(&folder.join(STATE), STATE_BYTES)?,
             pose: Checkpoint::open(&folder.join("odometry.pose"), POSE_BYTES)?,
-            ring: KeyframeRing::open(&folder.join("keyframes.ring"))?,
+            ring: KeyframeRing::open(&folder.join(RING))?,
             folder: folder.to_owned(),
             outbox: Outbox::default(),
         })

@@ -1,0 +1,123 @@
+//! Shared memory that is too small: a stage ends with a clear error before it begins, and none is killed by a store.
+#![cfg(target_os = "linux")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+use support::stages::{Place, Running};
+use support::{drive, ended_within};
+
+/// Tells this program that it runs in the small world, and where the log is.
+const LOG: &str = "RANDT_TEST_LOG";
+/// From what holds nothing to what holds everything.
+const SIZES_KB: [u32; 10] = [
+    40, 200, 600, 1_000, 2_000, 4_000, 8_000, 12_000, 24_000, 64_000,
+];
+/// Whole seconds of scans, so that the histories of the largest topics are full.
+const SCANS: u64 = 40;
+
+#[test]
+fn too_little_shared_memory_is_an_error_and_never_a_signal() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("drive.mcap");
+    drive::write(&drive::events(SCANS), &log);
+    if !Command::new("unshare")
+        .args(["-m", "true"])
+        .status()
+        .is_ok_and(|s| s.success())
+    {
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "CI may make its own mounts"
+        );
+        println!("not run: this user may not make its own mounts");
+        return;
+    }
+    let (mut refused, mut ran) = (0, 0);
+    for size in SIZES_KB {
+        let script = format!("mount -t tmpfs -o size={size}k tmpfs /dev/shm && exec \"$0\" \"$@\"");
+        let mut command = Command::new("unshare");
+        command.args(["-m", "sh", "-c", &script]);
+        command.arg(std::env::current_exe().unwrap());
+        command.args(["in_the_small_world", "--exact", "--nocapture"]);
+        command.env(LOG, &log);
+        let ended = ended_within(command, Duration::from_secs(90));
+        let rows: Vec<&str> = ended
+            .stdout
+            .lines()
+            .filter(|l| l.starts_with("| "))
+            .collect();
+        println!("{size} kB\n{}", rows.join("\n"));
+        assert_eq!(
+            ended.code,
+            Some(0),
+            "{size} kB: {}{}",
+            ended.stdout,
+            ended.stderr
+        );
+        refused += rows.iter().filter(|row| row.contains("MB free")).count();
+        ran += usize::from(rows.iter().all(|row| row.contains("ran")));
+    }
+    assert!(refused > 0 && ran > 0, "sizes on both sides");
+}
+
+#[test]
+fn in_the_small_world() {
+    let Some(log) = std::env::var_os(LOG).map(PathBuf::from) else {
+        return;
+    };
+    let place = Place::new();
+    let (profile, _) = place.profile(&log);
+    for order in [
+        ["mapper", "odometry", "filter", "play"],
+        ["play", "filter", "odometry", "mapper"],
+    ] {
+        let realm = place.realm(order[0]);
+        let mut programs = order.map(|name| {
+            let mut command = Place::command(&realm, name);
+            match name {
+                "play" => command.args(["--stay", "--rate", "4"]).arg(&log),
+                _ => command.arg("--profile").arg(&profile),
+            };
+            let program = place.start(name, command);
+            std::thread::sleep(Duration::from_millis(300));
+            program
+        });
+        std::thread::sleep(Duration::from_secs(SCANS / 5 / 4 + 1));
+        programs.iter_mut().for_each(|program| check(program, &log));
+        assert!(randt_stage::wipe(&realm, true).unwrap().is_some());
+    }
+}
+
+/// It ran, or it has said how much is free, how much it needs, and what to do.
+fn check(program: &mut Running, log: &Path) {
+    let ended_early = program.ended().is_some();
+    let status = program.stop();
+    let said = program.said();
+    let name = &program.name;
+    let last = said.lines().last().unwrap_or_default();
+    assert_eq!(
+        status.signal(),
+        None,
+        "randt-{name} on {}: {status}: {said}",
+        log.display()
+    );
+    if !ended_early && status.success() {
+        println!("| {name:<9} ran");
+        return;
+    }
+    println!("| {name:<9} {last}");
+    assert_eq!(status.code(), Some(1), "randt-{name}: {said}");
+    for part in ["MB free", "needs", "mount -o remount,size="] {
+        assert!(last.contains(part), "randt-{name}: {said}");
+    }
+}

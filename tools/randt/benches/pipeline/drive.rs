@@ -1,0 +1,161 @@
+//! One drive: all stages run, a log is played, and what can be seen from outside is noted.
+
+use crate::stages::{Place, Running, memory};
+use randt_messages::{OdometryState, OdometryStateTopic, RadarScan, Topic};
+use randt_readers::Event;
+use randt_stage::{Realm, Stage};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Memory is looked at so often.
+const LOOK: Duration = Duration::from_millis(500);
+/// The first scans catch up with the stages' starts; processor time and bytes are counted after that.
+const WARM_UP: Duration = Duration::from_secs(3);
+
+/// The three stages.
+pub struct Stages<'a> {
+    place: &'a Place,
+    pub realm: Realm,
+    pub running: Vec<Running>,
+}
+
+/// What a process took while the log was played.
+pub struct Cost {
+    pub name: String,
+    pub processor_percent: f64,
+    pub written_kb_s: f64,
+}
+
+/// What was seen.
+pub struct Drive {
+    pub states: Vec<OdometryState>,
+    pub costs: Vec<Cost>,
+    /// Most bytes in use.
+    pub memory: u64,
+    pub scans_kb_s: f64,
+}
+
+/// Counters of a process, and when they were read.
+struct Reading {
+    at: Instant,
+    processor: Duration,
+    written: u64,
+}
+
+impl Reading {
+    fn of(running: &Running) -> Self {
+        Self {
+            at: Instant::now(),
+            processor: running.processor(),
+            written: running.written(),
+        }
+    }
+}
+
+impl<'a> Stages<'a> {
+    /// Starts them for a log.
+    pub fn start(place: &'a Place, log: &Path, prefix: &str) -> Self {
+        let realm = place.realm(prefix);
+        let (profile, _) = place.profile(log);
+        let running = ["mapper", "odometry", "filter"].map(|name| {
+            let mut command = Place::command(&realm, name);
+            command.arg("--profile").arg(&profile);
+            place.start(name, command)
+        });
+        Self {
+            place,
+            realm,
+            running: running.into(),
+        }
+    }
+
+    /// Plays a log to its end.
+    pub fn play(&self, log: &Path) -> Running {
+        let mut play = Place::command(&self.realm, "play");
+        play.arg(log);
+        self.place.start("play", play)
+    }
+
+    /// Plays a log and watches.
+    pub fn drive(&mut self, log: &Path) -> Drive {
+        let mut stage = Stage::open("bench", &self.realm).unwrap();
+        let mut states_in = stage.subscriber::<OdometryStateTopic>().unwrap();
+        stage.running().unwrap();
+        let mut play = self.play(log);
+        let begin = Instant::now();
+        let (mut states, mut most) = (Vec::new(), 0);
+        let (mut first, mut last) = (Vec::new(), Vec::new());
+        let mut looked = begin;
+        while play.ended().is_none() {
+            stage.wait(&[&states_in], Some(LOOK)).unwrap();
+            while let Some(state) = states_in.receive().unwrap() {
+                states.push(*state.message().head);
+            }
+            if looked.elapsed() < LOOK {
+                continue;
+            }
+            looked = Instant::now();
+            most = most.max(memory(&self.realm));
+            // Counters of a process that has ended are not there any more.
+            if begin.elapsed() < WARM_UP || play.ended().is_some() {
+                continue;
+            }
+            let all = self.running.iter().chain([&play]);
+            let readings: Vec<Reading> = all.map(Reading::of).collect();
+            if first.is_empty() {
+                first = readings;
+            } else {
+                last = readings;
+            }
+        }
+        stage.close().unwrap();
+        let names = self
+            .running
+            .iter()
+            .chain([&play])
+            .map(|running| &running.name);
+        let costs = names.zip(first.iter().zip(&last)).map(|(name, (a, b))| {
+            let seconds = b.at.duration_since(a.at).as_secs_f64();
+            Cost {
+                name: name.clone(),
+                processor_percent: 100.0 * (b.processor - a.processor).as_secs_f64() / seconds,
+                written_kb_s: (b.written - a.written) as f64 * 1e-3 / seconds,
+            }
+        });
+        Drive {
+            costs: costs.collect(),
+            states,
+            memory: most,
+            scans_kb_s: scans_kb_s(log),
+        }
+    }
+
+    /// Ends them.
+    pub fn stop(&mut self) {
+        for running in &mut self.running {
+            let status = running.stop();
+            assert!(
+                status.success(),
+                "randt-{}: {status}: {}",
+                running.name,
+                running.said()
+            );
+        }
+    }
+}
+
+/// Bytes of a log's scans per second of its time, as they are on the bus.
+pub fn scans_kb_s(log: &Path) -> f64 {
+    let mut source = randt_readers::open(log, &randt_readers::Options::default()).unwrap();
+    let (mut bytes, mut stamps) = (0, Vec::new());
+    while let Some(event) = source.next_event().unwrap() {
+        if let Event::Scan(scan) = event {
+            bytes += size_of::<<RadarScan as Topic>::Head>() + size_of_val(scan.items.as_slice());
+            stamps.push(scan.head.header.stamp_ns);
+        }
+    }
+    let intervals = stamps.len().saturating_sub(1).max(1) as f64;
+    let span_ns = stamps.last().unwrap() - stamps.first().unwrap();
+    let period_s = span_ns as f64 * 1e-9 / intervals;
+    bytes as f64 * 1e-3 / (stamps.len() as f64 * period_s)
+}

@@ -1,0 +1,111 @@
+//! `cargo bench -p randt --bench pipeline [-- SECONDS [RUNS]]`: the pipeline as processes, as on a robot.
+//!
+//! Prints machine, latency (wait and compute: median, p99, largest), processor time, shared memory and what goes through
+//! write and send. The stages are those of the release build, started by hand; the log is simulated and played as it
+//! would be driven.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a benchmark that cannot measure ends"
+)]
+
+#[path = "../../../../tests/support/calls.rs"]
+mod calls;
+mod drive;
+mod navtech;
+mod sends;
+#[path = "../../../../tests/support/stages.rs"]
+#[allow(dead_code, reason = "the tests use the rest")]
+mod stages;
+
+use drive::{Drive, Stages};
+use randt::{latency::Latency, machine, report::Cost};
+use std::process::{Command, Stdio};
+
+/// Sweeps per second.
+const RATE_HZ: u64 = 5;
+
+fn main() {
+    let numbers: Vec<u64> = std::env::args().filter_map(|a| a.parse().ok()).collect();
+    let seconds = numbers.first().copied().unwrap_or(60).max(10);
+    let runs = numbers.get(1).copied().unwrap_or(3);
+    make_stages();
+    println!("machine: {}", machine::description());
+    println!("drive: simulated building, {seconds} s at {RATE_HZ} Hz, IMU at 250 Hz; {runs} runs");
+    let place = stages::Place::new();
+    let log = place.file("building.mcap");
+    let scans = (seconds * RATE_HZ).to_string();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_randt"));
+    command.args([
+        "simulate", "building", "--seed", "1", "--scans", &scans, "--out",
+    ]);
+    let status = command.arg(&log).stdout(Stdio::null()).status().unwrap();
+    assert!(status.success(), "the simulation failed: {status}");
+    for run in 1..=runs {
+        println!("\nrun {run}");
+        let mut stages = Stages::start(&place, &log, &format!("bench-{run}"));
+        let drive = stages.drive(&log);
+        print_latency(&drive);
+        print_costs(&drive);
+        stages.stop();
+    }
+    sends::print(&place, &log);
+    navtech::print(&place);
+}
+
+/// The stages are programs of other packages: this benchmark's build does not make them.
+fn make_stages() {
+    let cargo = std::env::var_os("CARGO").unwrap_or("cargo".into());
+    let status = Command::new(cargo)
+        .args(["build", "--release", "--quiet"])
+        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+        .status()
+        .unwrap();
+    assert!(status.success(), "the stages cannot be built: {status}");
+}
+
+fn print_latency(drive: &Drive) {
+    let latencies: Vec<Latency> = drive.states.iter().filter_map(Latency::of).collect();
+    let cost = |part: fn(&Latency) -> f64| {
+        let times: Vec<u64> = latencies.iter().map(|l| (part(l) * 1e6) as u64).collect();
+        Cost::of(&times)
+    };
+    for (name, cost) in [
+        ("wait", cost(|latency| latency.wait_ms)),
+        ("compute", cost(|latency| latency.compute_ms)),
+    ] {
+        println!(
+            "{name:<8} {:4} scans: median {:.3} ms, p99 {:.3} ms, max {:.3} ms",
+            cost.count, cost.median_ms, cost.p99_ms, cost.max_ms
+        );
+    }
+    let uncovered = drive.states.len() - latencies.len();
+    if uncovered > 0 {
+        println!("{uncovered} scans without a covering IMU sample are not counted");
+    }
+}
+
+fn print_costs(drive: &Drive) {
+    let mut whole = 0.0;
+    for cost in &drive.costs {
+        println!(
+            "{:<9} {:5.2} % of a core, {:5.1} kB/s through write()",
+            cost.name, cost.processor_percent, cost.written_kb_s
+        );
+        if cost.name != "play" {
+            whole += cost.processor_percent;
+        }
+    }
+    println!(
+        "pipeline  {whole:5.2} % of a core; play, in whose place the drivers stand, is not in it"
+    );
+    println!(
+        "scans     {:.0} kB/s, handed over without a copy",
+        drive.scans_kb_s
+    );
+    println!(
+        "memory    {:.1} MB in use at most: segments, iceoryx2's files, checkpoints, ring of keyframes",
+        drive.memory as f64 * 1e-6
+    );
+}

@@ -1,0 +1,32 @@
+//! Bytes through write and send, of every stage. Tracing slows a stage down: times are not taken here.
+
+use crate::calls;
+use crate::drive::Stages;
+use crate::stages::Place;
+use std::path::Path;
+use std::time::Duration;
+
+/// Each process is traced so long.
+const SPAN: Duration = Duration::from_secs(2);
+/// The histories are handed over before that.
+const BEFORE: Duration = Duration::from_secs(2);
+
+/// Plays a log and prints the rates.
+pub fn print(place: &Place, log: &Path) {
+    println!("\nwrite and send calls, seen with strace for {SPAN:?} each");
+    let mut stages = Stages::start(place, log, "bench-calls");
+    let mut play = stages.play(log);
+    std::thread::sleep(BEFORE);
+    // The mapper last: the robot stands at first, and there is nothing to write.
+    for running in [&play].into_iter().chain(stages.running.iter().rev()) {
+        match calls::watch(running, SPAN) {
+            Some(calls) => println!(
+                "{:<9} {:.1} kB/s in {:.0} writes/s, {:.1} kB/s in {:.0} sends/s",
+                running.name, calls.written_kb_s, calls.writes_s, calls.sent_kb_s, calls.sends_s
+            ),
+            None => println!("{}: not counted, strace is not there", running.name),
+        }
+    }
+    play.stop();
+    stages.stop();
+}
