@@ -166,7 +166,7 @@ fn what_a_kill_leaves_is_found_and_cleaned_away() {
     // All die.
     pipeline.kill_all();
     let dead = pipeline.randt(&["doctor"]);
-    assert_says(&dead, "WARN", "MB) of dead stages");
+    assert_says(&dead, "WARN", "B) of dead stages");
     assert_says(
         &dead,
         "      mend it:",
@@ -177,7 +177,7 @@ fn what_a_kill_leaves_is_found_and_cleaned_away() {
     assert!(
         cleaned
             .stdout
-            .contains("MB; checkpoints and keyframes are kept"),
+            .contains("checkpoints and keyframes are kept"),
         "{}",
         cleaned.stdout
     );

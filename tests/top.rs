@@ -12,6 +12,7 @@ use randt_messages::{ImuSample, OdometryStateTopic, Topic};
 use randt_stage::Stage;
 use rustix::process::Signal;
 use serde_json::Value;
+use std::time::Duration;
 use support::pipeline::{Pipeline, log, signal};
 
 const ONCE: [&str; 3] = ["top", "--once", "--json"];
@@ -115,6 +116,8 @@ fn stages_and_topics_are_shown_as_they_are() {
     );
 
     let again = pipeline.stage("filter");
+    // It begins with what is in reach, all at once; rates are those of three seconds.
+    std::thread::sleep(Duration::from_secs(3));
     let back = figures(&pipeline);
     let stage = row(&back, "stages", "filter");
     assert_eq!(
@@ -147,7 +150,7 @@ fn the_pipeline_has_latency_pose_and_map() {
     pipeline.stage("filter");
     pipeline.play(&log, &["--loop"]);
     // Keyframes leave the window after some metres.
-    std::thread::sleep(std::time::Duration::from_secs(6));
+    std::thread::sleep(Duration::from_secs(6));
     let now = figures(&pipeline);
     assert_rate(&now, "odometry/state/v1", 5.0);
     for part in ["wait_p50", "wait_p99", "compute_p50", "compute_p99"] {

@@ -3,6 +3,7 @@
 use super::{Ended, ended, randt};
 use randt_stage::{Realm, Registry};
 use rustix::process::{Pid, Signal, kill_process};
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -74,7 +75,7 @@ impl Pipeline {
         command.arg(self.realm.run());
     }
 
-    /// Starts a program and waits until it is in the register with its topics.
+    /// Starts a program and waits until it is in its loop: it holds the lock of those who start until then.
     pub fn start(&mut self, name: &str, mut command: Command) -> u32 {
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let child = command.stderr(Stdio::null()).spawn().unwrap();
@@ -84,6 +85,8 @@ impl Pipeline {
             *lives && entry.name == name && entry.pid == u64::from(pid) && entry.topics.len() > 1
         };
         until(name, || Registry::all(&self.realm).iter().any(is));
+        let starts = self.realm.folder().join("start.lock");
+        until(name, || File::open(&starts).unwrap().try_lock().is_ok());
         pid
     }
 

@@ -1,9 +1,12 @@
 //! What is known of robot, latency and map, as names with values; short enough for 34 columns.
 
-use super::snapshot::{Pose, Snapshot};
-use crate::units::{count, or_dash};
+use super::snapshot::{Pose, Robot, Snapshot};
+use crate::units::{count, or_dash, seconds};
 
-/// A name and its value; neither of them where it is a gap.
+/// What is older is said to be.
+const OLD_S: f64 = 1.5;
+
+/// A name and its value.
 pub type Fact = (&'static str, String);
 
 /// Where the robot is, how fast, how sure, and how late that is known.
@@ -39,7 +42,7 @@ pub fn robot(snapshot: &Snapshot) -> Vec<Fact> {
             "gyro bias",
             or_dash(robot.map(|robot| robot.gyro_bias_rad_s), bias),
         ),
-        ("trust", or_dash(robot, |robot| robot.trust.to_owned())),
+        ("trust", or_dash(robot, trust)),
         ("wait", times(latency.wait_p50, latency.wait_p99)),
         ("compute", times(latency.compute_p50, latency.compute_p99)),
     ]
@@ -70,6 +73,15 @@ pub fn map(snapshot: &Snapshot) -> Vec<Fact> {
     ]
 }
 
+/// The trust, with its age where it is old.
+fn trust(robot: &Robot) -> String {
+    if robot.age_s > OLD_S {
+        format!("{}, {} ago", robot.trust, seconds(robot.age_s))
+    } else {
+        robot.trust.to_owned()
+    }
+}
+
 /// Median and 99th percentile.
 fn times(p50: Option<f64>, p99: Option<f64>) -> String {
     or_dash(p50.zip(p99), |(p50, p99)| {
@@ -80,7 +92,7 @@ fn times(p50: Option<f64>, p99: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::top::snapshot::{Map, Robot};
+    use crate::commands::top::snapshot::Map;
     use crate::latency::LatencyFigures;
 
     fn empty() -> Snapshot {
@@ -111,6 +123,7 @@ mod tests {
             map_pose: Some(far()),
             velocity: [-12.345, -0.123, -2.0],
             trust: "degraded",
+            age_s: 99.0,
             gyro_bias_rad_s: [-0.01, -0.02, 0.03],
             odom_frame_id: 0,
             scan: 0,
@@ -143,6 +156,7 @@ mod tests {
         );
         assert_eq!(known[4].1, "-0.57 -1.15 1.72 deg/s");
         assert_eq!(known[9].1, "12345, 12 parts");
+        assert_eq!(known[5].1, "degraded, 99 s ago");
         assert_eq!(known.len(), 11);
     }
 }

@@ -224,7 +224,7 @@ fn rule(title: &'static str) -> Block<'static> {
 
 /// Colour of a word for a state, which says the same.
 fn color(state: &str) -> Style {
-    match state {
+    match state.split(',').next().unwrap_or_default() {
         "running" | "good" => Style::new().fg(Color::Green),
         "degraded" | "starting" | "stopping" | "stopped" => Style::new().fg(Color::Yellow),
         "dead" | "lost" => Style::new().fg(Color::Red).add_modifier(Modifier::BOLD),

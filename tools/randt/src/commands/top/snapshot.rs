@@ -73,6 +73,8 @@ pub struct Robot {
     pub velocity: [f64; 3],
     /// good, degraded, lost.
     pub trust: &'static str,
+    /// Since all of this was published.
+    pub age_s: f64,
     /// About the IMU's x, y, z.
     pub gyro_bias_rad_s: [f64; 3],
     /// The odometry frame.
@@ -113,7 +115,7 @@ pub struct Map {
 
 impl Robot {
     /// Of a state, placed in the map by the last correction.
-    pub fn of(state: &OdometryState, correction: Option<&Correction>) -> Self {
+    pub fn of(state: &OdometryState, correction: Option<&Correction>, now_ns: i64) -> Self {
         let pose = Pose2::from_array(state.pose);
         let placed = correction.filter(|to| to.odom_frame_id == state.odom_frame_id);
         let map_pose = placed.map(|to| Pose2::from_array(to.pose).compose(&pose));
@@ -122,6 +124,7 @@ impl Robot {
             map_pose: map_pose.map(|pose| Pose::of(&pose)),
             velocity: state.velocity,
             trust: trust(state.trust),
+            age_s: (now_ns - state.header.published_ns) as f64 * 1e-9,
             gyro_bias_rad_s: state.gyro_bias_rad_s,
             odom_frame_id: state.odom_frame_id,
             scan: state.id,

@@ -9,12 +9,14 @@ use randt_messages::{
     Correction, GraphHead, MapperCorrection, MapperGraph, OdometryState, OdometryStateTopic,
     StageHealthTopic,
 };
-use randt_stage::{Entry, Observer, Realm, Registry};
+use randt_stage::{Clock, Entry, Observer, Realm, Registry};
 
 /// What was seen of a realm.
 pub struct Watch {
     realm: Realm,
     connection: Option<Connection>,
+    /// Of the last connection: what was seen grows old when everybody is gone.
+    clock: Option<Clock>,
     stages: Stages,
     traffic: Traffic,
     latencies: Latencies,
@@ -38,6 +40,7 @@ impl Watch {
         Self {
             realm,
             connection: None,
+            clock: None,
             stages: Stages::default(),
             traffic: Traffic::default(),
             latencies: Latencies::default(),
@@ -73,6 +76,7 @@ impl Watch {
         }
         if let Some(connection) = &mut self.connection {
             connection.follow(&living);
+            self.clock = Some(connection.observer.clock());
         }
         self.read();
         Ok(self.snapshot(&register))
@@ -101,10 +105,7 @@ impl Watch {
     }
 
     fn snapshot(&mut self, register: &[(Entry, bool)]) -> Snapshot {
-        let now_ns = self
-            .connection
-            .as_ref()
-            .map(|c| c.observer.clock().now_ns());
+        let now_ns = self.clock.map(|clock| clock.now_ns());
         let stages = self.stages.rows(register, now_ns);
         let told = stages.iter().filter(|stage| !stage.message.is_empty());
         let mut notes: Vec<String> = told
@@ -126,7 +127,8 @@ impl Watch {
             robot: self
                 .state
                 .as_ref()
-                .map(|state| Robot::of(state, self.correction.as_ref())),
+                .zip(now_ns)
+                .map(|(state, now_ns)| Robot::of(state, self.correction.as_ref(), now_ns)),
             map: self.graph.as_ref().map(Map::from),
             notes,
         }
