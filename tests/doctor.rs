@@ -310,8 +310,7 @@ fn two_worlds_are_told_apart() {
 #[test]
 fn a_stage_with_a_shared_memory_of_its_own_is_found() {
     let Some(options) = namespace() else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let mut pipeline = Pipeline::below("apart", folder.path());
+    let mut pipeline = Pipeline::below("apart", &std::env::temp_dir());
     let mut filter = alone(options, "64m", &stage_program("filter"));
     pipeline.enter(&mut filter);
     pipeline.start("filter", filter);
