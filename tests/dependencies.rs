@@ -39,10 +39,6 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "equator",
         "assertions of faer, whose kernels for small products (nano-gemm) are a release behind",
     ),
-    (
-        "embedded-io",
-        "optional traits of postcard: in the lock file, never built",
-    ),
     ("equator-macro", "comes with equator"),
     (
         "glam",

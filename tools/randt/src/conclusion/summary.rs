@@ -72,6 +72,13 @@ pub fn text(report: &Report<'_>, out: &Path) -> String {
             whole.median_ms * 1e-3
         );
     }
+    if let Some(cost) = report.timing.get("compute") {
+        let _ = writeln!(
+            text,
+            "latency: from scan and IMU on the bus to the pose median {:.2} ms, p99 {:.2} ms",
+            cost.median_ms, cost.p99_ms
+        );
+    }
     for (name, counter) in report.counters.iter().filter(|(_, c)| !c.loss) {
         let _ = writeln!(text, "note: {}", counted(name, counter));
     }

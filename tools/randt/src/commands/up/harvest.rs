@@ -3,6 +3,7 @@
 use crate::{
     conclusion::Conclusion,
     exit::Outcome,
+    latency::Latency,
     report::{self, Cost, Count, Input},
     results::Results,
 };
@@ -49,6 +50,20 @@ struct Log {
     imu_samples: u64,
     counters: Vec<Counter>,
     input: Option<Input>,
+}
+
+/// Times of every scan on the bus, and of the whole.
+fn timing(states: &[OdometryState], begin: Instant) -> BTreeMap<&'static str, Cost> {
+    let latencies: Vec<Latency> = states.iter().filter_map(Latency::of).collect();
+    let cost = |part: fn(&Latency) -> f64| {
+        let times_ns = latencies.iter().map(|latency| (part(latency) * 1e6) as u64);
+        Cost::of(&times_ns.collect::<Vec<_>>())
+    };
+    BTreeMap::from([
+        ("wait", cost(|latency| latency.wait_ms)),
+        ("compute", cost(|latency| latency.compute_ms)),
+        ("run", Cost::of(&[begin.elapsed().as_nanos() as u64])),
+    ])
 }
 
 /// What odometry still has to say goes to results and map.
@@ -111,7 +126,7 @@ impl Drive<'_> {
             let first = "keyframes that neither journal nor ring has".to_owned();
             counters.insert("keyframes_lost", Count::lost(keyframes_lost, first));
         }
-        let timing = BTreeMap::from([("run", Cost::of(&[begin.elapsed().as_nanos() as u64]))]);
+        let timing = timing(&results.states, begin);
         let shown = Conclusion {
             input: log.input.unwrap_or(Input {
                 name: "live".to_owned(),
