@@ -52,6 +52,10 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             at_once |= intake.take(keyframe.message());
         }
         at_once |= intake.sync();
+        if intake.is_other_drive {
+            intake = intake.begin_anew(&journal, &config, &stage)?;
+            at_once = true;
+        }
         stage.report(&intake.trouble, intake.lost);
         if intake.is_unsure {
             return Err(intake.trouble.into());

@@ -136,7 +136,7 @@ fn cut_at_any_byte_of_the_last_record_it_has_the_others() {
 }
 
 #[test]
-fn what_is_damaged_in_the_middle_or_foreign_is_set_aside() {
+fn what_is_damaged_is_set_aside_and_what_is_none_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.journal");
     drop(drive(&path, 0..6));
@@ -157,14 +157,22 @@ fn what_is_damaged_in_the_middle_or_foreign_is_set_aside() {
     drop(opened.journal);
     assert_eq!(fs::read(&path).unwrap(), whole[..ends[2]]);
 
-    for foreign in [b"P5\n640 480\n255\n".to_vec(), whole[..10].to_vec()] {
-        fs::write(&path, &foreign).unwrap();
-        let (opened, mapper) = drive(&path, [7]);
-        let (another, why) = opened.aside.unwrap();
-        println!("{}: {why}", another.display());
-        assert!(another != aside && fs::read(&another).unwrap() == foreign);
-        assert_eq!(ids(&mapper), [7]);
-    }
+    let beginning = whole[..10].to_vec();
+    fs::write(&path, &beginning).unwrap();
+    let (opened, mapper) = drive(&path, [7]);
+    let (another, _) = opened.aside.unwrap();
+    assert!(another != aside && fs::read(&another).unwrap() == beginning);
+    assert_eq!(ids(&mapper), [7]);
+    drop(opened.journal);
+    // What never was a journal is somebody's file under a wrong name.
+    let picture = b"P5\n640 480\n255\n";
+    fs::write(&path, picture).unwrap();
+    let refused = JournalFile::open(&path, &Config::default()).unwrap_err();
+    assert!(
+        refused.to_string().contains("not a mapper's journal"),
+        "{refused}"
+    );
+    assert_eq!(fs::read(&path).unwrap(), picture);
     // An empty one is no journal yet.
     fs::write(&path, b"").unwrap();
     assert_eq!(drive(&path, []).0.aside, None);

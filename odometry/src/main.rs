@@ -8,10 +8,12 @@ use randt_odometry::process::{Feed, Past};
 use randt_stage::{Publisher, Stage, StageArguments, Subscriber, Woken, ended};
 use std::error::Error;
 use std::process::ExitCode;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Keyframes that are sent again for one request; the mapper asks for more when it has these.
 const AGAIN: usize = 32;
+/// A start without a past waits so long to hear of a map that there may be from before.
+const HEAR_MAX: Duration = Duration::from_secs(1);
 
 /// The odometry stage: the live pose of every scan, and keyframes for the mapper.
 ///
@@ -49,6 +51,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut feed = Feed::new(odometry, past, samples, points, wait);
     stage.running()?;
     out.publish(&mut feed.past)?;
+    let give_up = Instant::now() + HEAR_MAX;
+    while !has_past && Instant::now() < give_up {
+        // Numbers go on after those of the map that there may be; the first scans lie in the buffer meanwhile.
+        let left = give_up.saturating_duration_since(Instant::now());
+        if stage.wait(&[&graph], Some(left))? == Woken::Stop {
+            return Ok(stage.close()?);
+        }
+        has_past = answer(&mut graph, &mut feed, &mut out, has_past)?;
+    }
     loop {
         while feed.take()? {
             out.publish(&mut feed.past)?;
@@ -62,7 +73,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Hears what the mapper has and wants; gives whether it had keyframes.
+/// Hears what the mapper has and wants; gives whether it was heard.
 fn answer(
     graph: &mut Subscriber<MapperGraph>,
     feed: &mut Feed,
@@ -70,12 +81,12 @@ fn answer(
     has_past: bool,
 ) -> Result<bool, Box<dyn Error>> {
     let mut wanted = None;
-    let mut had = false;
+    let mut heard = false;
     while let Some(message) = graph.receive()? {
         let head = message.message().head;
         wanted = (head.send_again == 1).then_some(head.wanted_keyframe);
-        had = head.wanted_keyframe > 0;
-        if had && !has_past {
+        heard = true;
+        if head.wanted_keyframe > 0 && !has_past {
             // A map from before the machine was started: numbers go on after it.
             feed.odometry
                 .continue_after(head.wanted_keyframe, head.odom_frame_id);
@@ -83,14 +94,15 @@ fn answer(
     }
     if let Some(wanted) = wanted {
         let ring = feed.past.ring();
-        // What the ring has beyond that belongs to a scan that is not kept yet.
+        // What the ring has beyond that belongs to a scan that is not kept yet. The one before goes with it: by that the
+        // mapper sees whether both speak of the same drive.
         let next = feed.odometry.pose_record().next_keyframe;
-        let there = (wanted..next).filter_map(|id| ring.get(id));
+        let there = (wanted.saturating_sub(1)..next).filter_map(|id| ring.get(id));
         for keyframe in there.take(AGAIN) {
             out.keyframes.publish(keyframe.as_ref())?;
         }
     }
-    Ok(had)
+    Ok(heard)
 }
 
 /// Tells what was lost on the way.

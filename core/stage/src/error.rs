@@ -49,6 +49,14 @@ pub enum Error {
         /// The run folder.
         run: PathBuf,
     },
+    /// All places for those who watch are taken.
+    #[error("{most} programs watch the pipeline in {} already: end one of them (randt top)", run.display())]
+    TooManyWatch {
+        /// The realm's folder.
+        run: PathBuf,
+        /// How many may.
+        most: usize,
+    },
     /// Another stage was built with another layout.
     #[error(
         "{topic}: this build has the layout {ours}, but {holder} has {theirs}: the two were built from different sources; restart {restart} from the same build as the rest"

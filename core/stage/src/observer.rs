@@ -7,15 +7,17 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::{CallbackProgression, WaitSetBuilder, ipc};
 use iceoryx2::waitset::WaitSetRunResult;
 use randt_messages::{MessageRef, Topic};
+use std::fs::File;
 use std::time::Duration;
 
 /// A process that watches: it is present, so that nobody wipes the realm under it, but not in the register; it publishes
-/// nothing, so that any number of them may run, and holds nobody up, however seldom it looks.
+/// nothing, so that several may run, and holds nobody up, however seldom it looks.
 pub struct Observer {
     // Ports go before the node, the node before the presence: fields are dropped in order.
     join: Notifier<ipc::Service>,
     bus: Bus,
     _presence: Presence,
+    _place: File,
     realm: Realm,
     clock: Clock,
 }
@@ -26,12 +28,14 @@ impl Observer {
         let Some(presence) = realm.visit()? else {
             return Ok(None);
         };
+        let place = realm.place_to_watch()?;
         let _start = realm.start()?;
         let bus = Bus::open(realm, &format!("top-{}", std::process::id()))?;
         Ok(Some(Self {
             join: bus.notifier(JOINED)?,
             bus,
             _presence: presence,
+            _place: place,
             realm: realm.clone(),
             clock: Clock::of(realm)?,
         }))

@@ -1,6 +1,7 @@
 //! Realm: the world that the stages of one pipeline share, and that no other pipeline sees.
 
 use crate::Error;
+use randt_messages::layout::{FNV_SEED, hash_bytes};
 use rustix::fs::Access;
 use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
@@ -18,6 +19,8 @@ const SOCKET_PATH_MAX: usize = 107;
 /// Most characters of a socket's name after the prefix: iceoryx2's number and ending.
 const SOCKET_NAME: usize = 38;
 
+/// Programs that may watch a pipeline at once.
+const WATCHERS: usize = 8;
 /// A start takes a few hundredths of a second.
 const START_WAIT: Duration = Duration::from_secs(2);
 const START_PAUSE: Duration = Duration::from_millis(3);
@@ -92,9 +95,11 @@ impl Realm {
         self.folder().join("state")
     }
 
-    /// How files of this realm in /dev/shm begin. No prefix can hold an underscore, so none is another's beginning.
+    /// How files of this realm in /dev/shm begin: the prefix, and a number made of the run folder, because the same prefix
+    /// in another run folder is another realm. No prefix can hold an underscore, so none is another's beginning.
     pub fn segment_prefix(&self) -> String {
-        format!("{}_", self.prefix)
+        let hash = hash_bytes(FNV_SEED, self.run.as_os_str().as_encoded_bytes());
+        format!("{}-{:08x}_", self.prefix, hash as u32)
     }
 
     /// Makes the folders; refuses those of another user.
@@ -162,6 +167,21 @@ impl Realm {
             None => Some(Presence {
                 _alive: self.lock("alive", false)?,
             }),
+        })
+    }
+
+    /// One of the few places for those who only watch: topics have room for a number of readers, and a stage that comes
+    /// back must never find it taken.
+    pub(crate) fn place_to_watch(&self) -> Result<File, Error> {
+        for place in 0..WATCHERS {
+            let file = open_lock(&self.folder().join(format!("watch-{place}.lock")))?;
+            if file.try_lock().is_ok() {
+                return Ok(file);
+            }
+        }
+        Err(Error::TooManyWatch {
+            run: self.folder(),
+            most: WATCHERS,
         })
     }
 
@@ -261,7 +281,10 @@ mod tests {
         }
         let realm = Realm::new("test-1", Some(Path::new("/tmp/x"))).unwrap();
         assert_eq!(realm.root(), Path::new("/tmp/x/test-1/iceoryx2"));
-        assert_eq!(realm.segment_prefix(), "test-1_");
+        let begins = realm.segment_prefix();
+        assert!(begins.starts_with("test-1-") && begins.ends_with('_'));
+        let elsewhere = Realm::new("test-1", Some(Path::new("/tmp/y"))).unwrap();
+        assert_ne!(elsewhere.segment_prefix(), begins);
     }
 
     #[test]

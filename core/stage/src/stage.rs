@@ -226,7 +226,7 @@ impl Stage {
 
     /// A line on standard error, for the journal.
     pub fn say(&self, text: &str) {
-        eprintln!("randt-{}: {text}", self.condition.name);
+        crate::exit::say(&self.condition.name, text);
     }
 
     /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile.

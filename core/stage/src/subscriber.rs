@@ -102,7 +102,10 @@ impl<T: Topic> Subscriber<T> {
         {
             self.counters.lose(sequence - last - 1);
         }
-        if self.last.is_none_or(|last| last < (epoch, sequence)) {
+        if self
+            .last
+            .is_none_or(|last| last.0 != epoch || last.1 < sequence)
+        {
             self.last = Some((epoch, sequence));
         }
         self.counters.count(header.published_ns);

@@ -68,6 +68,8 @@ impl JournalFile {
                         aside = Some((set_aside(&path)?, why));
                     }
                 }
+                // Somebody's file under a wrong name is not ours to move.
+                Err(why @ Error::NotAJournal { .. }) => return Err(why),
                 Err(why) => {
                     bytes.clear();
                     aside = Some((set_aside(&path)?, why.to_string()));
@@ -142,6 +144,17 @@ impl JournalFile {
     /// Keyframes below this number are on the disk.
     pub fn on_disk(&self) -> u64 {
         self.on_disk
+    }
+
+    /// Moves the journal out of the way, for one that begins anew; gives where it is.
+    pub fn set_aside(self) -> Result<PathBuf, Error> {
+        let aside = set_aside(&self.path)?;
+        match fs::remove_file(&self.path) {
+            Err(cause) if cause.kind() != io::ErrorKind::NotFound => {
+                Err(io_error(&self.path, "set aside", cause))
+            }
+            _ => Ok(aside),
+        }
     }
 
     /// Bytes of the file.

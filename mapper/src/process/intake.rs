@@ -5,7 +5,7 @@ use randt_mapper::{
     Mapper,
     journal::{Error, JournalFile},
 };
-use randt_messages::{Keyframe, Message, MessageRef};
+use randt_messages::{Keyframe, KeyframeHead, Message, MessageRef};
 use randt_stage::Stage;
 use std::collections::VecDeque;
 use std::path::Path;
@@ -36,6 +36,8 @@ pub struct Intake {
     pub trouble: String,
     /// Whether only opening the journal anew tells what is in it: a matter for the next process.
     pub is_unsure: bool,
+    /// Whether a keyframe came that has the number of one of the map's and is another one.
+    pub is_other_drive: bool,
 }
 
 impl Intake {
@@ -78,6 +80,7 @@ impl Intake {
             lost: 0,
             trouble: String::new(),
             is_unsure: false,
+            is_other_drive: false,
         })
     }
 
@@ -86,6 +89,7 @@ impl Intake {
     pub fn take(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
         let id = keyframe.head.id;
         if id < self.next {
+            self.is_other_drive |= !self.is_double(keyframe.head);
             return false;
         }
         if id > self.next {
@@ -109,6 +113,28 @@ impl Intake {
         }
         self.snapshot();
         false
+    }
+
+    /// Whether the map has this very keyframe, as far as it knows.
+    fn is_double(&self, head: &KeyframeHead) -> bool {
+        let places = self.mapper.places();
+        let found = places.binary_search_by_key(&head.id, |place| place.keyframe_id);
+        let place = found.ok().and_then(|at| places.get(at));
+        place.is_none_or(|place| {
+            place.stamp_ns == head.header.stamp_ns && place.odom_frame_id == head.odom_frame_id
+        })
+    }
+
+    /// Odometry numbers another drive: it began without its past, and without having heard of this map. The journal is set
+    /// aside whole, and a new one begins.
+    pub fn begin_anew(self, path: &Path, config: &Config, stage: &Stage) -> Result<Self, Error> {
+        let aside = self.journal.set_aside()?;
+        stage.say(&format!(
+            "{}: odometry has begun another drive; the map so far is set aside as {}",
+            path.display(),
+            aside.display()
+        ));
+        Self::open(path, config, stage)
     }
 
     /// Appends what the journal lacks. A full disk does not stop the map.

@@ -105,7 +105,7 @@ impl Feed {
                 epoch: sample.header.epoch,
                 sequence: sample.header.sequence,
             };
-            if self.odometry.last_imu().is_none_or(|last| source > last) {
+            if is_after(source, self.odometry.last_imu()) {
                 self.odometry.push_imu(sample, &mut self.past.sink());
                 if self.keep()? {
                     return Ok(true);
@@ -121,13 +121,14 @@ impl Feed {
             epoch: scan.head.scan_epoch,
             sequence: scan.head.scan_sequence,
         };
-        let Some(last) = self.odometry.last_scan() else {
-            return true;
-        };
-        if last.epoch == source.epoch && source.sequence > last.sequence + 1 {
+        let last = self.odometry.last_scan();
+        if let Some(last) = last
+            && last.epoch == source.epoch
+            && source.sequence > last.sequence + 1
+        {
             self.scans_missed += source.sequence - last.sequence - 1;
         }
-        source > last
+        is_after(source, last)
     }
 
     /// Keeps the past where something came out; gives whether it did.
@@ -154,4 +155,10 @@ impl Feed {
             &self.points
         }
     }
+}
+
+/// Whether a message was not taken before. Another epoch is another publisher: its numbers have nothing to do with those
+/// before, nor has its epoch where the clock was taken anew.
+fn is_after(source: Source, last: Option<Source>) -> bool {
+    last.is_none_or(|last| source.epoch != last.epoch || source.sequence > last.sequence)
 }

@@ -30,6 +30,9 @@ const QUIET: Duration = Duration::from_secs(2);
 /// A stage that is not running after this time is told of.
 const START_MAX: Duration = Duration::from_secs(10);
 
+/// What stands in for the drivers.
+const PLAY: &str = "play";
+
 /// Arguments of `randt up`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -37,7 +40,7 @@ pub struct Arguments {
     #[arg(long, value_name = "LOG")]
     play: Option<PathBuf>,
     /// How many times faster than it was recorded
-    #[arg(long, value_name = "R", default_value = "1", requires = "play")]
+    #[arg(long, value_name = "R", default_value = "1", requires = "play", value_parser = crate::commands::play::rate)]
     rate: f64,
     /// Folder for the files that `randt run` leaves, and the map's journal
     #[arg(long, value_name = "DIR", default_value = "randt-up")]
@@ -62,13 +65,13 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let loaded = configuration(&arguments.selection, source.as_deref())?;
     crate::commands::run::prepare_folder(&arguments.out)?;
     let realm = arguments.realm.realm()?;
+    harvest::set_aside(&arguments.out)?;
     if randt_stage::wipe(&realm, true)?.is_none() {
         bail!(
             "{}: a pipeline runs here already; stop it, or give this one another --prefix",
             realm.folder().display()
         );
     }
-    harvest::set_aside(&arguments.out)?;
     let mut pipeline = Pipeline::start(&arguments, &realm, &loaded, source.as_deref())?;
     let ended = pipeline.watch();
     let stopped = pipeline.stop();
@@ -148,7 +151,7 @@ impl Pipeline {
         }
         pipeline.wait_until_running()?;
         if let Some(log) = &arguments.play {
-            let mut program = Program::command("play", realm)?;
+            let mut program = Program::command(PLAY, realm)?;
             program.flag(log);
             program.flag("--stay");
             program.option("--rate", arguments.rate.to_string());
@@ -193,6 +196,9 @@ impl Pipeline {
                 return Ok(true);
             }
             self.look()?;
+            if self.play_has_ended() {
+                return Ok(true);
+            }
             self.bar.set_position(self.watch.scans());
             self.bar.set_message(self.watch.line());
             let quiet = self.watch.quiet_for() > QUIET;
@@ -211,9 +217,16 @@ impl Pipeline {
         Ok(woken)
     }
 
-    /// Whether a child has given up, with its last words.
+    /// Whether somebody ended the log before its end: what was computed until then is kept.
+    fn play_has_ended(&self) -> bool {
+        let mut children = self.children.iter();
+        children.any(|child| child.name() == PLAY && child.given_up().is_some())
+    }
+
+    /// Whether a stage has given up, with its last words.
     fn look(&self) -> anyhow::Result<()> {
-        match self.children.iter().find_map(Child::given_up) {
+        let mut stages = self.children.iter().filter(|child| child.name() != PLAY);
+        match stages.find_map(Child::given_up) {
             Some(why) => bail!(why),
             None => Ok(()),
         }

@@ -86,7 +86,7 @@ fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
         Finding::bad(ABOUT, text, mend)
     } else {
         let text = format!(
-            "{process} has the same prefix in another run folder, {shown}: the two remove each other's shared memory"
+            "{process} has the same prefix in another run folder, {shown}: the two do not see each other"
         );
         Finding::bad(ABOUT, text, restart)
     })

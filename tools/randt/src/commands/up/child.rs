@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// A stage that ends by itself so often in a row, each time this soon, will not get better.
 const FAILURES_MAX: u32 = 5;
-const SOON: Duration = Duration::from_secs(1);
+const SOON: Duration = Duration::from_secs(3);
 /// Between two such ends, so that what it waits for can come about.
 const BACK_OFF: Duration = Duration::from_millis(100);
 /// A child that does not end on SIGTERM within this time is killed.
@@ -29,6 +29,8 @@ pub struct Program {
     name: String,
     path: PathBuf,
     arguments: Vec<std::ffi::OsString>,
+    /// Whether it is not started again: a log that begins anew would be another drive.
+    once: bool,
 }
 
 impl Program {
@@ -49,6 +51,7 @@ impl Program {
         let this = std::env::current_exe().context("where this program is")?;
         let mut program = Self::new(name, this, realm);
         program.arguments.insert(0, name.into());
+        program.once = true;
         Ok(program)
     }
 
@@ -57,6 +60,7 @@ impl Program {
             name: name.to_owned(),
             path,
             arguments: Vec::new(),
+            once: false,
         };
         program.option("--prefix", realm.prefix());
         program.option("--run", realm.run());
@@ -181,7 +185,7 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
         } else {
             0
         };
-        if configuration || failures >= FAILURES_MAX {
+        if program.once || configuration || failures >= FAILURES_MAX {
             let why = match ended {
                 Ok(_) if !last_words.is_empty() => last_words,
                 Ok(status) => format!("randt-{}: ended with {status}", program.name),

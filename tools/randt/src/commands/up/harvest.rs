@@ -15,6 +15,7 @@ use randt_odometry::{Sink, process::Past};
 use randt_readers::{Counter, Event, Options};
 use randt_stage::Realm;
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
 
@@ -24,6 +25,13 @@ pub const JOURNAL: &str = "map.journal";
 /// Moves the journal of an earlier drive into the same folder out of the way: a log's map begins empty.
 pub fn set_aside(out: &Path) -> anyhow::Result<()> {
     let journal = out.join(JOURNAL);
+    let lock = out.join(format!("{JOURNAL}.lock"));
+    if File::open(&lock).is_ok_and(|lock| lock.try_lock().is_err()) {
+        bail!(
+            "{}: another pipeline writes its files here; give this one another --out",
+            out.display()
+        );
+    }
     let aside = out.join(format!("{JOURNAL}.before"));
     match std::fs::rename(&journal, &aside) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
