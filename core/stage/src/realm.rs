@@ -60,7 +60,7 @@ impl Realm {
             prefix: prefix.to_owned(),
             run,
         };
-        let longest = realm.root().as_os_str().len() + 1 + prefix.len() + SOCKET_NAME;
+        let longest = realm.root().as_os_str().len() + realm.segment_prefix().len() + SOCKET_NAME;
         match longest.checked_sub(SOCKET_PATH_MAX) {
             None | Some(0) => Ok(realm),
             Some(over) => Err(Error::LongPath {
@@ -87,7 +87,7 @@ impl Realm {
 
     /// iceoryx2's files that are no shared memory.
     pub fn root(&self) -> PathBuf {
-        self.folder().join("iceoryx2")
+        self.folder().join("bus")
     }
 
     /// What must survive the death of a stage, but not the machine's.
@@ -96,10 +96,10 @@ impl Realm {
     }
 
     /// How files of this realm in /dev/shm begin: the prefix, and a number made of the run folder, because the same prefix
-    /// in another run folder is another realm. No prefix can hold an underscore, so none is another's beginning.
+    /// in another run folder is another realm. Short, because paths of sockets are. No prefix can hold an underscore, so none is another's beginning.
     pub fn segment_prefix(&self) -> String {
         let hash = hash_bytes(FNV_SEED, self.run.as_os_str().as_encoded_bytes());
-        format!("{}-{:08x}_", self.prefix, hash as u32)
+        format!("{}-{:04x}_", self.prefix, hash as u16)
     }
 
     /// Makes the folders; refuses those of another user.
@@ -280,7 +280,7 @@ mod tests {
             assert!(Realm::new(bad, None).is_err(), "{bad:?}");
         }
         let realm = Realm::new("test-1", Some(Path::new("/tmp/x"))).unwrap();
-        assert_eq!(realm.root(), Path::new("/tmp/x/test-1/iceoryx2"));
+        assert_eq!(realm.root(), Path::new("/tmp/x/test-1/bus"));
         let begins = realm.segment_prefix();
         assert!(begins.starts_with("test-1-") && begins.ends_with('_'));
         let elsewhere = Realm::new("test-1", Some(Path::new("/tmp/y"))).unwrap();

@@ -1,6 +1,7 @@
 //! Keyframes on their way into journal and map: in order, each once, none missing.
 
 use randt_config::Config;
+use randt_geometry::Pose2;
 use randt_mapper::{
     Mapper,
     journal::{Error, JournalFile},
@@ -121,7 +122,9 @@ impl Intake {
         let found = places.binary_search_by_key(&head.id, |place| place.keyframe_id);
         let place = found.ok().and_then(|at| places.get(at));
         place.is_none_or(|place| {
-            place.stamp_ns == head.header.stamp_ns && place.odom_frame_id == head.odom_frame_id
+            place.stamp_ns == head.header.stamp_ns
+                && place.odom_frame_id == head.odom_frame_id
+                && place.odom.to_array() == Pose2::from_array(head.pose).to_array()
         })
     }
 
