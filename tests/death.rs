@@ -2,7 +2,7 @@
 //! an undisturbed one.
 //!
 //! The form for every day has 20 kills in two minutes; the long one has 60 and more in a drive of ten minutes:
-//! `cargo test -p randt --test death -- --ignored --nocapture`.
+//! `cargo test --workspace --test death -- --ignored --nocapture`.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
