@@ -3,9 +3,12 @@
 //! Prints machine, data, median and p99: one more loop in a graph of 1,000 keyframes that is solved already, the
 //! re-check of 400 good loops, and the whole of M3500 from its odometry.
 
+mod shared;
+
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
 use randt_mapper::graph::{Edge, PoseGraph};
+use shared::{machine, print};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -84,7 +87,7 @@ fn warm() -> Result<(), Box<dyn Error>> {
         graph.add_loop(measured(root(node - LAP), node, node))?;
     }
     graph.optimise_trusting()?;
-    let mut times_ms = Vec::new();
+    let mut times = Vec::new();
     let mut iterations = 0;
     for run in 0..WARM_RUNS {
         let old = run * 37 % (KEYFRAMES - 2 * LAP);
@@ -92,12 +95,12 @@ fn warm() -> Result<(), Box<dyn Error>> {
         let id = graph.add_loop(measured(root(old), old + LAP + run % 5, run))?;
         let begin = Instant::now();
         let report = graph.optimise()?;
-        times_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        times.push(begin.elapsed());
         assert!(report.converged, "{report:?}");
         iterations += report.iterations;
         graph.remove_loop(id);
     }
-    print("one more loop, 1,000 keyframes", times_ms);
+    print("one more loop, 1,000 keyframes", times, None);
     println!(
         "  {:.1} iterations each",
         iterations as f64 / WARM_RUNS as f64
@@ -107,7 +110,7 @@ fn warm() -> Result<(), Box<dyn Error>> {
 
 fn judged() -> Result<(), Box<dyn Error>> {
     let (keyframes, loops) = JUDGED;
-    let mut times_ms = Vec::new();
+    let mut times = Vec::new();
     for _ in 0..JUDGED_RUNS {
         let mut graph = drive(keyframes)?;
         for l in 0..loops {
@@ -116,16 +119,16 @@ fn judged() -> Result<(), Box<dyn Error>> {
         }
         let begin = Instant::now();
         let recheck = graph.recheck()?;
-        times_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        times.push(begin.elapsed());
         assert_eq!(recheck.on, loops, "{recheck:?}");
     }
-    print("re-check, 700 keyframes, 400 loops", times_ms);
+    print("re-check, 700 keyframes, 400 loops", times, None);
     Ok(())
 }
 
 fn whole(file: &Path) -> Result<(), Box<dyn Error>> {
     let read = randt_readers::g2o::read(file)?;
-    let mut times_ms = Vec::new();
+    let mut times = Vec::new();
     for _ in 0..WHOLE_RUNS {
         let mut graph = PoseGraph::default();
         graph.add_node(Pose2::IDENTITY)?;
@@ -152,22 +155,11 @@ fn whole(file: &Path) -> Result<(), Box<dyn Error>> {
         }
         let begin = Instant::now();
         let report = graph.optimise_trusting()?;
-        times_ms.push(begin.elapsed().as_secs_f64() * 1e3);
+        times.push(begin.elapsed());
         assert!(report.converged, "{report:?}");
     }
-    print("M3500 from odometry", times_ms);
+    print("M3500 from odometry", times, None);
     Ok(())
-}
-
-fn print(what: &str, mut times_ms: Vec<f64>) {
-    times_ms.sort_by(f64::total_cmp);
-    let at = |share: f64| times_ms[((times_ms.len() - 1) as f64 * share) as usize];
-    println!(
-        "{what:<34} {:4} runs: median {:.2} ms, p99 {:.2} ms",
-        times_ms.len(),
-        at(0.5),
-        at(0.99)
-    );
 }
 
 fn data() -> Option<PathBuf> {
@@ -176,16 +168,4 @@ fn data() -> Option<PathBuf> {
         .map(PathBuf::from)
         .or(Some(beside))
         .filter(|path| path.is_dir())
-}
-
-fn machine() -> String {
-    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let models: Vec<&str> = text
-        .lines()
-        .filter_map(|line| line.strip_prefix("model name"))
-        .collect();
-    let model = models
-        .first()
-        .map_or("unknown", |m| m.trim_start_matches([' ', '\t', ':']));
-    format!("{} x {model}", models.len())
 }

@@ -2,12 +2,14 @@
 //!
 //! Prints machine, data, median and p99.
 
+mod shared;
+
 use randt_geometry::Pose2;
 use randt_mapper::grid::{Grid, GridKeyframe};
 use randt_messages::{KeyframeBeam, KeyframePoint};
+use shared::{machine, milliseconds, print};
 use std::f64::consts::TAU;
-use std::fs;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Keyframes of the map: half a kilometre.
 const KEYFRAMES: u64 = 1000;
@@ -60,16 +62,7 @@ fn main() {
         times.push(begin.elapsed());
         assert_eq!(update.moved as u64, KEYFRAMES);
     }
-    print("all moved", &mut times);
-    let p99_ms = milliseconds(times[RUNS * 99 / 100]);
-    println!(
-        "allowed      {ALLOWED_MS:.1} ms: {}",
-        if p99_ms <= ALLOWED_MS {
-            "kept"
-        } else {
-            "MISSED"
-        }
-    );
+    print("all moved", times, Some(ALLOWED_MS));
 
     let correction = Pose2::new(0.001, 0.0, 0.0);
     grid.update(&keyframes(Pose2::IDENTITY));
@@ -79,7 +72,7 @@ fn main() {
         grid.update(&keyframes(correction));
         times.push(begin.elapsed());
     }
-    print("none moved", &mut times);
+    print("none moved", times, None);
     let mut times = Vec::new();
     for id in 0..RUNS as u64 {
         let new = GridKeyframe {
@@ -92,7 +85,7 @@ fn main() {
         grid.update(&[new]);
         times.push(begin.elapsed());
     }
-    print("one new", &mut times);
+    print("one new", times, None);
 }
 
 /// Beams all around, each with a cluster at the same range.
@@ -119,26 +112,4 @@ fn keyframe() -> (Vec<KeyframeBeam>, Vec<KeyframePoint>) {
         }
     }
     (beams, points)
-}
-
-fn print(what: &str, times: &mut [Duration]) {
-    times.sort_unstable();
-    let at = |share: usize| milliseconds(times[(times.len() * share / 100).min(times.len() - 1)]);
-    println!("{what:<12} median {:.3} ms, p99 {:.3} ms", at(50), at(99));
-}
-
-fn milliseconds(time: Duration) -> f64 {
-    time.as_secs_f64() * 1e3
-}
-
-fn machine() -> String {
-    let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let models: Vec<&str> = text
-        .lines()
-        .filter_map(|line| line.strip_prefix("model name"))
-        .collect();
-    let model = models
-        .first()
-        .map_or("unknown", |m| m.trim_start_matches([' ', '\t', ':']));
-    format!("{} x {model}", models.len())
 }

@@ -6,14 +6,15 @@
     reason = "a benchmark says by panicking what is wrong"
 )]
 
+mod shared;
 #[path = "../tests/support/mod.rs"]
 mod support;
 
 use randt_config::Config;
 use randt_mapper::{Mapper, journal};
 use randt_simulator::World;
-use std::fs;
-use std::time::{Duration, Instant};
+use shared::{machine, milliseconds, print};
+use std::time::Instant;
 use support::{Drive, config};
 
 /// Sweeps in which the building's robot makes a thousand keyframes: three laps and a little.
@@ -123,34 +124,16 @@ fn report(what: &str, written: &Written, scans: u64) {
 
 fn restart(what: &str, config: &Config, bytes: &[u8]) {
     let mut replayed = 0;
-    let mut times: Vec<f64> = (0..RESTARTS)
-        .map(|_| {
-            let begin = Instant::now();
-            let (_mapper, restored) = Mapper::restore(config, bytes).unwrap();
-            replayed = restored.replayed;
-            milliseconds(begin.elapsed())
-        })
-        .collect();
-    times.sort_by(f64::total_cmp);
-    println!(
-        "{what:24} median {:.0} ms, worst {:.0} ms, {replayed} pushed anew (at most {RESTART_MAX_MS} ms)",
-        times[RESTARTS / 2],
-        times[RESTARTS - 1]
-    );
-}
-
-fn milliseconds(time: Duration) -> f64 {
-    time.as_secs_f64() * 1e3
-}
-
-fn machine() -> String {
-    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info
-        .lines()
-        .find_map(|line| line.strip_prefix("model name"));
-    let model = model.map_or("unknown", |model| {
-        model.trim_start_matches([' ', '\t', ':'])
+    let times = (0..RESTARTS).map(|_| {
+        let begin = Instant::now();
+        let (_mapper, restored) = Mapper::restore(config, bytes).unwrap();
+        replayed = restored.replayed;
+        begin.elapsed()
     });
-    let cores = std::thread::available_parallelism().map_or(0, |n| n.get());
-    format!("{model}, {cores} cores")
+    let times = times.collect();
+    print(
+        &format!("{what}, {replayed} pushed anew"),
+        times,
+        Some(RESTART_MAX_MS),
+    );
 }

@@ -6,12 +6,14 @@
     reason = "a benchmark says by panicking what is wrong"
 )]
 
+mod shared;
 #[path = "../tests/support/mod.rs"]
 mod support;
 
 use randt_geometry::Pose2;
 use randt_mapper::{Mapper, Place, Registrar, Search, Submaps, Trail};
 use randt_simulator::World;
+use shared::{machine, print};
 use std::fs;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -90,37 +92,10 @@ fn time<T>(work: impl FnOnce() -> T) -> Duration {
     begin.elapsed()
 }
 
-fn print(what: &str, mut times: Vec<Duration>, allowed_ms: Option<f64>) {
-    times.sort_unstable();
-    let at = |share: f64| {
-        let index = ((times.len() as f64 * share) as usize).min(times.len() - 1);
-        times[index].as_secs_f64() * 1e3
-    };
-    let allowed = allowed_ms.map_or(String::new(), |ms| format!(" (at most {ms})"));
-    println!(
-        "{what:42} median {:.3} ms   p99 {:.3} ms   max {:.3} ms{allowed}",
-        at(0.5),
-        at(0.99),
-        at(1.0)
-    );
-}
-
 /// Resident memory of this process, MB.
 fn resident_mb() -> f64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
     let kb = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
     kb.unwrap_or(f64::NAN) / 1024.0
-}
-
-fn machine() -> String {
-    let info = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info
-        .lines()
-        .find_map(|line| line.strip_prefix("model name"));
-    let model = model.map_or("unknown", |model| {
-        model.trim_start_matches([' ', '\t', ':'])
-    });
-    let cores = std::thread::available_parallelism().map_or(0, |n| n.get());
-    format!("{model}, {cores} cores")
 }

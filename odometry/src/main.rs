@@ -84,7 +84,10 @@ fn answer(
     let mut heard = false;
     while let Some(message) = graph.receive()? {
         let head = message.message().head;
-        wanted = (head.send_again == 1).then_some(head.wanted_keyframe);
+        // Pages of the graph come between, and ask for nothing.
+        if head.send_again == 1 {
+            wanted = Some(head.wanted_keyframe);
+        }
         heard = true;
         if head.wanted_keyframe > 0 && !has_past {
             // A map from before the machine was started: numbers go on after it.

@@ -41,11 +41,6 @@ impl Checkpoint {
         Ok(checkpoint)
     }
 
-    /// Most bytes of a version.
-    pub fn capacity(&self) -> usize {
-        self.slot_bytes - HEAD
-    }
-
     /// The newest whole version, and the one before where that is whole too.
     pub fn versions(&self) -> Vec<&[u8]> {
         let mut versions: Vec<_> = (0..2).filter_map(|slot| self.slot(slot)).collect();
@@ -53,7 +48,7 @@ impl Checkpoint {
         versions.into_iter().map(|(_, bytes)| bytes).collect()
     }
 
-    /// Writes a version: `fill` gets the slot of the older one and gives the number of bytes, or `None` to leave it.
+    /// Writes a version: `fill` gets the slot of the older one and gives the number of bytes. Where it fails, the newer one stays.
     pub fn write<E>(&mut self, fill: impl FnOnce(&mut [u8]) -> Result<usize, E>) -> Result<(), E> {
         let number = self.number + 1;
         let at = (number % 2) as usize * self.slot_bytes;

@@ -95,16 +95,6 @@ pub enum Error {
         /// iceoryx2's word.
         cause: String,
     },
-    /// A message of a wrong size.
-    #[error("{topic}: a message of {bytes} bytes is no whole number of items of {item}")]
-    BadMessage {
-        /// Topic.
-        topic: &'static str,
-        /// Size of the slice.
-        bytes: usize,
-        /// Size of an item.
-        item: usize,
-    },
 }
 
 impl Error {

@@ -4,15 +4,36 @@ use crate::bus::{Bus, Service};
 use crate::{Clock, Error, Qos, ports::PortCounters, wire::Wire};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher as Port;
+use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{AllocationStrategy, ipc};
 use randt_messages::{MessageRef, Topic};
 use std::rc::Rc;
 
+/// What a publisher and its stage share: the stage hands the history over while the publisher has nothing to send.
+#[derive(Debug)]
+pub(crate) struct Outgoing<T: Topic> {
+    port: Port<ipc::Service, [u8], Wire<T>>,
+    notifier: Notifier<ipc::Service>,
+}
+
+/// Hands its history to readers that have joined.
+pub(crate) trait HandsOver {
+    fn hand_over(&self);
+}
+
+impl<T: Topic> HandsOver for Outgoing<T> {
+    fn hand_over(&self) {
+        // A reader that died while it joined is no failure of this stage.
+        let _ = self.port.update_connections();
+        // What is handed over makes no notice of its own: the reader would sleep until the next message.
+        let _ = self.notifier.notify();
+    }
+}
+
 /// Publishes one topic: numbers, stamps and counts what it sends, and wakes the readers.
 #[derive(Debug)]
 pub struct Publisher<T: Topic> {
-    pub(crate) port: Rc<Port<ipc::Service, [u8], Wire<T>>>,
-    notifier: Notifier<ipc::Service>,
+    pub(crate) outgoing: Rc<Outgoing<T>>,
     counters: Rc<PortCounters>,
     clock: Clock,
     epoch: u64,
@@ -37,8 +58,10 @@ impl<T: Topic> Publisher<T> {
                 .create()
         })?;
         Ok(Self {
-            port: Rc::new(port),
-            notifier: bus.notifier(T::NAME)?,
+            outgoing: Rc::new(Outgoing {
+                port,
+                notifier: bus.notifier(T::NAME)?,
+            }),
             counters,
             clock,
             epoch,
@@ -54,6 +77,7 @@ impl<T: Topic> Publisher<T> {
             bytemuck::cast_slice(message.items)
         };
         let mut loan = self
+            .outgoing
             .port
             .loan_slice_uninit(bytes.len())
             .map_err(|cause| Error::bus(format!("{}: memory for a message", T::NAME), cause))?;
@@ -70,12 +94,7 @@ impl<T: Topic> Publisher<T> {
         self.sequence += 1;
         self.counters.count(published_ns);
         // A reader that is gone or has not looked for long cannot be woken; its samples wait for it all the same.
-        let _ = self.notifier.notify();
+        let _ = self.outgoing.notifier.notify();
         Ok(())
-    }
-
-    /// Messages sent so far.
-    pub fn sent(&self) -> u64 {
-        self.sequence
     }
 }

@@ -3,11 +3,10 @@
 use crate::Error;
 use randt_messages::layout::{FNV_SEED, hash_bytes};
 use rustix::fs::Access;
-use std::fs::{self, File, TryLockError};
+use std::fs;
 use std::io::ErrorKind;
-use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 /// Where the run folder is on a robot: systemd makes it.
 const SYSTEM_RUN: &str = "/run/randt";
@@ -19,25 +18,12 @@ const SOCKET_PATH_MAX: usize = 107;
 /// Most characters of a socket's name after the prefix: iceoryx2's number and ending.
 const SOCKET_NAME: usize = 38;
 
-/// Programs that may watch a pipeline at once.
-const WATCHERS: usize = 8;
-/// A start takes a few hundredths of a second.
-const START_WAIT: Duration = Duration::from_secs(2);
-const START_PAUSE: Duration = Duration::from_millis(3);
-
 /// A prefix and a run folder. Stages with the same ones find each other; nothing else decides that, above all not the
 /// folder in which a stage was started.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Realm {
     prefix: String,
     run: PathBuf,
-}
-
-/// While it is held, nobody wipes the realm.
-#[derive(Debug)]
-pub struct Presence {
-    // The lock goes with the file.
-    _alive: File,
 }
 
 impl Realm {
@@ -96,7 +82,8 @@ impl Realm {
     }
 
     /// How files of this realm in /dev/shm begin: the prefix, and a number made of the run folder, because the same prefix
-    /// in another run folder is another realm. Short, because paths of sockets are. No prefix can hold an underscore, so none is another's beginning.
+    /// in another run folder is another realm. Short, because paths of sockets are. No prefix can hold an underscore, so
+    /// none is another's beginning.
     pub fn segment_prefix(&self) -> String {
         let hash = hash_bytes(FNV_SEED, self.run.as_os_str().as_encoded_bytes());
         format!("{}-{:04x}_", self.prefix, hash as u16)
@@ -141,100 +128,6 @@ impl Realm {
         }
         Ok(())
     }
-
-    /// Enters the realm: from now on nobody wipes it. The first one in clears away what earlier stages left behind.
-    pub fn enter(&self) -> Result<Presence, Error> {
-        self.make()?;
-        let _door = self.lock("door", true)?;
-        if let Some(alone) = self.try_alone()? {
-            crate::janitor::remove_all(self)?;
-            drop(alone);
-        }
-        Ok(Presence {
-            _alive: self.lock("alive", false)?,
-        })
-    }
-
-    /// Enters only where a stage is in: whoever watches makes no realm, and clears none away.
-    pub(crate) fn visit(&self) -> Result<Option<Presence>, Error> {
-        if !self.folder().is_dir() {
-            return Ok(None);
-        }
-        self.check_owner()?;
-        let _door = self.lock("door", true)?;
-        Ok(match self.try_alone()? {
-            Some(_alone) => None,
-            None => Some(Presence {
-                _alive: self.lock("alive", false)?,
-            }),
-        })
-    }
-
-    /// One of the few places for those who only watch: topics have room for a number of readers, and a stage that comes
-    /// back must never find it taken.
-    pub(crate) fn place_to_watch(&self) -> Result<File, Error> {
-        for place in 0..WATCHERS {
-            let file = open_lock(&self.folder().join(format!("watch-{place}.lock")))?;
-            if file.try_lock().is_ok() {
-                return Ok(file);
-            }
-        }
-        Err(Error::TooManyWatch {
-            run: self.folder(),
-            most: WATCHERS,
-        })
-    }
-
-    /// The lock of those who start: one at a time. It is waited for a while; one that was stopped over it (SIGSTOP) does
-    /// not keep the others from starting.
-    pub(crate) fn start(&self) -> Result<File, Error> {
-        let path = self.folder().join("start.lock");
-        let file = open_lock(&path)?;
-        let give_up = Instant::now() + START_WAIT;
-        loop {
-            match file.try_lock() {
-                Ok(()) => {
-                    let text = format!("{:<10}", std::process::id());
-                    let written = file.write_all_at(text.as_bytes(), 0);
-                    written.map_err(Error::file(path, "cannot be written"))?;
-                    return Ok(file);
-                }
-                Err(TryLockError::WouldBlock)
-                    if Instant::now() < give_up && !is_holder_stopped(&path) =>
-                {
-                    std::thread::sleep(START_PAUSE);
-                }
-                Err(TryLockError::WouldBlock) => return Ok(file),
-                Err(TryLockError::Error(cause)) => {
-                    return Err(Error::file(path, "cannot be locked")(cause));
-                }
-            }
-        }
-    }
-
-    /// The lock that says that nobody is in, where that is so. Hold `door` meanwhile, or somebody may enter.
-    pub(crate) fn try_alone(&self) -> Result<Option<File>, Error> {
-        let path = self.folder().join("alive.lock");
-        let file = open_lock(&path)?;
-        match file.try_lock() {
-            Ok(()) => Ok(Some(file)),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(cause)) => Err(Error::file(path, "cannot be locked")(cause)),
-        }
-    }
-
-    /// Waits for a lock of this realm.
-    pub(crate) fn lock(&self, name: &str, exclusive: bool) -> Result<File, Error> {
-        let path = self.folder().join(format!("{name}.lock"));
-        let file = open_lock(&path)?;
-        let locked = if exclusive {
-            file.lock()
-        } else {
-            file.lock_shared()
-        };
-        locked.map_err(Error::file(path, "cannot be locked"))?;
-        Ok(file)
-    }
 }
 
 /// Not there, or not to be seen by this user.
@@ -245,29 +138,9 @@ fn is_hidden(error: &std::io::Error) -> bool {
     )
 }
 
-fn open_lock(path: &Path) -> Result<File, Error> {
-    File::options()
-        .create(true)
-        .truncate(false)
-        .write(true)
-        .open(path)
-        .map_err(Error::file(path, "cannot be opened"))
-}
-
 /// The user that this process is.
 pub(crate) fn user() -> u32 {
     rustix::process::geteuid().as_raw()
-}
-
-/// Whether the process that wrote its number into a lock is stopped.
-fn is_holder_stopped(lock: &Path) -> bool {
-    let holder = fs::read_to_string(lock).unwrap_or_default();
-    let stat = fs::read_to_string(format!("/proc/{}/stat", holder.trim())).unwrap_or_default();
-    // The state follows the name, which stands in brackets and may hold any of them.
-    let state = stat
-        .rsplit_once(')')
-        .and_then(|(_, rest)| rest.trim_start().chars().next());
-    state == Some('T')
 }
 
 #[cfg(test)]
@@ -297,40 +170,5 @@ mod tests {
             error.to_string().contains("17 characters too long"),
             "{error}"
         );
-    }
-
-    #[test]
-    fn only_the_first_one_in_is_alone() {
-        let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("alone", Some(run.path())).unwrap();
-        let presence = realm.enter().unwrap();
-        assert!(realm.try_alone().unwrap().is_none());
-        let second = realm.visit().unwrap().unwrap();
-        drop(presence);
-        assert!(realm.try_alone().unwrap().is_none());
-        drop(second);
-        assert!(realm.try_alone().unwrap().is_some());
-        assert!(realm.visit().unwrap().is_none(), "nobody to be watched");
-    }
-
-    #[test]
-    fn one_that_is_stopped_while_it_starts_keeps_nobody_waiting() {
-        let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("stopped", Some(run.path())).unwrap();
-        realm.make().unwrap();
-        let held = realm.start().unwrap();
-        let mut stopped = std::process::Command::new("sleep")
-            .arg("60")
-            .spawn()
-            .unwrap();
-        held.write_all_at(format!("{:<10}", stopped.id()).as_bytes(), 0)
-            .unwrap();
-        let pid = rustix::process::Pid::from_child(&stopped);
-        rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
-        let begin = Instant::now();
-        realm.start().unwrap();
-        assert!(begin.elapsed() < START_WAIT / 2);
-        stopped.kill().unwrap();
-        stopped.wait().unwrap();
     }
 }

@@ -25,6 +25,9 @@ pub struct Entry {
     pub starts: u64,
     /// Version of the program.
     pub version: String,
+    /// The command that it was started with, word by word.
+    #[serde(default)]
+    pub command: Vec<String>,
     /// Layouts of the topics that it has opened.
     pub topics: BTreeMap<String, String>,
     /// Whether it has ended in order. One that is neither this nor alive has died.
@@ -85,6 +88,9 @@ impl Registry {
                 started_ns,
                 starts: last.starts + 1,
                 version: env!("CARGO_PKG_VERSION").to_owned(),
+                command: std::env::args_os()
+                    .map(|word| word.to_string_lossy().into_owned())
+                    .collect(),
                 topics: BTreeMap::new(),
                 ended: false,
                 needs_bytes: 0,

@@ -6,15 +6,13 @@ use crate::{
     health::{Condition, PERIOD_NS},
     memory::Memory,
     ports::PortCounters,
+    publisher::HandsOver,
+    wait::{Slept, Waits, Wakes, Woken},
 };
-use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
-use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::{CallbackProgression, WaitSet, WaitSetBuilder, ipc};
-use iceoryx2::waitset::WaitSetRunResult;
+use iceoryx2::prelude::ipc;
 use randt_config::Sensor;
 use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
-use std::fmt::Debug;
 use std::fs::File;
 use std::path::Path;
 use std::rc::Rc;
@@ -28,43 +26,13 @@ const BESIDE: usize = 500_000;
 /// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
 const LONG_RANGE_M: f64 = 50.0;
 
-/// Why a wait ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Woken {
-    /// Something came; ask all ports.
-    Event,
-    /// The time was over.
-    Timeout,
-    /// The end was asked for: SIGTERM or Ctrl-C.
-    Stop,
-}
-
-/// Something that can wake a stage.
-pub trait Wakes: Debug {
-    #[doc(hidden)]
-    fn listener(&self) -> &Listener<ipc::Service>;
-    #[doc(hidden)]
-    fn take_notices(&self);
-}
-
-impl<T: Topic> Wakes for Subscriber<T> {
-    fn listener(&self) -> &Listener<ipc::Service> {
-        &self.listener
-    }
-
-    fn take_notices(&self) {
-        self.drain();
-    }
-}
-
 /// A process of the pipeline.
 pub struct Stage {
     // Ports go before the node, the node before the presence: fields are dropped in order.
     health: Publisher<StageHealthTopic>,
-    joined: Listener<ipc::Service>,
     join: Notifier<ipc::Service>,
-    writers: Vec<Rc<dyn UpdateConnections>>,
-    waits: WaitSet<ipc::Service>,
+    writers: Vec<Rc<dyn HandsOver>>,
+    waits: Waits,
     bus: Bus,
     registry: Registry,
     _presence: Presence,
@@ -80,7 +48,8 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Enters the realm under a name; refuses where that name is taken or memory is short.
+    /// Enters the realm under a name; refuses where that name is taken or memory is short. One a process: a second one
+    /// would take the first one for dead, because a process does not see its own locks.
     pub fn open(name: &str, realm: &Realm) -> Result<Self, Error> {
         let presence = realm.enter()?;
         let clock = Clock::of(realm)?;
@@ -102,13 +71,10 @@ impl Stage {
         // Not among the ports that are reported: it would only report itself.
         let counters = PortCounters::new(StageHealthTopic::NAME, true);
         let health = Publisher::new(&bus, &service, clock, epoch, counters)?;
-        let waits = WaitSetBuilder::new()
-            .create::<ipc::Service>()
-            .map_err(|cause| Error::bus("the wait set", cause))?;
+        let waits = Waits::new(bus.listener(JOINED)?)?;
         let stage = Self {
-            writers: vec![Rc::clone(&health.port) as Rc<dyn UpdateConnections>],
+            writers: vec![Rc::clone(&health.outgoing) as Rc<dyn HandsOver>],
             health,
-            joined: bus.listener(JOINED)?,
             join: bus.notifier(JOINED)?,
             waits,
             bus,
@@ -164,7 +130,7 @@ impl Stage {
         let counters = self.port(T::NAME, true);
         let publisher = Publisher::new(&self.bus, &service, self.clock, self.epoch(), counters)?;
         self.writers
-            .push(Rc::clone(&publisher.port) as Rc<dyn UpdateConnections>);
+            .push(Rc::clone(&publisher.outgoing) as Rc<dyn HandsOver>);
         self.say(&qos.budget(self.navtech));
         Ok(publisher)
     }
@@ -242,54 +208,25 @@ impl Stage {
             if let Some(end) = end {
                 pause = pause.min(end.saturating_duration_since(Instant::now()));
             }
-            match self.sleep(on, pause)? {
-                Slept::Event => return Ok(Woken::Event),
-                Slept::Stop => return Ok(Woken::Stop),
-                Slept::Nothing if end.is_some_and(|end| Instant::now() >= end) => {
-                    return Ok(Woken::Timeout);
-                }
-                Slept::Nothing => {}
+            let slept = self.sleep(on, pause)?;
+            if slept.stop {
+                return Ok(Woken::Stop);
+            }
+            if slept.events {
+                return Ok(Woken::Event);
+            }
+            if end.is_some_and(|end| Instant::now() >= end) {
+                return Ok(Woken::Timeout);
             }
         }
     }
 
     fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {
-        let attach = |listener| {
-            let attached = self.waits.attach_notification(listener);
-            attached.map_err(|cause| Error::bus("waiting for a topic", cause))
-        };
-        let joined = attach(&self.joined)?;
-        let guards = on
-            .iter()
-            .map(|wakes| attach(wakes.listener()))
-            .collect::<Result<Vec<_>, _>>()?;
-        let (mut joins, mut events) = (false, false);
-        let result = self.waits.wait_and_process_once_with_timeout(
-            |id| {
-                joins |= id.has_event_from(&joined);
-                events |= guards.iter().any(|guard| id.has_event_from(guard));
-                CallbackProgression::Continue
-            },
-            pause,
-        );
-        if joins {
-            // As with messages: the notice says no more than "look".
-            let _ = self.joined.try_wait(|_| {});
-            for writer in &self.writers {
-                // A reader that died while it joined is no failure of this stage.
-                let _ = writer.update_connections();
-            }
+        let slept = self.waits.sleep(on, pause)?;
+        if slept.joins {
+            self.writers.iter().for_each(|writer| writer.hand_over());
         }
-        if events {
-            on.iter().for_each(|wakes| wakes.take_notices());
-        }
-        match result {
-            Ok(WaitSetRunResult::TerminationRequest) => Ok(Slept::Stop),
-            Ok(_) if events => Ok(Slept::Event),
-            // Interrupt is any signal, the one that continues a stopped process too.
-            Ok(_) => Ok(Slept::Nothing),
-            Err(cause) => Err(Error::bus("waiting", cause)),
-        }
+        Ok(slept)
     }
 
     /// Sends health now.
@@ -312,9 +249,3 @@ impl Stage {
 
 /// Readers wake within a tenth of a millisecond; this is a hundred times that.
 const PARTING: Duration = Duration::from_millis(10);
-
-enum Slept {
-    Event,
-    Nothing,
-    Stop,
-}

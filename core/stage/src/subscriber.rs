@@ -44,41 +44,33 @@ impl<T: Topic> Subscriber<T> {
         })
     }
 
-    /// The next message, where one is there. Notices that came for it are taken with it.
+    /// The next message, where one is there. One whose bytes are no whole number of items is counted as lost.
     pub fn receive(&mut self) -> Result<Option<Received<T>>, Error> {
-        let sample = self
-            .port
-            .receive()
-            .map_err(|cause| Error::bus(format!("{}: receiving", T::NAME), cause))?;
-        let Some(sample) = sample else {
-            return Ok(None);
-        };
-        // Items follow the head, whose size and alignment are those of 8 bytes: they are read where they lie.
-        let bytes = sample.payload();
-        let (item, length) = (size_of::<T::Item>(), bytes.len());
-        let good = match item {
-            0 => length == 0,
-            _ => bytemuck::try_cast_slice::<u8, T::Item>(bytes).is_ok(),
-        };
-        if !good {
-            self.counters.lose(1);
-            return Err(Error::BadMessage {
-                topic: T::NAME,
-                bytes: length,
-                item,
-            });
+        loop {
+            let sample = self
+                .port
+                .receive()
+                .map_err(|cause| Error::bus(format!("{}: receiving", T::NAME), cause))?;
+            let Some(sample) = sample else {
+                return Ok(None);
+            };
+            // Items follow the head, a whole number of 8 bytes: they lie as they must be aligned.
+            let bytes = sample.payload();
+            let is_whole = match size_of::<T::Item>() {
+                0 => bytes.is_empty(),
+                _ => bytemuck::try_cast_slice::<u8, T::Item>(bytes).is_ok(),
+            };
+            if !is_whole {
+                self.counters.lose(1);
+                continue;
+            }
+            let received = Received {
+                sample,
+                _topic: PhantomData,
+            };
+            self.count(&received);
+            return Ok(Some(received));
         }
-        let received = Received {
-            sample,
-            _topic: PhantomData,
-        };
-        self.count(&received);
-        Ok(Some(received))
-    }
-
-    /// Whether a message waits.
-    pub fn has_message(&self) -> bool {
-        self.port.has_samples().unwrap_or(false)
     }
 
     /// Continues the count of what is missed after a message that this stage had before it was restarted.

@@ -32,7 +32,7 @@ mod tail;
 
 pub use error::Error;
 pub use file::{JournalFile, Opened};
-pub use header::{Header, fingerprint};
+pub use header::Header;
 pub use record::{Damage, Kind, Record, Records};
 
 use crate::Mapper;

@@ -7,7 +7,6 @@ use super::{Counters, Mapper};
 use crate::{
     Candidate, Fate,
     graph::{Loop, LoopId},
-    journal::fingerprint,
     plain,
 };
 use randt_config::Config;
@@ -102,7 +101,7 @@ impl Origin {
     pub fn new(config: &Config) -> Self {
         Self {
             code: CODE,
-            config: fingerprint(config),
+            config: config.fingerprint(),
         }
     }
 }

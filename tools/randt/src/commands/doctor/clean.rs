@@ -43,15 +43,9 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-/// Everybody in this realm, and everybody whose shared memory has the same names.
+/// Everybody in this realm.
 fn living(scene: &Scene) -> Vec<String> {
-    let same_names = |process: &Process| {
-        let prefix = process.folder.file_name();
-        prefix.is_some_and(|prefix| prefix == scene.realm.prefix())
-    };
-    let processes = scene.processes.iter();
-    let seen = processes.filter(|process| scene.is_in(process) || same_names(process));
-    let mut living: Vec<String> = seen.map(ToString::to_string).collect();
+    let mut living: Vec<String> = scene.inside().map(ToString::to_string).collect();
     // What the register knows and this process may not look at.
     let unseen = scene.living().filter(|entry| {
         let is = |process: &Process| u64::from(process.pid) == entry.pid;

@@ -1,7 +1,7 @@
 //! What the checks look at: the realm, its register, and every process that may have to do with it.
 
 use super::processes::{self, FileId, Process};
-use randt_stage::{Entry, Realm, Registry};
+use randt_stage::{Entry, Error, Realm, Registry};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 
@@ -11,7 +11,7 @@ pub struct Scene {
     pub realm: Realm,
     /// The user that this process is.
     pub user: u32,
-    /// Owner of the realm's folder; none where it is not there.
+    /// Owner of the realm's folder, or of the run folder where that hides it; none where it is not there.
     pub owner: Option<u32>,
     /// All stages that ever ran in it, with whether they live.
     pub register: Vec<(Entry, bool)>,
@@ -26,7 +26,7 @@ impl Scene {
         let folder = realm.folder();
         Self {
             user: rustix::process::geteuid().as_raw(),
-            owner: fs::metadata(&folder).ok().map(|found| found.uid()),
+            owner: owner(&realm),
             register: Registry::all(&realm),
             processes: processes::all(),
             presence: processes::presence(&folder),
@@ -58,12 +58,30 @@ impl Scene {
         let (prefix, run) = (self.realm.prefix(), self.realm.run().display());
         format!("--prefix {prefix} --run {run}")
     }
+}
 
-    /// The command that starts a stage here.
-    pub fn start(&self, stage: &str) -> String {
-        let log = if stage == "play" { " LOG" } else { "" };
-        format!("{}{log} {}", program(stage), self.options())
+/// The command that starts a stage again, as it was started.
+pub fn start(entry: &Entry) -> String {
+    let mut words = entry.command.iter();
+    let mut command = Vec::new();
+    while let Some(word) = words.next() {
+        // Its supervisor is not the one who copies this.
+        if word == "--parent" {
+            words.next();
+        } else {
+            command.push(quoted(word));
+        }
     }
+    command.join(" ")
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', r"'\''"))
 }
 
 /// The program of a stage, as people know it.
@@ -71,5 +89,36 @@ pub fn program(stage: &str) -> String {
     match stage {
         "up" | "play" => format!("randt {stage}"),
         _ => format!("randt-{stage}"),
+    }
+}
+
+fn owner(realm: &Realm) -> Option<u32> {
+    match realm.check_owner() {
+        Err(Error::OtherUser { owner, .. }) => Some(owner),
+        _ => Some(fs::metadata(realm.folder()).ok()?.uid()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_is_given_as_it_was_started_without_its_supervisor() {
+        let words = [
+            "./randt-mapper",
+            "--parent",
+            "7",
+            "--journal",
+            "my map",
+            "--set",
+            "a.b='c'",
+        ];
+        let entry = Entry {
+            command: words.map(str::to_owned).to_vec(),
+            ..Entry::default()
+        };
+        let expected = r"./randt-mapper --journal 'my map' --set 'a.b='\''c'\'''";
+        assert_eq!(start(&entry), expected);
     }
 }

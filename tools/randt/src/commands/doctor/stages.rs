@@ -1,7 +1,7 @@
 //! Whether the stages that should run do, and are of one build.
 
 use super::finding::Finding;
-use super::scene::{Scene, program};
+use super::scene::{Scene, program, start};
 use crate::process::Sample;
 use randt_stage::{Entry, TOPICS};
 
@@ -18,7 +18,7 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
                     "{} has died as process {pid}, and nobody has started it again",
                     program(name)
                 ),
-                scene.start(name),
+                start(entry),
             ));
         }
         if *lives && Sample::of(*pid).is_some_and(|sample| sample.stopped) {
@@ -49,7 +49,7 @@ pub fn check_builds(scene: &Scene) -> Vec<Finding> {
         let restart = format!(
             "restart {} from this build: kill {pid}; {}",
             program(name),
-            scene.start(name)
+            start(entry)
         );
         if let Some((topic, theirs, ours)) = other_layout(entry) {
             let text = format!(
