@@ -2,7 +2,7 @@
 //! an undisturbed one.
 //!
 //! The form for every day has 20 kills in two minutes; the long one has 60 and more in a drive of ten minutes:
-//! `cargo test --workspace --test death -- --ignored --nocapture`.
+//! `cargo build --workspace && cargo test -p randt --test death -- --ignored --nocapture`.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -21,7 +21,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 use support::killer::{APART, BACK_MAX_MS, Blow, Killer, Row, STAGES};
-use support::up::{own_realm, up};
+use support::pipeline::Pipeline;
+use support::up::up;
 use support::{Random, ended_within, hall, randt, report, tum};
 
 /// Scans that must have a pose.
@@ -111,9 +112,9 @@ fn check(ordeal: &Ordeal) {
     let accepted = &report(&at("run"))["loops"]["fates"]["accepted"];
     assert!(accepted.as_u64().unwrap() > 0, "a drive without loops");
 
-    let own = own_realm("death");
-    let mut up = Up::start(&own.realm, &log, folder.path());
-    let (killer, entries) = drive(ordeal, &own.realm, &mut up);
+    let own = Pipeline::new("death");
+    let mut up = Up::start(own.realm(), &log, folder.path());
+    let (killer, entries) = drive(ordeal, own.realm(), &mut up);
     let processes = killer.kills();
     let Killer { observer, rows, .. } = killer;
     observer.leave();
@@ -127,9 +128,9 @@ fn check(ordeal: &Ordeal) {
     check_result(ordeal, &at("up"), &at("run"));
     check_counters(&at("up"), &at("run"), processes);
     check_rows(&rows, entries);
-    let wiped = wipe(&own.realm, false).unwrap();
+    let wiped = wipe(own.realm(), false).unwrap();
     println!("{:?} entries wiped", wiped.map(|all| all.len()));
-    assert_eq!(leftovers(&own.realm), [], "after doctor --clean");
+    assert_eq!(leftovers(own.realm()), [], "after doctor --clean");
 }
 
 fn simulate(ordeal: &Ordeal, folder: &Path) -> PathBuf {

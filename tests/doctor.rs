@@ -15,7 +15,8 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use support::pipeline::{Pipeline, log, signal, stage_program};
+use support::pipeline::{Pipeline, log, signal};
+use support::stages::program;
 use support::{Ended, ended, names, randt};
 
 /// Whether a line of this grade holds these words.
@@ -275,7 +276,7 @@ fn a_stage_of_another_build_is_named() {
         "restart randt-odd from this build",
     );
     // What doctor says is what happens.
-    let mut filter = Command::new(stage_program("filter"));
+    let mut filter = Command::new(program("filter"));
     pipeline.enter(&mut filter);
     let filter = ended(filter);
     assert!(
@@ -290,7 +291,7 @@ fn a_stage_of_another_build_is_named() {
 fn a_program_that_was_replaced_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let copy = folder.path().join("randt-filter");
-    fs::copy(stage_program("filter"), &copy).unwrap();
+    fs::copy(program("filter"), &copy).unwrap();
     let mut pipeline = Pipeline::new("replaced");
     let mut filter = Command::new(&copy);
     pipeline.enter(&mut filter);
@@ -346,7 +347,7 @@ fn two_worlds_are_told_apart() {
 fn a_stage_with_a_shared_memory_of_its_own_is_found() {
     let Some(options) = namespace() else { return };
     let mut pipeline = Pipeline::below("apart", &std::env::temp_dir());
-    let mut filter = alone(options, "64m", &stage_program("filter"));
+    let mut filter = alone(options, "64m", &program("filter"));
     pipeline.enter(&mut filter);
     pipeline.start("filter", filter);
     let found = pipeline.randt(&["doctor"]);

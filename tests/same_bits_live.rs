@@ -12,7 +12,8 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 use support::phidgets::{OFF_NS, restamp};
-use support::up::{own_realm, up};
+use support::pipeline::Pipeline;
+use support::up::up;
 use support::{ended_within, hall, report, run, tum};
 
 /// The drive takes 90 s; starting and ending some more.
@@ -71,8 +72,8 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
     let ends: Vec<i64> = rows.iter().map(|row| row.stamp_ns).collect();
     assert_like_phidgets(&stamps, &ends[..ends.len() - 1]);
 
-    let own = own_realm("bits");
-    let live = ended_within(up(&own.realm, &log, &at("up")), TIME_MAX);
+    let own = Pipeline::new("bits");
+    let live = ended_within(up(own.realm(), &log, &at("up")), TIME_MAX);
     // 3 would say that something was dropped.
     assert_eq!(live.code, Some(0), "{}", live.stderr);
     let (offline, live) = (report(&at("run")), report(&at("up")));
@@ -82,7 +83,7 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
     // for a sample of the IMU as offline.
     assert_eq!(live["counters"], offline["counters"]);
     assert_same(&at("up"), &at("run"));
-    let left = randt_stage::wipe(&own.realm, false).unwrap();
+    let left = randt_stage::wipe(own.realm(), false).unwrap();
     println!("{:?} entries left over", left.as_ref().map(Vec::len));
     assert!(left.is_some(), "the realm is still in use");
 }

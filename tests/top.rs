@@ -142,7 +142,7 @@ fn the_pipeline_has_latency_pose_and_map() {
     let log = log(folder.path(), 60);
     let mut pipeline = Pipeline::new("whole");
     let journal = folder.path().join("journal");
-    let mut mapper = std::process::Command::new(support::pipeline::stage_program("mapper"));
+    let mut mapper = std::process::Command::new(support::stages::program("mapper"));
     pipeline.enter(&mut mapper);
     mapper.arg("--journal").arg(journal);
     pipeline.start("mapper", mapper);

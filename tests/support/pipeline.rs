@@ -1,5 +1,6 @@
 //! Stages of a realm of its own, as processes.
 
+use super::stages::program;
 use super::{Ended, ended, randt};
 use randt_stage::{Realm, Registry};
 use rustix::process::{Pid, Signal, kill_process};
@@ -57,7 +58,7 @@ impl Pipeline {
 
     /// Starts a stage's own program; gives its process.
     pub fn stage(&mut self, name: &str) -> u32 {
-        let mut command = Command::new(stage_program(name));
+        let mut command = Command::new(program(name));
         self.enter(&mut command);
         self.start(name, command)
     }
@@ -137,22 +138,17 @@ pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// The program of a stage, which stands beside randt.
-pub fn stage_program(name: &str) -> PathBuf {
-    let program = Path::new(env!("CARGO_BIN_EXE_randt")).with_file_name(format!("randt-{name}"));
-    assert!(
-        program.is_file(),
-        "{}: not there; cargo build --workspace makes it",
-        program.display()
-    );
-    program
-}
-
 /// A log of so many scans at 5 Hz, with 250 Hz of IMU.
 pub fn log(folder: &Path, scans: u32) -> PathBuf {
-    let path = folder.join("log.mcap");
-    let mut command = randt(&["simulate", "building", "--seed", "1", "--scans"]);
-    command.arg(scans.to_string()).arg("--out").arg(&path);
+    log_of(folder, scans, 1)
+}
+
+/// The same, of one of many drives.
+pub fn log_of(folder: &Path, scans: u32, seed: u32) -> PathBuf {
+    let path = folder.join(format!("log-{seed}.mcap"));
+    let mut command = randt(&["simulate", "building"]);
+    command.args(["--seed", &seed.to_string(), "--scans", &scans.to_string()]);
+    command.arg("--out").arg(&path);
     let made = ended(command);
     assert_eq!(made.code, Some(0), "{}", made.stderr);
     path

@@ -31,7 +31,7 @@ pub struct Running {
     errors: PathBuf,
 }
 
-/// The program of a stage, which stands beside `randt`.
+/// The program of a stage, which stands beside `randt`, or that one for `play`.
 pub fn program(name: &str) -> PathBuf {
     let randt = Path::new(env!("CARGO_BIN_EXE_randt"));
     let path = match name {
@@ -40,7 +40,7 @@ pub fn program(name: &str) -> PathBuf {
     };
     assert!(
         path.is_file(),
-        "{}: not there; cargo build makes all stages",
+        "{}: not there; cargo build --workspace makes all stages",
         path.display()
     );
     path

@@ -37,6 +37,9 @@ pub struct Intake {
     pub trouble: String,
     /// Whether only opening the journal anew tells what is in it: a matter for the next process.
     pub is_unsure: bool,
+    /// Whether odometry numbers the drive that the map is of: it has shown that it knows the map's last keyframe. Before
+    /// that a keyframe of the right number may be another drive's.
+    is_of_this_drive: bool,
     /// Whether a keyframe came that has the number of one of the map's and is another one.
     pub is_other_drive: bool,
 }
@@ -71,7 +74,6 @@ impl Intake {
         Ok(Self {
             next: opened.journal.end(),
             mapper,
-            journal: opened.journal,
             unwritten: VecDeque::new(),
             synced: Instant::now(),
             // What came while nobody was here is in odometry's ring.
@@ -81,6 +83,8 @@ impl Intake {
             lost: 0,
             trouble: String::new(),
             is_unsure: false,
+            is_of_this_drive: opened.journal.end() == 0,
+            journal: opened.journal,
             is_other_drive: false,
         })
     }
@@ -89,11 +93,19 @@ impl Intake {
     /// Gives whether to ask at once.
     pub fn take(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
         let id = keyframe.head.id;
-        if id < self.next {
-            self.is_other_drive |= !self.is_double(keyframe.head);
+        if self.is_other_drive {
             return false;
         }
-        if id > self.next {
+        if id < self.next {
+            let is_double = self.is_double(keyframe.head);
+            self.is_other_drive = !is_double;
+            self.is_of_this_drive |= is_double && id + 1 == self.next;
+            return false;
+        }
+        // A new frame stands by itself, whoever numbered it.
+        let places = self.mapper.places().last();
+        let is_new_frame = places.is_none_or(|p| keyframe.head.odom_frame_id > p.odom_frame_id);
+        if id > self.next || !(self.is_of_this_drive || is_new_frame) {
             let is_news = !self.is_missing;
             self.refusals += u32::from(std::mem::take(&mut self.is_asked));
             if self.refusals < REFUSALS_MAX {
@@ -104,6 +116,7 @@ impl Intake {
             self.lost += id - self.next;
         }
         (self.next, self.is_missing, self.refusals) = (id + 1, false, 0);
+        self.is_of_this_drive = true;
         self.mapper.push(keyframe);
         self.write();
         if !self.unwritten.is_empty() || !self.append(keyframe) {

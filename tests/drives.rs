@@ -1,0 +1,175 @@
+//! Whose drive a keyframe is, and when a drive is over: nothing is spliced, nothing begins again by itself.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use randt_mapper::journal::{self, Kind};
+use randt_messages::Message;
+use rustix::process::Signal;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+use support::pipeline::{Pipeline, log_of, signal, until};
+use support::stages::program;
+use support::{ended, report};
+
+/// Number and odometry frame of every keyframe in a journal.
+fn keyframes(path: &Path) -> Vec<(u64, u64)> {
+    let bytes = fs::read(path).unwrap_or_default();
+    let Ok((_, records)) = journal::records(&bytes) else {
+        return Vec::new();
+    };
+    let mut message = Message::default();
+    let read = records.of(Kind::Keyframe).map(|record| {
+        assert!(journal::read_keyframe(record.payload, &mut message));
+        (message.head.id, message.head.odom_frame_id)
+    });
+    read.collect()
+}
+
+fn mapper(pipeline: &mut Pipeline, journal: &Path) -> u32 {
+    let mut command = Command::new(program("mapper"));
+    pipeline.enter(&mut command);
+    command.arg("--journal").arg(journal);
+    pipeline.start("mapper", command)
+}
+
+/// The journal of a drive that is over.
+fn old_map(folder: &Path) -> PathBuf {
+    let path = folder.join("old.journal");
+    let mut pipeline = Pipeline::new("old");
+    let mapper = mapper(&mut pipeline, &path);
+    pipeline.stage("odometry");
+    pipeline.stage("filter");
+    pipeline.play(&log_of(folder, 100, 1), &["--rate", "10", "--stay"]);
+    until("the old map", || keyframes(&path).len() >= 12);
+    pipeline.end(mapper, Signal::TERM);
+    path
+}
+
+#[test]
+fn a_new_drive_goes_on_after_the_map_that_there_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let journal = old_map(folder.path());
+    let old = keyframes(&journal);
+    // The machine was started anew: no state, and the drivers are the first to run.
+    let mut pipeline = Pipeline::new("new");
+    pipeline.play(&log_of(folder.path(), 100, 2), &["--rate", "4", "--stay"]);
+    pipeline.stage("filter");
+    mapper(&mut pipeline, &journal);
+    std::thread::sleep(Duration::from_secs(1));
+    pipeline.stage("odometry");
+    until("keyframes", || keyframes(&journal).len() >= old.len() + 5);
+    let all = keyframes(&journal);
+    assert_eq!(all[..old.len()], old);
+    let last_frame = old.last().unwrap().1;
+    for (expected, (id, frame)) in (old.len() as u64..).zip(&all[old.len()..]) {
+        assert!(*id == expected && *frame > last_frame, "{all:?}");
+    }
+}
+
+#[test]
+fn a_drive_that_had_not_heard_of_the_map_is_not_mixed_into_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let journal = old_map(folder.path());
+    let old = keyframes(&journal);
+    let mut pipeline = Pipeline::new("unheard");
+    pipeline.stage("odometry");
+    pipeline.stage("filter");
+    pipeline.play(&log_of(folder.path(), 100, 2), &["--rate", "10", "--stay"]);
+    // Longer than odometry listens; it has keyframes of its own by then.
+    std::thread::sleep(Duration::from_secs(4));
+    mapper(&mut pipeline, &journal);
+    let aside = folder.path().join("old.journal.aside-1");
+    until("the old map set aside", || aside.is_file());
+    until("a new map", || keyframes(&journal).len() >= 5);
+    assert_eq!(
+        keyframes(&aside),
+        old,
+        "whole, and nothing of the new drive"
+    );
+    let new = keyframes(&journal);
+    let expected: Vec<_> = (0..new.len() as u64).map(|id| (id, 0)).collect();
+    assert_eq!(new, expected);
+}
+
+#[test]
+fn a_clock_that_was_taken_anew_does_not_make_odometry_deaf() {
+    let folder = tempfile::tempdir().unwrap();
+    let journal = folder.path().join("map.journal");
+    let log = log_of(folder.path(), 150, 1);
+    let mut pipeline = Pipeline::new("clock");
+    let rate = |pipeline: &mut Pipeline| {
+        let stages = [
+            mapper(pipeline, &journal),
+            pipeline.stage("odometry"),
+            pipeline.stage("filter"),
+        ];
+        (stages, pipeline.play(&log, &["--rate", "4", "--stay"]))
+    };
+    let (stages, play) = rate(&mut pipeline);
+    until("keyframes", || keyframes(&journal).len() >= 5);
+    for pid in stages.into_iter().chain([play]) {
+        pipeline.end(pid, Signal::TERM);
+    }
+    let before = keyframes(&journal).len();
+    // An hour back: what is published from now on has an earlier epoch.
+    let anchor = pipeline.realm().run().join("clock-anchor");
+    let taken: i64 = fs::read_to_string(&anchor).unwrap().trim().parse().unwrap();
+    fs::write(&anchor, (taken - 3_600_000_000_000).to_string()).unwrap();
+    rate(&mut pipeline);
+    until("keyframes after that", || {
+        keyframes(&journal).len() >= before + 3
+    });
+}
+
+#[test]
+fn a_log_that_was_killed_is_the_end_of_the_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = log_of(folder.path(), 100, 1);
+    let out = folder.path().join("out");
+    let pipeline = Pipeline::new("killed");
+    let up = pipeline.command(&["up", "--rate", "2"]);
+    let running = std::thread::scope(|scope| {
+        let running = scope.spawn(|| {
+            let mut up = up;
+            up.arg("--play").arg(&log).arg("--out").arg(&out);
+            ended(up)
+        });
+        let play = || {
+            let all = randt_stage::Registry::all(pipeline.realm());
+            let found = all
+                .into_iter()
+                .find(|(entry, lives)| entry.name == "play" && *lives);
+            found.map(|(entry, _)| entry.pid as u32)
+        };
+        until("play", || play().is_some());
+        std::thread::sleep(Duration::from_secs(3));
+        // A second pipeline does not get the first one's folder.
+        let other = Pipeline::new("other");
+        let mut second = other.command(&["up"]);
+        second.arg("--play").arg(&log).arg("--out").arg(&out);
+        let refused = ended(second);
+        assert_eq!(refused.code, Some(1), "{}", refused.stderr);
+        assert!(
+            refused.says("another pipeline writes its files here"),
+            "{}",
+            refused.stderr
+        );
+        signal(play().unwrap(), Signal::KILL);
+        running.join().unwrap()
+    });
+    assert_eq!(running.code, Some(3), "{}", running.stderr);
+    let report = report(&out);
+    let scans = report["scans"].as_u64().unwrap();
+    assert!(scans > 5 && scans < 90, "{scans}");
+    assert_eq!(report["frames"].as_array().unwrap().len(), 1);
+    assert_eq!(report["counters"]["interrupted"]["loss"], true);
+    assert!(out.join("trajectory.tum").is_file());
+}
