@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 /// The mapper stage: loops, the pose graph, the occupancy grid.
 ///
-/// Every keyframe goes into a journal first. When the stage is started again it is what it was, to the last bit, and
+/// Every keyframe goes into a journal before the map that it makes is told. When the stage is started again it is what it was, to the last bit, and
 /// asks odometry for what it has missed.
 #[derive(Debug, Parser)]
 #[command(name = "randt-mapper", version, max_term_width = 100)]

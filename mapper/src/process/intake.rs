@@ -229,7 +229,6 @@ impl Intake {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 mod tests {
     use super::*;
     use randt_stage::Realm;
