@@ -55,7 +55,7 @@ pub fn map(snapshot: &Snapshot) -> Vec<Fact> {
         (
             "keyframes",
             or_dash(map, |map| {
-                format!("{}, on disk below number {}", map.keyframes, map.on_disk)
+                format!("{}, {} on disk", map.keyframes, map.on_disk)
             }),
         ),
         (
