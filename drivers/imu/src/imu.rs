@@ -30,6 +30,7 @@ pub struct Imu {
     stamp_ns: i64,
     samples: u64,
     unknown: u64,
+    doubled: u64,
 }
 
 impl Imu {
@@ -51,6 +52,7 @@ impl Imu {
             stamp_ns: i64::MIN,
             samples: 0,
             unknown: 0,
+            doubled: 0,
         })
     }
 
@@ -82,7 +84,9 @@ impl Imu {
             self.upright.restart();
         }
         for reading in readings.drain(..) {
-            if reading.known() {
+            if self.sequence.is_double(&reading) {
+                self.doubled += 1;
+            } else if reading.known() {
                 let sample = self.sample(&reading);
                 self.upright.push(sample.header.stamp_ns, sample.acceleration_m_s2);
                 sink(&sample);
@@ -164,6 +168,7 @@ impl Imu {
         let mut counts = vec![
             Count::event("samples", self.samples),
             Count::loss("samples_lost", self.sequence.lost()),
+            Count::event("samples_doubled", self.doubled),
             Count::loss("unknown_values", self.unknown),
             Count::event("reconnects", self.reconnects),
             Count::event("clock_resets", self.clock.restarts()),

@@ -3,7 +3,7 @@
 //! Responsible for opening, for saying in plain words why that fails, and for bytes. Not responsible for when.
 
 use rustix::fs::OFlags;
-use serialport::TTYPort;
+use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -52,6 +52,9 @@ impl Port {
         let name = path.to_string_lossy();
         let settings = serialport::new(name, baud).open_native();
         let settings = settings.map_err(|error| say(&settings_failed(&error)))?;
+        // What lies there was measured nobody knows when.
+        let cleared = settings.clear(ClearBuffer::Input);
+        cleared.map_err(|error| say(&settings_failed(&error)))?;
         Ok(Self {
             bytes,
             _settings: settings,

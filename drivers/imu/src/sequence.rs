@@ -28,6 +28,15 @@ impl Sequence {
         self.last = None;
     }
 
+    /// Whether it is the last one once more.
+    pub(crate) fn is_double(&self, reading: &Reading) -> bool {
+        let counts = reading.device_ns.is_some() || reading.counter.is_some();
+        counts
+            && self.last.is_some_and(|last| {
+                (last.device_ns, last.counter) == (reading.device_ns, reading.counter)
+            })
+    }
+
     /// Takes the next reading of a device that agreed to this interval.
     pub(crate) fn push(&mut self, reading: &Reading, interval_ns: i64) {
         if interval_ns != self.asked_ns {

@@ -8,7 +8,7 @@ mod packet;
 mod protocol;
 mod setup;
 
-pub use field::{Field, GpsTime};
+pub use field::{Field, GpsTime, SENSOR_DATA};
 pub use packet::{Fields, MipFraming, Packet, checksum};
 pub use protocol::Mip;
 pub use setup::{MipSetup, command};

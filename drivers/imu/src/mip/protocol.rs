@@ -1,6 +1,6 @@
 //! MIP as a serial protocol: packets to readings.
 
-use super::{Field, MipFraming, MipSetup, Packet, field::SENSOR_DATA};
+use super::{Field, MipFraming, MipSetup, Packet, SENSOR_DATA};
 use crate::frames::{FrameCounts, Frames};
 use crate::protocol::Protocol;
 use crate::reading::{Reading, STANDARD_GRAVITY_M_S2};
