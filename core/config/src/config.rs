@@ -2,7 +2,8 @@
 
 use crate::section::Refusal;
 use crate::sections::{
-    Attitude, Filter, Grid, Keyframe, Loops, Ndt, Odometry, Robot, Sensor, Submap,
+    Attitude, Filter, Grid, ImuDriver, Keyframe, Loops, Ndt, Odometry, RadarDriver, Record, Robot,
+    Sensor, Submap,
 };
 use crate::{Error, Key, Origins};
 use toml::de::DeValue;
@@ -63,10 +64,12 @@ impl Config {
         self.ndt.cell_size_m.max(self.sensor.cell_size_min_m)
     }
 
-    /// A number that differs where any value differs: FNV-1a over all keys with their values.
+    /// A number that differs where any value differs that something is computed by: FNV-1a over all keys with their
+    /// values.
     pub fn fingerprint(&self) -> u64 {
         let mut hash = 0xcbf2_9ce4_8422_2325;
-        for section in Self::SECTIONS {
+        let computes = |section: &&Section| !DRIVERS.contains(&section.name);
+        for section in Self::SECTIONS.iter().filter(computes) {
             for key in section.keys {
                 let value = self.get(section.name, key.name).unwrap_or_default();
                 for byte in format!("{}.{} = {value}\n", section.name, key.name).bytes() {
@@ -104,7 +107,16 @@ config! {
     sensor: Sensor,
     /// Mounting.
     robot: Robot,
+    /// Radar's driver.
+    radar: RadarDriver,
+    /// IMU's driver.
+    imu: ImuDriver,
+    /// What is recorded beside the log.
+    record: Record,
 }
+
+/// Sections that say how messages come about, not what follows from them: another address makes no other map.
+const DRIVERS: &[&str] = &["radar", "imu", "record"];
 
 /// What must be below what, as section and key.
 const BELOW: &[[(&str, &str); 2]] = &[

@@ -58,7 +58,7 @@ pub enum Error {
     },
     /// A sensor file says how to drive, or the like.
     #[error(
-        "{place}: section [{name}] does not belong into a {kind} file, which holds [{kind}] only; put it into a profile"
+        "{place}: section [{name}] does not belong into a {kind} file, which holds {sections} only; put it into a profile"
     )]
     Misplaced {
         /// Where.
@@ -67,6 +67,8 @@ pub enum Error {
         name: String,
         /// What the file is for: `sensor` or `robot`.
         kind: &'static str,
+        /// The sections that it holds.
+        sections: String,
     },
     /// The value has the wrong type or is outside its range.
     #[error("{place}: {name} is {found}, it must be {expected}")]

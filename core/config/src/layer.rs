@@ -14,14 +14,35 @@ const BYTES_MAX: u64 = 1 << 20;
 /// Where each key that somebody has set was set, by section and key. Keys that are not here have their default.
 pub type Origins = BTreeMap<(&'static str, &'static str), Place>;
 
+/// A kind of file that holds some sections only.
+#[derive(Debug)]
+pub(crate) struct Kind {
+    /// What people call it.
+    pub name: &'static str,
+    /// The sections that belong into it.
+    pub sections: &'static [&'static str],
+}
+
+/// What is particular to a radar.
+pub(crate) const SENSOR_FILE: &Kind = &Kind {
+    name: "sensor",
+    sections: &["sensor"],
+};
+
+/// What is particular to a robot: where its sensors sit, and how they are reached.
+pub(crate) const ROBOT_FILE: &Kind = &Kind {
+    name: "robot",
+    sections: &["robot", "radar", "imu", "record"],
+};
+
 /// A TOML text and where it comes from.
 pub(crate) struct Layer<'a> {
     /// Path, or the name of a built-in file.
     pub source: &'a str,
     /// Its text.
     pub text: &'a str,
-    /// The one section it may hold, where it may not hold all.
-    pub only: Option<&'static str>,
+    /// What kind of file it is, where it may not hold every section.
+    pub only: Option<&'static Kind>,
 }
 
 /// Reads a file's text.
@@ -123,10 +144,12 @@ impl Layer<'_> {
 
     fn misplaced(&self, name: &str, place: &Place) -> Option<Error> {
         let only = self.only?;
-        (name != only && is_section(name)).then(|| Error::Misplaced {
+        let misplaced = is_section(name) && !only.sections.contains(&name);
+        misplaced.then(|| Error::Misplaced {
             place: place.clone(),
             name: name.to_owned(),
-            kind: only,
+            kind: only.name,
+            sections: format!("[{}]", only.sections.join("], [")),
         })
     }
 }

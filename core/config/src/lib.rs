@@ -39,4 +39,7 @@ pub use load::{DEFAULT_PROFILE, Loaded, Selection, check_file};
 pub use place::Place;
 pub use rule::Rule;
 pub use section::Key;
-pub use sections::{Attitude, Filter, Grid, Keyframe, Loops, Ndt, Odometry, Robot, Sensor, Submap};
+pub use sections::{
+    Attitude, ByteOrder, Filter, Grid, ImuDriver, ImuSource, Keyframe, Loops, Ndt, Odometry,
+    RadarDriver, RadarSource, Record, Robot, Sensor, Submap,
+};

@@ -1,7 +1,9 @@
 //! What is in force: defaults, then sensor, profile, robot and overrides, each over the one before.
 
 use crate::builtin::{Builtin, PROFILES, ROBOT, SENSORS};
-use crate::layer::{Layer, Origins, apply_override, nearest, read_text};
+use crate::layer::{
+    Kind, Layer, Origins, ROBOT_FILE, SENSOR_FILE, apply_override, nearest, read_text,
+};
 use crate::{Config, Error, Place, Robot};
 
 /// The environment where the user names none.
@@ -53,8 +55,8 @@ impl Config {
             }
         }
         match &selection.robot {
-            None => loaded.add_text(ROBOT.source, ROBOT.text, Some("robot"))?,
-            Some(path) => loaded.add_text(path, &read_text(path)?, Some("robot"))?,
+            None => loaded.add_text(ROBOT.source, ROBOT.text, Some(ROBOT_FILE))?,
+            Some(path) => loaded.add_text(path, &read_text(path)?, Some(ROBOT_FILE))?,
         }
         for text in &selection.set {
             apply_override(text, &mut loaded.config, &mut loaded.origins)?;
@@ -90,7 +92,7 @@ impl Loaded {
         name: &str,
         builtins: &'static [Builtin],
     ) -> Result<(), Error> {
-        let only = (kind == "sensor").then_some(kind);
+        let only = (kind == SENSOR_FILE.name).then_some(SENSOR_FILE);
         if let Some(builtin) = builtins.iter().find(|builtin| builtin.name == name) {
             return self.add_text(builtin.source, builtin.text, only);
         }
@@ -111,7 +113,7 @@ impl Loaded {
         &mut self,
         source: &str,
         text: &str,
-        only: Option<&'static str>,
+        only: Option<&'static Kind>,
     ) -> Result<(), Error> {
         let layer = Layer { source, text, only };
         Error::all(layer.apply(&mut self.config, &mut self.origins))
@@ -332,7 +334,7 @@ mod tests {
             "my.toml:6: unknown section [odom]; did you mean [odometry]?",
         ];
         assert_eq!(found, expected);
-        let found = problems("[sensor]\nname = \"x\"\n[ndt]\n", Some("sensor"));
+        let found = problems("[sensor]\nname = \"x\"\n[ndt]\n", Some(SENSOR_FILE));
         assert!(found[0].starts_with("my.toml:3: section [ndt] does not belong"));
         assert!(problems("[ndt\n", None)[0].starts_with("my.toml:1: "));
         assert!(problems("[[ndt]]\n", None)[0].contains("write [ndt]"));

@@ -2,6 +2,7 @@
 
 use crate::Rule::{AtLeast, Graduation, LossShape, NotNegative, Positive, Within};
 use crate::section::section;
+use crate::value::choice;
 
 section! {
     /// Beam-wise cluster filter (paper, III-A).
@@ -177,6 +178,9 @@ section! {
         pub range_max_m: f64 = 16.0 => Positive,
         /// Returns need an intensity above this, in the sensor's unit.
         pub intensity_min: f64 = 6.0 => NotNegative,
+        /// Returns at or below this power are left out by the driver, and counted: about 30,000 of a Navtech's 1.5 million
+        /// bins a sweep are above its floor. 0 where the sensor has a threshold of its own.
+        pub keep_power: f64 = 0.0 => NotNegative,
         /// Largest step in range between neighbouring returns of one cluster, m.
         pub connectivity_m: f64 = 0.04 => Positive,
         /// Width of a range bin, m.
@@ -208,5 +212,94 @@ section! {
         pub imu_pitch_rad: f64 = 0.0,
         /// IMU in base_link, yaw, rad.
         pub imu_yaw_rad: f64 = 0.0,
+    }
+}
+
+choice! {
+    /// Which radar is driven.
+    pub enum RadarSource ("\"navtech\" or \"beam-udp\"") {
+        /// A Navtech CTS or CIR by its own protocol, Colossus over TCP.
+        Navtech = "navtech",
+        /// Any radar that somebody bridges to the protocol of docs/beam-udp.md: the iSDR-C's own is not public.
+        BeamUdp = "beam-udp",
+    }
+}
+
+choice! {
+    /// Which byte of the stamps of a Navtech's azimuths comes first: the vendor's own programs disagree.
+    pub enum ByteOrder ("\"auto\", \"le\" or \"be\"") {
+        /// Whichever makes successive stamps follow each other.
+        Auto = "auto",
+        /// The lowest.
+        Little = "le",
+        /// The highest.
+        Big = "be",
+    }
+}
+
+choice! {
+    /// Which IMU is driven.
+    pub enum ImuSource ("\"phidget22\", \"mip\" or \"xsens\"") {
+        /// A Phidgets Spatial by the vendor's library, over USB or from a network server.
+        Phidget22 = "phidget22",
+        /// A MicroStrain on a serial port.
+        Mip = "mip",
+        /// An Xsens MTi on a serial port (MTData2).
+        Xsens = "xsens",
+    }
+}
+
+section! {
+    /// How randt-radar reaches the radar.
+    pub struct RadarDriver {
+        /// The radar's protocol: navtech or beam-udp.
+        pub source: RadarSource = RadarSource::BeamUdp,
+        /// navtech: the radar's address with port, 6317 by the vendor. beam-udp: what is listened on; a multicast group is
+        /// joined.
+        pub address: String = "0.0.0.0:6320".to_owned(),
+        /// beam-udp from a multicast group: this host's address on the radar's network; empty leaves it to the kernel.
+        pub interface: String = String::new(),
+        /// navtech: order of bytes in the stamps of azimuths: auto, le or be.
+        pub byte_order: ByteOrder = ByteOrder::Auto,
+        /// Receive buffer that is asked of the kernel, bytes: a second of an iSDR-C's beams, so that a busy moment of the
+        /// machine loses none. net.core.rmem_max must allow it.
+        pub receive_buffer_bytes: u32 = 4_194_304 => Within(65_536.0, 1_073_741_824.0),
+        /// Without a beam for so long the radar is said to be silent, and a connection is made anew, s.
+        pub silence_s: f64 = 1.0 => Within(0.1, 60.0),
+    }
+}
+
+section! {
+    /// How randt-imu reaches the IMU.
+    pub struct ImuDriver {
+        /// The IMU's protocol: phidget22, mip or xsens.
+        pub source: ImuSource = ImuSource::Phidget22,
+        /// mip, xsens: the serial port, by /dev/serial/by-id so that it is found again under another number. phidget22: the
+        /// serial number; empty takes the first one.
+        pub device: String = String::new(),
+        /// phidget22: a Phidget network server, with port (5661 by the vendor), instead of USB.
+        pub server: String = String::new(),
+        /// phidget22: the path of libphidget22; empty leaves the search to the system.
+        pub library: String = String::new(),
+        /// mip, xsens: speed of the serial port, baud.
+        pub baud: u32 = 115_200 => Within(9600.0, 4_000_000.0),
+        /// Samples a second that are asked of the device, Hz: odometry is made for 250.
+        pub rate_hz: f64 = 250.0 => Within(1.0, 1000.0),
+        /// The device's signed axes that are x, y and z of the IMU, for rates.
+        pub rate_axes: String = "+x +y +z".to_owned(),
+        /// The same for accelerations. What a device calls its acceleration may be gravity or what holds it up, and only one
+        /// of them points up: at rest z must read +9.81 m/s^2. `randt doctor sensors` says when it does not.
+        pub acceleration_axes: String = "+x +y +z".to_owned(),
+        /// Without a sample for so long the IMU is said to be silent, and opened anew, s.
+        pub silence_s: f64 = 0.5 => Within(0.1, 60.0),
+    }
+}
+
+section! {
+    /// What is recorded beside the log.
+    pub struct Record {
+        /// Folder for every sweep of a Navtech with all its bins, as polar images in the Oxford data set's format, which
+        /// `randt run` reads: for researchers, some 4 MB a second. Empty: none.
+        pub dense: String = String::new(),
     }
 }

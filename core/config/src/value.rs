@@ -100,3 +100,37 @@ impl Value for Vec<f64> {
         self.clone()
     }
 }
+
+/// Declares a key's type that is one of some names.
+macro_rules! choice {
+    ($(#[doc = $about:literal])+ pub enum $name:ident ($kind:literal) {
+        $( $(#[doc = $doc:literal])+ $variant:ident = $text:literal ),+ $(,)?
+    }) => {
+        $(#[doc = $about])+
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+        pub enum $name { $( $(#[doc = $doc])+ #[serde(rename = $text)] $variant ),+ }
+
+        impl $name {
+            /// What the configuration calls it.
+            pub fn name(self) -> &'static str {
+                match self { $( Self::$variant => $text ),+ }
+            }
+        }
+
+        impl $crate::value::Value for $name {
+            const KIND: &'static str = $kind;
+
+            fn read(value: &toml::de::DeValue<'_>) -> Option<Self> {
+                match value.as_str()? {
+                    $( $text => Some(Self::$variant), )+
+                    _ => None,
+                }
+            }
+
+            fn write(&self) -> String {
+                format!("\"{}\"", self.name())
+            }
+        }
+    };
+}
+pub(crate) use choice;

@@ -6,7 +6,10 @@ use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher as Port;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{AllocationStrategy, ipc};
+use iceoryx2::sample_mut::SampleMut;
+use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use randt_messages::{MessageRef, Topic};
+use std::mem::MaybeUninit;
 use std::rc::Rc;
 
 /// What a publisher and its stage share: the stage hands the history over while the publisher has nothing to send.
@@ -27,6 +30,31 @@ impl<T: Topic> HandsOver for Outgoing<T> {
         let _ = self.port.update_connections();
         // What is handed over makes no notice of its own: the reader would sleep until the next message.
         let _ = self.notifier.notify();
+    }
+}
+
+type Memory<T> = SampleMutUninit<ipc::Service, [MaybeUninit<u8>], Wire<T>>;
+
+/// A message in shared memory that nobody sees yet.
+#[derive(Debug)]
+pub struct Loan<T: Topic> {
+    sample: SampleMut<ipc::Service, [u8], Wire<T>>,
+}
+
+impl<T: Topic> Loan<T> {
+    /// The head, all zero at first.
+    pub fn head_mut(&mut self) -> &mut T::Head {
+        &mut self.sample.user_header_mut().0
+    }
+
+    /// The items, all zero at first, as many as were asked for.
+    pub fn items_mut(&mut self) -> &mut [T::Item] {
+        let bytes = self.sample.payload_mut();
+        if size_of::<T::Item>() == 0 {
+            return &mut [];
+        }
+        // iceoryx2's memory begins after a header of eight-byte fields, so it suits every item.
+        bytemuck::try_cast_slice_mut(bytes).unwrap_or_default()
     }
 }
 
@@ -76,19 +104,34 @@ impl<T: Topic> Publisher<T> {
         } else {
             bytemuck::cast_slice(message.items)
         };
-        let mut loan = self
-            .outgoing
-            .port
-            .loan_slice_uninit(bytes.len())
-            .map_err(|cause| Error::bus(format!("{}: memory for a message", T::NAME), cause))?;
-        let head = &mut loan.user_header_mut().0;
-        *head = *message.head;
-        let header = head.as_mut();
+        let mut sample = self.memory(bytes.len())?.write_from_slice(bytes);
+        sample.user_header_mut().0 = *message.head;
+        self.publish_loan(Loan { sample })
+    }
+
+    /// Shared memory for a message with so many items, to be filled where it lies. Head and items are zero; one loan at a
+    /// time.
+    pub fn loan(&self, items: usize) -> Result<Loan<T>, Error> {
+        let bytes = items.saturating_mul(size_of::<T::Item>());
+        let mut sample = self.memory(bytes)?.write_from_fn(|_| 0);
+        sample.user_header_mut().0 = bytemuck::Zeroable::zeroed();
+        Ok(Loan { sample })
+    }
+
+    fn memory(&self, bytes: usize) -> Result<Memory<T>, Error> {
+        let loaned = self.outgoing.port.loan_slice_uninit(bytes);
+        loaned.map_err(|cause| Error::bus(format!("{}: memory for a message", T::NAME), cause))
+    }
+
+    /// Sends what was filled. Sequence, epoch and publish time are this publisher's.
+    pub fn publish_loan(&mut self, loan: Loan<T>) -> Result<(), Error> {
+        let mut sample = loan.sample;
+        let header = sample.user_header_mut().0.as_mut();
         header.sequence = self.sequence;
         header.epoch = self.epoch;
         header.published_ns = self.clock.now_ns();
         let published_ns = header.published_ns;
-        loan.write_from_slice(bytes)
+        sample
             .send()
             .map_err(|cause| Error::bus(format!("{}: a message", T::NAME), cause))?;
         self.sequence += 1;

@@ -2,10 +2,15 @@
 
 use crate::{Error, Subscriber};
 use iceoryx2::port::listener::Listener;
-use iceoryx2::prelude::{CallbackProgression, WaitSet, WaitSetBuilder, ipc};
+use iceoryx2::prelude::{
+    CallbackProgression, FileDescriptor, FileDescriptorBased, SynchronousMultiplexing, WaitSet,
+    WaitSetBuilder, ipc,
+};
 use iceoryx2::waitset::WaitSetRunResult;
 use randt_messages::Topic;
 use std::fmt::Debug;
+use std::marker::PhantomData;
+use std::os::fd::{AsRawFd, BorrowedFd};
 use std::time::Duration;
 
 /// Why a wait ended.
@@ -20,21 +25,63 @@ pub enum Woken {
 }
 
 /// Something that can wake a stage.
-pub trait Wakes: Debug {
+pub trait Wakes {
     #[doc(hidden)]
-    fn listener(&self) -> &Listener<ipc::Service>;
+    fn attachment(&self) -> &dyn Attachment;
     #[doc(hidden)]
     fn take_notices(&self);
 }
 
+/// What the kernel is asked to watch.
+#[doc(hidden)]
+pub trait Attachment: SynchronousMultiplexing + Debug {}
+impl<A: SynchronousMultiplexing + Debug> Attachment for A {}
+
 impl<T: Topic> Wakes for Subscriber<T> {
-    fn listener(&self) -> &Listener<ipc::Service> {
+    fn attachment(&self) -> &dyn Attachment {
         &self.listener
     }
 
     fn take_notices(&self) {
         self.drain();
     }
+}
+
+/// A socket, a serial port, a pipe: wakes a stage as long as there is something to read, or its other end is closed.
+#[derive(Debug)]
+pub struct Descriptor<'fd> {
+    watched: FileDescriptor,
+    _open: PhantomData<BorrowedFd<'fd>>,
+}
+
+impl<'fd> Descriptor<'fd> {
+    /// Watches what stays somebody else's.
+    pub fn new(fd: BorrowedFd<'fd>) -> Result<Self, Error> {
+        let number = fd.as_raw_fd();
+        let watched = FileDescriptor::non_owning_new(number)
+            .ok_or_else(|| Error::bus("waiting for a device", format!("descriptor {number}")))?;
+        Ok(Self {
+            watched,
+            _open: PhantomData,
+        })
+    }
+}
+
+impl FileDescriptorBased for Descriptor<'_> {
+    fn file_descriptor(&self) -> &FileDescriptor {
+        &self.watched
+    }
+}
+
+impl SynchronousMultiplexing for Descriptor<'_> {}
+
+impl Wakes for Descriptor<'_> {
+    fn attachment(&self) -> &dyn Attachment {
+        self
+    }
+
+    /// Its owner reads it empty.
+    fn take_notices(&self) {}
 }
 
 /// What happened in one sleep.
@@ -65,14 +112,14 @@ impl Waits {
 
     /// Sleeps once, at most so long. Notices that came are taken: without that they would wake the stage for ever.
     pub(crate) fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {
-        let attach = |listener| {
-            let attached = self.set.attach_notification(listener);
-            attached.map_err(|cause| Error::bus("waiting for a topic", cause))
+        let attach = |attachment| {
+            let attached = self.set.attach_notification::<dyn Attachment>(attachment);
+            attached.map_err(|cause| Error::bus("something to wait for", cause))
         };
         let joined = attach(&self.joined)?;
         let guards = on
             .iter()
-            .map(|wakes| attach(wakes.listener()))
+            .map(|wakes| attach(wakes.attachment()))
             .collect::<Result<Vec<_>, _>>()?;
         let (mut joins, mut events) = (false, false);
         let result = self.set.wait_and_process_once_with_timeout(
