@@ -4,7 +4,7 @@ use crate::builtin::{Builtin, PROFILES, ROBOT, SENSORS};
 use crate::layer::{
     Kind, Layer, Origins, ROBOT_FILE, SENSOR_FILE, apply_override, nearest, read_text,
 };
-use crate::{Config, Error, Place, Robot};
+use crate::{Config, Error, Place, RadarSource, Robot};
 
 /// The environment where the user names none.
 pub const DEFAULT_PROFILE: &str = "mixed";
@@ -45,7 +45,10 @@ impl Config {
         let profile = selection.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
         match &selection.sensor {
             None => {
-                let sensor = selection.sensor_from_input.unwrap_or(DEFAULT_SENSOR);
+                let sensor = match selection.sensor_from_input {
+                    Some(sensor) => sensor,
+                    None => selection.driven_sensor()?,
+                };
                 loaded.add("sensor", sensor, SENSORS)?;
                 loaded.add("profile", profile, PROFILES)?;
             }
@@ -54,15 +57,31 @@ impl Config {
                 loaded.add("sensor", sensor, SENSORS)?;
             }
         }
-        match &selection.robot {
+        selection.finish(&mut loaded)?;
+        loaded.config.check(&loaded.origins)?;
+        Ok(loaded)
+    }
+}
+
+impl Selection {
+    /// Lays robot and overrides over what is there.
+    fn finish(&self, loaded: &mut Loaded) -> Result<(), Error> {
+        match &self.robot {
             None => loaded.add_text(ROBOT.source, ROBOT.text, Some(ROBOT_FILE))?,
             Some(path) => loaded.add_text(path, &read_text(path)?, Some(ROBOT_FILE))?,
         }
-        for text in &selection.set {
-            apply_override(text, &mut loaded.config, &mut loaded.origins)?;
-        }
-        loaded.config.check(&loaded.origins)?;
-        Ok(loaded)
+        let mut overrides = self.set.iter();
+        overrides.try_for_each(|text| apply_override(text, &mut loaded.config, &mut loaded.origins))
+    }
+
+    /// The radar that the robot's driver is for.
+    fn driven_sensor(&self) -> Result<&'static str, Error> {
+        let mut robot = Loaded::default();
+        self.finish(&mut robot)?;
+        Ok(match robot.config.radar.source {
+            RadarSource::Navtech => "navtech-cts",
+            RadarSource::BeamUdp => DEFAULT_SENSOR,
+        })
     }
 }
 
@@ -185,6 +204,37 @@ mod tests {
                 assert!(key.doc.iter().all(|line| !line.is_empty()), "{text}");
             }
         }
+    }
+
+    #[test]
+    fn the_sensor_follows_the_driver_where_there_is_no_input() {
+        let selection = |set: &str| Selection {
+            set: vec![set.to_owned()],
+            ..Selection::default()
+        };
+        let sensor = |selection| Config::load(&selection).unwrap().config.sensor.name;
+        assert_eq!(sensor(selection("radar.source=navtech")), "navtech-cts");
+        assert_eq!(sensor(selection("radar.source=beam-udp")), "isdr-c");
+        let log = Selection {
+            sensor_from_input: Some("isdr-c"),
+            ..selection("radar.source=navtech")
+        };
+        assert_eq!(sensor(log), "isdr-c");
+        assert!(refusal("radar.source=navteck").contains("\"navtech\" or \"beam-udp\""));
+    }
+
+    #[test]
+    fn an_address_makes_no_other_map() {
+        let fingerprint = |set: &str| {
+            let selection = Selection {
+                set: vec![set.to_owned()],
+                ..Selection::default()
+            };
+            Config::load(&selection).unwrap().config.fingerprint()
+        };
+        let here = fingerprint("radar.address=10.0.0.1:6317");
+        assert_eq!(here, Config::default().fingerprint());
+        assert_ne!(here, fingerprint("sensor.keep_power=1"));
     }
 
     #[test]

@@ -4,6 +4,7 @@ mod bench;
 mod config;
 mod demo;
 mod doctor;
+mod emulate;
 mod eval;
 mod graph;
 mod import;
@@ -35,6 +36,8 @@ pub enum Command {
     Up(up::Arguments),
     /// Publish a recording to the pipeline as the drivers would
     Play(play::Arguments),
+    /// Stand in for sensors that are not there, in their own protocols
+    Emulate(emulate::Arguments),
     /// Watch the pipeline: stages, topics, latency, pose and map
     Top(top::Arguments),
     /// Find out what is wrong with the pipeline and say what mends it
@@ -62,6 +65,7 @@ impl Command {
             Self::Import(arguments) => import::run(arguments),
             Self::Up(arguments) => up::run(arguments),
             Self::Play(arguments) => play::run(arguments),
+            Self::Emulate(arguments) => emulate::run(arguments),
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Imu(arguments) => imu::run(arguments),

@@ -33,19 +33,31 @@ const START_MAX: Duration = Duration::from_secs(10);
 /// What stands in for the drivers.
 const PLAY: &str = "play";
 
+/// The drivers, the one first whose data the other's wait for.
+fn drivers(no_imu: bool) -> &'static [&'static str] {
+    if no_imu {
+        &["radar"]
+    } else {
+        &["imu", "radar"]
+    }
+}
+
 /// Arguments of `randt up`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Play this recording to the pipeline; without it the drivers are to be started by hand
+    /// Play this recording to the pipeline instead of starting the drivers of the radar and the IMU
     #[arg(long, value_name = "LOG")]
     play: Option<PathBuf>,
+    /// Start neither: drivers of your own publish
+    #[arg(long, conflicts_with = "play")]
+    no_drivers: bool,
     /// How many times faster than it was recorded
     #[arg(long, value_name = "R", default_value = "1", requires = "play", value_parser = crate::commands::play::rate)]
     rate: f64,
     /// Folder for the files that `randt run` leaves, and the map's journal
     #[arg(long, value_name = "DIR", default_value = "randt-up")]
     out: PathBuf,
-    /// Do not use the IMU
+    /// Do not use the IMU, nor start its driver
     #[arg(long)]
     no_imu: bool,
     #[command(flatten)]
@@ -146,8 +158,7 @@ impl Pipeline {
                 "odometry" if arguments.no_imu => program.flag("--no-imu"),
                 _ => {}
             }
-            let child = Child::start(program, pipeline.bar.clone());
-            pipeline.children.insert(0, child);
+            pipeline.add(program);
         }
         pipeline.wait_until_running()?;
         if let Some(log) = &arguments.play {
@@ -158,10 +169,21 @@ impl Pipeline {
             for argument in arguments.options.as_arguments() {
                 program.flag(argument);
             }
-            let child = Child::start(program, pipeline.bar.clone());
-            pipeline.children.insert(0, child);
+            pipeline.add(program);
+        } else if !arguments.no_drivers {
+            for name in drivers(arguments.no_imu) {
+                let mut program = Program::stage(name, realm)?;
+                program.option("--profile", &profile);
+                pipeline.add(program);
+            }
         }
         Ok(pipeline)
+    }
+
+    /// Starts a program whose data go to those that were added before.
+    fn add(&mut self, program: Program) {
+        let child = Child::start(program, self.bar.clone());
+        self.children.insert(0, child);
     }
 
     /// Waits until every stage says that it runs.

@@ -1,0 +1,162 @@
+//! What goes wrong with sensors, on demand.
+
+use std::str::FromStr;
+
+macro_rules! kinds {
+    ($( $(#[doc = $doc:literal])+ $variant:ident = $name:literal ),+ $(,)?) => {
+        /// What goes wrong.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum FaultKind { $( $(#[doc = $doc])+ $variant ),+ }
+
+        impl FaultKind {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[ $( Self::$variant ),+ ];
+
+            /// Its name on the command line.
+            pub fn name(self) -> &'static str {
+                match self { $( Self::$variant => $name ),+ }
+            }
+
+            /// What it does, in a line.
+            pub fn about(self) -> &'static str {
+                match self { $( Self::$variant => concat!($($doc),+).trim_ascii() ),+ }
+            }
+        }
+    };
+}
+
+kinds! {
+    /// Nothing is sent, the connection stays.
+    Silence = "silence",
+    /// The connection is closed in the middle of a message, and the next one is accepted.
+    Close = "close",
+    /// The device is gone: connections are closed or the port taken away, and nobody answers.
+    Unplug = "unplug",
+    /// Each message arrives in pieces, and several at once.
+    Split = "split",
+    /// Bytes that belong to no message come before each tenth one.
+    Junk = "junk",
+    /// Each tenth message has a wrong checksum.
+    Checksum = "checksum",
+    /// Each tenth message is cut short.
+    Cut = "cut",
+    /// Messages have a version that is not there yet.
+    Version = "version",
+    /// Each tenth message claims to be longer than any can be.
+    Oversize = "oversize",
+    /// Each twentieth beam or sample is not sent.
+    Lost = "lost",
+    /// Each twentieth beam is sent twice.
+    Doubled = "doubled",
+    /// Each twentieth beam comes after the one that follows it.
+    Reordered = "reordered",
+    /// Beams end at a third of their range: a contour is set.
+    Contour = "contour",
+    /// Beams are not evenly spaced, in angle and in time.
+    Jitter = "jitter",
+    /// The device's clock is 200 ppm fast.
+    Skew = "skew",
+    /// The device's clock begins anew at 0, once.
+    ClockReset = "clock-reset",
+    /// Only every second message is sent: the device has forgotten its rate.
+    Rate = "rate",
+}
+
+/// One fault and its time, in seconds since the emulator's beginning.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    /// What goes wrong.
+    pub kind: FaultKind,
+    /// When it begins, s.
+    pub begin_s: f64,
+    /// When it is over, s.
+    pub end_s: f64,
+}
+
+impl FromStr for Fault {
+    type Err = String;
+
+    /// Reads `KIND@BEGIN+DURATION`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = || FaultKind::ALL.iter().map(|kind| kind.name());
+        let form =
+            || format!("{text}: a fault is KIND@BEGIN+DURATION in seconds, such as silence@10+2");
+        let (kind, time) = text.split_once('@').ok_or_else(form)?;
+        let (begin, duration) = time.split_once('+').ok_or_else(form)?;
+        let seconds = |text: &str| {
+            text.parse()
+                .ok()
+                .filter(|s: &f64| s.is_finite() && *s >= 0.0)
+        };
+        let begin_s = seconds(begin).ok_or_else(form)?;
+        let duration_s = seconds(duration).ok_or_else(form)?;
+        let kind = FaultKind::ALL.iter().find(|known| known.name() == kind);
+        let kind = *kind.ok_or_else(|| {
+            let names: Vec<&str> = names().collect();
+            format!("{text}: the kinds are {}", names.join(", "))
+        })?;
+        Ok(Self {
+            kind,
+            begin_s,
+            end_s: begin_s + duration_s,
+        })
+    }
+}
+
+/// All faults of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Faults(Vec<Fault>);
+
+impl Faults {
+    /// These.
+    pub fn new(faults: Vec<Fault>) -> Self {
+        Self(faults)
+    }
+
+    /// Whether something goes wrong at a time, s since the beginning.
+    pub fn is_on(&self, kind: FaultKind, at_s: f64) -> bool {
+        self.0
+            .iter()
+            .any(|fault| fault.kind == kind && fault.begin_s <= at_s && at_s < fault.end_s)
+    }
+
+    /// How many faults of a kind have begun until a time, s: for those that happen once.
+    pub fn begun(&self, kind: FaultKind, at_s: f64) -> usize {
+        let begun = |fault: &&Fault| fault.kind == kind && fault.begin_s <= at_s;
+        self.0.iter().filter(begun).count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_is_read_and_on_in_its_time() {
+        let faults = Faults::new(vec![
+            "silence@10+2".parse().unwrap(),
+            "clock-reset@3+0".parse().unwrap(),
+        ]);
+        let on = |at_s| faults.is_on(FaultKind::Silence, at_s);
+        assert_eq!([9.9, 10.0, 11.9, 12.0].map(on), [false, true, true, false]);
+        assert!(!faults.is_on(FaultKind::Close, 10.0));
+        let begun = |at_s| faults.begun(FaultKind::ClockReset, at_s);
+        assert_eq!([2.9, 3.0, 99.0].map(begun), [0, 1, 1]);
+    }
+
+    #[test]
+    fn what_is_no_fault_is_told() {
+        for text in ["silence", "silence@1", "silence@-1+2", "silence@1+x"] {
+            let told = text.parse::<Fault>().unwrap_err();
+            assert!(
+                told.contains(text) && told.contains("silence@10+2"),
+                "{told}"
+            );
+        }
+        let told = "silent@1+2".parse::<Fault>().unwrap_err();
+        assert!(told.contains("silence, close"), "{told}");
+        for kind in FaultKind::ALL {
+            assert!(!kind.about().is_empty() && kind.about().ends_with('.'));
+        }
+    }
+}

@@ -1,0 +1,15 @@
+//! Radars and IMUs that are not there: a log spoken in the wire protocols of real sensors, with every fault they have.
+//!
+//! Responsible for the sensors' side of each protocol, in time with a clock that two emulators of one log share. Not
+//! responsible for the codecs: they are the drivers' own, used in the other direction, and held against the vendors'
+//! published bytes there.
+
+mod error;
+mod fault;
+mod pace;
+mod recording;
+
+pub use error::Error;
+pub use fault::{Fault, FaultKind, Faults};
+pub use pace::Pace;
+pub use recording::Recording;
