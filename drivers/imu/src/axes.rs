@@ -11,7 +11,7 @@ pub struct Axes {
 impl Axes {
     /// Reads the value of a key of the configuration.
     pub fn read(key: &'static str, text: &str) -> Result<Self, Error> {
-        let refused = || Error::Axes {
+        let refused = || Error::Value {
             key,
             found: text.to_owned(),
             expected: "three different axes with their signs, such as \"+x +y +z\"",
@@ -34,7 +34,7 @@ impl Axes {
     pub fn read_for_rates(key: &'static str, text: &str) -> Result<Self, Error> {
         let axes = Self::read(key, text)?;
         if axes.mirrors() {
-            return Err(Error::Axes {
+            return Err(Error::Value {
                 key,
                 found: text.to_owned(),
                 expected: "right-handed: a mirror image turns left into right; change one sign",
@@ -92,9 +92,20 @@ mod tests {
 
     #[test]
     fn what_is_no_signed_permutation_is_refused() {
-        for text in ["", "+x +y", "+x +x +z", "+x +y +z +x", "+a +y +z", "++x +y +z", "+x+y+z"] {
+        for text in [
+            "",
+            "+x +y",
+            "+x +x +z",
+            "+x +y +z +x",
+            "+a +y +z",
+            "++x +y +z",
+            "+x+y+z",
+        ] {
             let error = Axes::read("rate_axes", text).unwrap_err().to_string();
-            assert!(error.starts_with(&format!("imu.rate_axes is {text:?}")), "{error}");
+            assert!(
+                error.starts_with(&format!("imu.rate_axes is {text:?}")),
+                "{error}"
+            );
         }
     }
 }

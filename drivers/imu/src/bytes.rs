@@ -17,5 +17,8 @@ pub(crate) fn floats<const N: usize>(data: &[u8]) -> Option<[f32; N]> {
 
 /// Floats as bytes.
 pub(crate) fn float_bytes(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|value| value.to_be_bytes()).collect()
+    values
+        .iter()
+        .flat_map(|value| value.to_be_bytes())
+        .collect()
 }

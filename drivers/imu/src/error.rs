@@ -7,9 +7,9 @@ use randt_config::{Origins, Place};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Axes that are none.
+    /// A value that its type allows but its meaning does not.
     #[error("imu.{key} is {found:?}, it must be {expected}")]
-    Axes {
+    Value {
         /// The key in section `imu`.
         key: &'static str,
         /// Its value.
@@ -22,7 +22,7 @@ pub enum Error {
 impl Error {
     /// The configuration's word for it, which says where the value was written and ends a process as bad configuration.
     pub fn in_configuration(self, origins: &Origins) -> randt_config::Error {
-        let Self::Axes {
+        let Self::Value {
             key,
             found,
             expected,

@@ -38,7 +38,7 @@ impl Imu {
     pub fn new(config: &Config) -> Result<Self, Error> {
         let imu = &config.imu;
         Ok(Self {
-            source: source(imu),
+            source: source(imu)?,
             rate_axes: Axes::read_for_rates("rate_axes", &imu.rate_axes)?,
             acceleration_axes: Axes::read("acceleration_axes", &imu.acceleration_axes)?,
             silence_ns: (imu.silence_s * 1e9) as i64,
@@ -88,7 +88,8 @@ impl Imu {
                 self.doubled += 1;
             } else if reading.known() {
                 let sample = self.sample(&reading);
-                self.upright.push(sample.header.stamp_ns, sample.acceleration_m_s2);
+                self.upright
+                    .push(sample.header.stamp_ns, sample.acceleration_m_s2);
                 sink(&sample);
                 self.samples += 1;
                 self.heard_ns = Some(now_ns);
@@ -106,7 +107,9 @@ impl Imu {
         let stamp_ns = match reading.device_ns {
             Some(device_ns) => self.clock.host_ns(device_ns, reading.arrival_ns),
             // Readings that came at once were not measured at once.
-            None => reading.arrival_ns.max(self.stamp_ns.saturating_add(interval_ns / 2)),
+            None => reading
+                .arrival_ns
+                .max(self.stamp_ns.saturating_add(interval_ns / 2)),
         };
         self.stamp_ns = stamp_ns.max(self.stamp_ns.saturating_add(1));
         let mut sample = ImuSample {
@@ -125,7 +128,11 @@ impl Imu {
         self.link = if !self.source.trouble().is_empty() {
             Link::Trouble(self.source.trouble().to_owned())
         } else if silent_ns > self.silence_ns {
-            Link::Trouble(format!("{} for over {}", self.source.silence(), self.silent(silent_ns)))
+            Link::Trouble(format!(
+                "{} for over {}",
+                self.source.silence(),
+                self.silent(silent_ns)
+            ))
         } else if self.samples == 0 {
             Link::Starting
         } else if !self.upright.complaint().is_empty() {
@@ -133,7 +140,9 @@ impl Imu {
         } else if !self.source.complaint().is_empty() {
             Link::Warning(self.source.complaint().to_owned())
         } else if let Some((is_hz, asked_hz)) = self.sequence.wrong_rate() {
-            Link::Warning(format!("{is_hz:.0} samples a second come instead of {asked_hz:.0}"))
+            Link::Warning(format!(
+                "{is_hz:.0} samples a second come instead of {asked_hz:.0}"
+            ))
         } else {
             Link::Streaming
         };
@@ -160,7 +169,9 @@ impl Imu {
 
     /// Whether gravity was seen, and points where the configuration says.
     pub fn is_upright(&self) -> Option<bool> {
-        self.upright.known().then(|| self.upright.complaint().is_empty())
+        self.upright
+            .known()
+            .then(|| self.upright.complaint().is_empty())
     }
 
     /// Everything that was counted.

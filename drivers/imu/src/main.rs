@@ -42,7 +42,10 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let pause_ns = imu.due_ns().saturating_sub(stage.clock().now_ns()).max(0);
         let pause = Duration::from_nanos(pause_ns.unsigned_abs());
         let descriptor = imu.descriptor().map(Descriptor::new).transpose()?;
-        let on: Vec<&dyn Wakes> = descriptor.iter().map(|device| device as &dyn Wakes).collect();
+        let on: Vec<&dyn Wakes> = descriptor
+            .iter()
+            .map(|device| device as &dyn Wakes)
+            .collect();
         if stage.wait(&on, Some(pause))? == Woken::Stop {
             return Ok(stage.close()?);
         }

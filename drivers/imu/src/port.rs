@@ -26,11 +26,16 @@ impl Port {
     /// Opens it, or says why not.
     pub(crate) fn open(path: &Path, baud: u32) -> Result<Self, String> {
         if path.as_os_str().is_empty() {
-            return Err("imu.device is empty; give the serial port's path, such as /dev/serial/by-id/...".to_owned());
+            return Err(
+                "imu.device is empty; give the serial port's path, such as /dev/serial/by-id/..."
+                    .to_owned(),
+            );
         }
         let say = |why: &str| format!("{}: {why}", path.display());
         let told = |error: &io::Error| say(&plain(error));
-        let kind = fs::metadata(path).map_err(|error| told(&error))?.file_type();
+        let kind = fs::metadata(path)
+            .map_err(|error| told(&error))?
+            .file_type();
         if !kind.is_char_device() {
             let kind = match kind {
                 _ if kind.is_dir() => "is a directory, not a serial port",
@@ -93,7 +98,9 @@ fn nothing(error: &io::Error) -> bool {
 fn plain(error: &io::Error) -> String {
     match error.kind() {
         ErrorKind::NotFound => "not there; trying again".to_owned(),
-        ErrorKind::PermissionDenied => "no permission; is the user in the group dialout?".to_owned(),
+        ErrorKind::PermissionDenied => {
+            "no permission; is the user in the group dialout?".to_owned()
+        }
         ErrorKind::ResourceBusy => "another program has it open".to_owned(),
         // ENXIO, ENODEV, EIO: a device that is just going or coming.
         _ => format!("{error}; trying again"),

@@ -101,7 +101,10 @@ mod tests {
         let mut by_number = Sequence::default();
         for i in (0..2000_i64).filter(|i| !(500..507).contains(i) && *i != 900) {
             // A millisecond's grain, as Phidgets have it.
-            by_time.push(&at(Some(i * 4_000_000 + i % 2 * 1_000_000), None), 4_000_000);
+            by_time.push(
+                &at(Some(i * 4_000_000 + i % 2 * 1_000_000), None),
+                4_000_000,
+            );
             by_number.push(&at(None, Some((65_000 + i) as u16)), 4_000_000);
         }
         assert_eq!((by_time.lost(), by_number.lost()), (8, 8));

@@ -114,7 +114,10 @@ impl Source for Serial {
             self.open(now_ns);
         }
         if let Err(error) = self.read(now_ns, readings) {
-            self.gone(now_ns, format!("{}: unplugged ({error})", self.path.display()));
+            self.gone(
+                now_ns,
+                format!("{}: unplugged ({error})", self.path.display()),
+            );
         } else if self.port.is_some() && now_ns - self.heard_ns > self.patience_ns {
             // It is there, so there is nothing to be patient with.
             self.port = None;
@@ -140,7 +143,9 @@ impl Source for Serial {
         if self.protocol.counts().frames > self.frames_before {
             format!("{path}: answers, but no sample")
         } else if self.bytes > 0 {
-            format!("{path}: bytes that are not of this protocol; are imu.source and imu.baud right?")
+            format!(
+                "{path}: bytes that are not of this protocol; are imu.source and imu.baud right?"
+            )
         } else {
             format!("{path}: no sample")
         }

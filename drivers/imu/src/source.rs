@@ -1,6 +1,6 @@
 //! Where readings come from.
 
-use crate::{Reading, Serial, mip::Mip, phidget::Spatial, xsens::Xsens};
+use crate::{Error, Reading, Serial, mip::Mip, phidget::Spatial, xsens::Xsens};
 use randt_config::{ImuDriver, ImuSource};
 use randt_device::Count;
 use std::fmt::Debug;
@@ -37,10 +37,10 @@ pub trait Source: Debug {
 }
 
 /// The source that the configuration names.
-pub(crate) fn source(config: &ImuDriver) -> Box<dyn Source> {
-    match config.source {
-        ImuSource::Phidget22 => Box::new(Spatial::new(config)),
+pub(crate) fn source(config: &ImuDriver) -> Result<Box<dyn Source>, Error> {
+    Ok(match config.source {
+        ImuSource::Phidget22 => Box::new(Spatial::new(config)?),
         ImuSource::Mip => Box::new(Serial::new(config, Box::new(Mip::new(config.rate_hz)))),
         ImuSource::Xsens => Box::new(Serial::new(config, Box::new(Xsens::new(config.rate_hz)))),
-    }
+    })
 }

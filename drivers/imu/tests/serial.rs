@@ -31,7 +31,13 @@ fn samples_come_at_their_rate_and_in_si_units() {
         driven.until_samples(1500);
         assert_eq!(*driven.imu.link(), Link::Streaming);
         assert_eq!(driven.imu.is_upright(), Some(true));
-        for name in ["samples_lost", "unknown_values", "checksum_errors", "overruns", "clock_resets"] {
+        for name in [
+            "samples_lost",
+            "unknown_values",
+            "checksum_errors",
+            "overruns",
+            "clock_resets",
+        ] {
             assert_eq!(driven.count(name), 0, "{name}");
         }
         for pair in driven.samples.windows(2) {
@@ -41,7 +47,8 @@ fn samples_come_at_their_rate_and_in_si_units() {
         }
         for sample in &driven.samples {
             let late_ns = sample.arrival_ns - sample.header.stamp_ns;
-            assert!((0..1_000_000_000).contains(&late_ns), "{late_ns}");
+            // A burst may be spread a little into the future: stamps rise by half an interval at least.
+            assert!((-8_000_000..1_000_000_000).contains(&late_ns), "{late_ns}");
             assert!((sample.rate_rad_s[2] - 0.25).abs() < 1e-6);
             assert!((sample.acceleration_m_s2[2] - 9.8).abs() < 1e-5);
         }
@@ -59,7 +66,11 @@ fn a_device_that_is_not_there_is_waited_for_without_a_spin() {
     let _emulated = drive.serial(SerialProtocol::Mip, &[]);
     let begin = Instant::now();
     driven.until_samples(1);
-    assert!(begin.elapsed() < BACK + Duration::from_millis(500), "{:?}", begin.elapsed());
+    assert!(
+        begin.elapsed() < BACK + Duration::from_millis(500),
+        "{:?}",
+        begin.elapsed()
+    );
     driven.until_samples(500);
     assert_eq!(*driven.imu.link(), Link::Streaming);
 }
@@ -83,9 +94,16 @@ fn a_device_that_is_plugged_in_again_is_found_under_its_other_name() {
     let begin = Instant::now();
     assert_ne!(fs::read_link(drive.path("imu")).unwrap(), first);
     driven.until_samples(1);
-    assert!(begin.elapsed() < BACK + Duration::from_millis(500), "{:?}", begin.elapsed());
+    assert!(
+        begin.elapsed() < BACK + Duration::from_millis(500),
+        "{:?}",
+        begin.elapsed()
+    );
     driven.until_samples(500);
-    assert_eq!((driven.count("reconnects"), driven.count("clock_resets")), (1, 1));
+    assert_eq!(
+        (driven.count("reconnects"), driven.count("clock_resets")),
+        (1, 1)
+    );
     assert_eq!(*driven.imu.link(), Link::Streaming);
     for pair in driven.samples.windows(2) {
         assert!(pair[1].header.stamp_ns > pair[0].header.stamp_ns);
@@ -140,40 +158,51 @@ fn silence_is_noticed_and_its_end_too() {
     }
 }
 
+const FAULTS: [(&str, &str, u64); 10] = [
+    ("junk", "junk_bytes", 100),
+    ("checksum", "checksum_errors", 10),
+    ("cut", "junk_bytes", 100),
+    ("oversize", "junk_bytes", 40),
+    ("lost", "samples_lost", 8),
+    ("doubled", "samples_doubled", 8),
+    ("clock-reset", "clock_resets", 1),
+    ("split", "samples", 100),
+    ("close", "reconnects", 1),
+    ("unplug", "reconnects", 1),
+];
+
 #[test]
 fn every_fault_is_counted_and_over_when_it_is_over() {
-    let drive = Drive::new();
-    for (source, protocol) in BOTH {
-        for (fault, counter, least) in [
-            ("junk", "junk_bytes", 100),
-            ("checksum", "checksum_errors", 10),
-            ("cut", "junk_bytes", 100),
-            ("oversize", "junk_bytes", 40),
-            ("lost", "samples_lost", 8),
-            ("doubled", "samples_doubled", 8),
-            ("clock-reset", "clock_resets", 1),
-            ("split", "samples", 100),
-            ("close", "reconnects", 1),
-            ("unplug", "reconnects", 1),
-        ] {
-            let _emulated = drive.serial(protocol, &[&format!("{fault}@1.5+1")]);
-            let mut driven = Driven::new(&drive.config(source));
-            let begin = Instant::now();
-            driven.until(fault, |driven| driven.count(counter) >= least);
-            driven.go_on(Duration::from_millis(3500).saturating_sub(begin.elapsed()));
-            let count = |driven: &Driven| -> Vec<u64> {
-                let counters = driven.imu.counters();
-                let wrong = |name: &str| !["samples", "frames", "junk_bytes"].contains(&name);
-                counters.iter().filter(|count| wrong(count.name)).map(|count| count.value).collect()
-            };
-            let before = count(&driven);
-            driven.until_samples(250);
-            assert_eq!(count(&driven), before, "{fault}: {:?}", driven.imu.counters());
-            assert_eq!(*driven.imu.link(), Link::Streaming, "{fault}");
-            for pair in driven.samples.windows(2) {
-                assert!(pair[1].header.stamp_ns > pair[0].header.stamp_ns, "{fault}");
+    std::thread::scope(|scope| {
+        for (source, protocol) in BOTH {
+            for (fault, counter, least) in FAULTS {
+                scope.spawn(move || survives(source, protocol, fault, counter, least));
             }
         }
+    });
+}
+
+fn survives(source: ImuSource, protocol: SerialProtocol, fault: &str, counter: &str, least: u64) {
+    let drive = Drive::new();
+    let begin = Instant::now();
+    let _emulated = drive.serial(protocol, &[&format!("{fault}@1.5+1")]);
+    let mut driven = Driven::new(&drive.config(source));
+    driven.until(fault, |driven| driven.count(counter) >= least);
+    // The fault is over, and the time in which the device must be back.
+    let over = Duration::from_millis(2500) + BACK;
+    driven.go_on(over.saturating_sub(begin.elapsed()));
+    let wrong = |driven: &Driven| -> Vec<(&str, u64)> {
+        let good = ["samples", "frames", "junk_bytes"];
+        let counters = driven.imu.counters().into_iter();
+        let wrong = counters.filter(|count| !good.contains(&count.name));
+        wrong.map(|count| (count.name, count.value)).collect()
+    };
+    let before = wrong(&driven);
+    driven.until_samples(250);
+    assert_eq!(wrong(&driven), before, "{source:?}, {fault}");
+    assert_eq!(*driven.imu.link(), Link::Streaming, "{source:?}, {fault}");
+    for pair in driven.samples.windows(2) {
+        assert!(pair[1].header.stamp_ns > pair[0].header.stamp_ns, "{fault}");
     }
 }
 
@@ -181,7 +210,8 @@ fn every_fault_is_counted_and_over_when_it_is_over() {
 fn a_wrong_rate_is_said() {
     let drive = Drive::new();
     let _emulated = drive.serial(SerialProtocol::Mip, &["rate@0+100"]);
-    Driven::new(&drive.config(ImuSource::Mip)).until_text("125 samples a second come instead of 250");
+    Driven::new(&drive.config(ImuSource::Mip))
+        .until_text("125 samples a second come instead of 250");
 }
 
 #[test]

@@ -151,7 +151,10 @@ mod tests {
             week: 2300,
             valid: 3,
         };
-        assert_eq!(gps.time_ns(), Some((2300 * 604_800 + 345_600) * 1_000_000_000 + 250_000_000));
+        assert_eq!(
+            gps.time_ns(),
+            Some((2300 * 604_800 + 345_600) * 1_000_000_000 + 250_000_000)
+        );
         gps.valid = 1;
         assert_eq!(gps.time_ns(), None);
         (gps.valid, gps.time_of_week_s) = (3, f64::NAN);
@@ -167,9 +170,15 @@ mod tests {
             three().prop_map(Field::Magnetic),
             prop::array::uniform4(float()).prop_map(Field::Quaternion),
             any::<u64>().prop_map(Field::ReferenceTime),
-            (0.0..604_800.0, any::<u16>(), any::<u16>()).prop_map(|(time_of_week_s, week, valid)| {
-                Field::Gps(GpsTime { time_of_week_s, week, valid })
-            }),
+            (0.0..604_800.0, any::<u16>(), any::<u16>()).prop_map(
+                |(time_of_week_s, week, valid)| {
+                    Field::Gps(GpsTime {
+                        time_of_week_s,
+                        week,
+                        valid,
+                    })
+                }
+            ),
         ]
     }
 

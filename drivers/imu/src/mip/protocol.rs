@@ -52,13 +52,14 @@ impl Protocol for Mip {
 
     fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>) {
         let setup = &mut self.setup;
-        self.frames.push(bytes, &mut |frame| match Packet::of(frame) {
-            Some(packet) if packet.set == SENSOR_DATA => {
-                readings.extend(reading(&packet, arrival_ns));
-            }
-            Some(packet) => setup.take(&packet),
-            None => {}
-        });
+        self.frames
+            .push(bytes, &mut |frame| match Packet::of(frame) {
+                Some(packet) if packet.set == SENSOR_DATA => {
+                    readings.extend(reading(&packet, arrival_ns));
+                }
+                Some(packet) => setup.take(&packet),
+                None => {}
+            });
     }
 
     fn send(&mut self, now_ns: i64) -> Option<Vec<u8>> {

@@ -235,7 +235,10 @@ mod tests {
         assert_eq!(short[6..15], [1, 0x80, 2, 0x04, 0, 10, 0x05, 0, 10]);
         assert_eq!(setup.complaint(), "");
         answer(&mut setup, &ack(0x0C, 0x0F, 3));
-        assert_eq!(setup.complaint(), "the device refuses command 0C/0F: error 3");
+        assert_eq!(
+            setup.complaint(),
+            "the device refuses command 0C/0F: error 3"
+        );
     }
 
     #[test]

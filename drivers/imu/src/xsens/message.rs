@@ -86,7 +86,10 @@ pub struct XsensFraming;
 
 impl Framing for XsensFraming {
     fn look(bytes: &[u8]) -> Look {
-        let begins = bytes.iter().zip([PREAMBLE, BUS]).all(|(byte, is)| *byte == is);
+        let begins = bytes
+            .iter()
+            .zip([PREAMBLE, BUS])
+            .all(|(byte, is)| *byte == is);
         if !begins {
             return Look::Junk;
         }
@@ -127,7 +130,9 @@ mod tests {
             (
                 0xC0,
                 &configuration,
-                &[0xFA, 0xFF, 0xC0, 0x08, 0x50, 0x40, 0x00, 0x64, 0x20, 0x13, 0x00, 0xC8, 0x4A],
+                &[
+                    0xFA, 0xFF, 0xC0, 0x08, 0x50, 0x40, 0x00, 0x64, 0x20, 0x13, 0x00, 0xC8, 0x4A,
+                ],
             ),
         ] {
             assert_eq!(Message::encode(id, data), bytes);

@@ -73,13 +73,14 @@ impl Protocol for Xsens {
 
     fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>) {
         let (setup, ticks) = (&mut self.setup, &mut self.ticks);
-        self.frames.push(bytes, &mut |frame| match Message::of(frame) {
-            Some(message) if message.id == id::MT_DATA2 => {
-                readings.extend(reading(&message, arrival_ns, ticks));
-            }
-            Some(message) => setup.take(&message),
-            None => {}
-        });
+        self.frames
+            .push(bytes, &mut |frame| match Message::of(frame) {
+                Some(message) if message.id == id::MT_DATA2 => {
+                    readings.extend(reading(&message, arrival_ns, ticks));
+                }
+                Some(message) => setup.take(&message),
+                None => {}
+            });
     }
 
     fn send(&mut self, now_ns: i64) -> Option<Vec<u8>> {

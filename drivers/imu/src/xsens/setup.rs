@@ -136,7 +136,8 @@ impl XsensSetup {
             if u16::from_be_bytes([*item_high, *item_low]) == RATE_OF_TURN && hz > 0 {
                 self.granted_hz = hz;
                 if hz != self.rate_hz {
-                    self.complaint = format!("the device gives {hz} Hz instead of {}", self.rate_hz);
+                    self.complaint =
+                        format!("the device gives {hz} Hz instead of {}", self.rate_hz);
                 }
             }
         }

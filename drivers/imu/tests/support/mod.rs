@@ -25,7 +25,8 @@ pub struct Drive {
 impl Drive {
     pub fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let mut log = LogFile::create(&folder.path().join("drive.mcap"), Options::default()).unwrap();
+        let mut log =
+            LogFile::create(&folder.path().join("drive.mcap"), Options::default()).unwrap();
         for i in 0..15_000_i64 {
             let mut sample = ImuSample {
                 rate_rad_s: [0.01, -0.02, 0.25],
@@ -34,7 +35,8 @@ impl Drive {
             };
             sample.header.stamp_ns = 7_000_000_000 + i * 4_000_000;
             let (head, items) = (&sample, &[]);
-            log.write(MessageRef::<ImuSampleTopic> { head, items }).unwrap();
+            log.write(MessageRef::<ImuSampleTopic> { head, items })
+                .unwrap();
         }
         log.finish().unwrap();
         Self { folder }
@@ -124,7 +126,10 @@ impl Driven {
             self.texts.push((Instant::now(), text.to_owned()));
         }
         let pause_ns = (self.imu.due_ns().saturating_sub(now_ns())).clamp(0, 100_000_000);
-        let pause = Timespec { tv_sec: 0, tv_nsec: pause_ns };
+        let pause = Timespec {
+            tv_sec: 0,
+            tv_nsec: pause_ns,
+        };
         let mut on: Vec<PollFd<'_>> = Vec::new();
         let descriptor = self.imu.descriptor();
         on.extend(descriptor.as_ref().map(|fd| PollFd::new(fd, PollFlags::IN)));
@@ -164,7 +169,11 @@ impl Driven {
 
     pub fn count(&self, name: &str) -> u64 {
         let counters = self.imu.counters();
-        counters.iter().find(|count| count.name == name).unwrap().value
+        counters
+            .iter()
+            .find(|count| count.name == name)
+            .unwrap()
+            .value
     }
 }
 

@@ -79,7 +79,9 @@ impl Device for MipDevice {
         if !self.state.streams || !is_asked_for(moment, interval_ns, asked_ns) {
             return None;
         }
-        let acceleration = moment.acceleration_m_s2.map(|value| (value / STANDARD_GRAVITY_M_S2) as f32);
+        let acceleration = moment
+            .acceleration_m_s2
+            .map(|value| (value / STANDARD_GRAVITY_M_S2) as f32);
         let fields = [
             Field::ReferenceTime(moment.device_ns.unsigned_abs()),
             Field::Acceleration(acceleration),

@@ -5,10 +5,12 @@
 
 mod device;
 mod mip;
+mod phidget;
 mod serial;
 mod terminal;
 mod xsens;
 
+pub use phidget::PhidgetServer;
 pub use serial::{SerialImu, SerialProtocol};
 
 use crate::{Error, FaultKind, Faults, Pace, Recording};

@@ -180,9 +180,15 @@ impl SerialImu {
         }
         plugged.held.extend(bytes);
         // Half of what is on its way stays there, so that messages are split and merged.
-        let keep = if on(FaultKind::Split) { plugged.held.len() / 2 } else { 0 };
+        let keep = if on(FaultKind::Split) {
+            plugged.held.len() / 2
+        } else {
+            0
+        };
         let now = plugged.held.len() - keep;
-        plugged.terminal.write(plugged.held.get(..now).unwrap_or_default());
+        plugged
+            .terminal
+            .write(plugged.held.get(..now).unwrap_or_default());
         plugged.held.drain(..now);
     }
 }

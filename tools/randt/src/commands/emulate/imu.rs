@@ -3,8 +3,9 @@
 use super::Common;
 use crate::exit::Outcome;
 use clap::ValueEnum;
-use randt_emulator::imu::{Moments, SerialImu, SerialProtocol};
+use randt_emulator::imu::{Moments, PhidgetServer, SerialImu, SerialProtocol};
 use randt_emulator::{Pace, Recording};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 /// Arguments of `randt emulate imu`.
@@ -19,8 +20,8 @@ pub struct Arguments {
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
     /// phidget: where the network server listens
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:5661")]
-    address: String,
+    #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:5661")]
+    address: SocketAddr,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -41,7 +42,12 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut moments = Moments::new(recording, pace, faults);
     let ends: &dyn Fn() -> bool = &crate::job::interrupted;
     let protocol = match arguments.proto {
-        Proto::Phidget => anyhow::bail!("not there yet"),
+        Proto::Phidget => {
+            let mut server = PhidgetServer::open(arguments.address)?;
+            eprintln!("Phidget network server: {}", server.address());
+            server.run(&mut moments, ends)?;
+            return Ok(Outcome::Good);
+        }
         Proto::Mip => SerialProtocol::Mip,
         Proto::Xsens => SerialProtocol::Xsens,
     };
