@@ -43,7 +43,7 @@ struct Open {
 #[derive(Clone, Copy, Debug)]
 struct Running {
     number: i64,
-    /// Azimuth over the encoder's zero.
+    /// How far the radar has turned since the border of the first sweep.
     unwrapped: i64,
 }
 
@@ -103,7 +103,7 @@ impl Assembler {
             (id, number) = self.locate(beam);
         }
         if let Place::Running(_) = beam.place {
-            let unwrapped = id * TURN + i64::from(beam.azimuth);
+            let unwrapped = id * TURN + i64::from(self.past_border(beam));
             self.running = Some(Running { number, unwrapped });
         }
         if self.done.is_none() && !self.begin(beam, id, number) {
@@ -132,14 +132,27 @@ impl Assembler {
         tell(Count::loss("beams_lost", counters.lost));
         tell(Count::loss("beams_late", counters.late));
         tell(Count::event("beams_doubled", counters.doubled));
-        tell(Count::loss("beams_of_less_than_half_a_sweep", counters.discarded));
-        tell(Count::event("beams_before_the_first_sweep", counters.before));
+        tell(Count::loss(
+            "beams_of_less_than_half_a_sweep",
+            counters.discarded,
+        ));
+        tell(Count::event(
+            "beams_before_the_first_sweep",
+            counters.before,
+        ));
         tell(Count::event("sequence_anew", counters.anew));
         tell(Count::event("clock_restarts", self.clock.restarts()));
         tell(Count::event("sweeps_timed_by_arrival", counters.by_arrival));
         tell(Count::event("sweeps_timed_by_period", counters.by_period));
         tell(Count::event("returns_below_floor", counters.below_floor));
         tell(Count::loss("returns_over_limit", counters.over_limit));
+    }
+
+    /// How far a beam of a running counter lies behind the border between two sweeps. That is half a step before the
+    /// encoder's zero: many radars have a beam at zero, which an unsteady encoder puts on either side.
+    fn past_border(&self, beam: &RawBeam) -> u32 {
+        let step = TURN / i64::from(self.beams.max(1));
+        beam.azimuth.wrapping_add((step / 2) as u32)
     }
 
     /// Whose sweep a beam is, and its number in the stream.
@@ -156,7 +169,10 @@ impl Assembler {
                 let passed = i64::from(counter.wrapping_sub(last.number as u16).cast_signed());
                 // How far the radar has turned meanwhile; its low bits are those of the azimuth that is expected.
                 let expected = last.unwrapped + passed * (TURN / i64::from(self.beams.max(1)));
-                let off = beam.azimuth.wrapping_sub(expected as u32).cast_signed();
+                let off = self
+                    .past_border(beam)
+                    .wrapping_sub(expected as u32)
+                    .cast_signed();
                 let unwrapped = expected + i64::from(off);
                 (unwrapped.div_euclid(TURN), last.number + passed)
             }
@@ -179,7 +195,7 @@ impl Assembler {
             Place::Numbered { beam, .. } => (beam == 0, id * i64::from(self.beams)),
             Place::Running(_) => {
                 let step = TURN / i64::from(self.beams.max(1));
-                (i64::from(beam.azimuth) < step, number)
+                (i64::from(self.past_border(beam)) < step, number)
             }
         };
         let begins = at_begin || id > cut;
@@ -241,15 +257,15 @@ impl Assembler {
         }
     }
 
-    /// Whether no beam can be missing any more. A running counter's sweep ends where the next step passes the zero, which
-    /// an unsteady encoder may put a little farther on.
+    /// Whether no beam can be missing any more. A running counter's sweep ends where the next step, even a short one,
+    /// passes the border.
     fn is_whole(&self, sweep: &Sweep, beam: &RawBeam) -> bool {
         let all = sweep.beams() >= usize::from(self.beams);
         let at_end = match beam.place {
             Place::Numbered { .. } => true,
             Place::Running(_) => {
                 let step = TURN / i64::from(self.beams.max(1));
-                i64::from(beam.azimuth) + step * 3 / 4 >= TURN
+                i64::from(self.past_border(beam)) + step * 3 / 4 >= TURN
             }
         };
         all && at_end

@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_messages::{RadarScan, SensorKind};
 use randt_radar::{Radar, Sweep};
-use randt_stage::{Descriptor, Publisher, StageArguments, Woken, ended};
+use randt_stage::{Descriptor, Misconfigured, Publisher, StageArguments, Woken, ended};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -24,7 +24,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
-    let mut radar = Radar::new(&config)?;
+    let mut radar = Radar::new(&config).map_err(|error| Misconfigured(error.into()))?;
     let sensor = SensorKind::from_name(&config.sensor.name);
     let mut stage = arguments.stage.open("radar")?;
     stage.expect(&config.sensor);
@@ -57,8 +57,7 @@ fn publish(
     sensor: SensorKind,
 ) -> Result<(), randt_stage::Error> {
     let mut loan = scans.loan(sweep.len())?;
-    // Head and items are in one loan, which lends one of them at a time.
-    let (head, items) = loan.parts_mut();
-    sweep.write(sensor, head, items);
+    sweep.write_head(sensor, loan.head_mut());
+    sweep.write_items(loan.items_mut());
     scans.publish_loan(loan)
 }

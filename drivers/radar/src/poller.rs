@@ -13,8 +13,8 @@ pub struct Poller {
 impl Poller {
     /// An empty set.
     pub fn new() -> Result<Self, Error> {
-        let epoll = epoll::create(CreateFlags::CLOEXEC)
-            .map_err(|errno| Error::Poller(errno.into()))?;
+        let epoll =
+            epoll::create(CreateFlags::CLOEXEC).map_err(|errno| Error::Poller(errno.into()))?;
         Ok(Self { epoll })
     }
 
@@ -25,16 +25,31 @@ impl Poller {
 
     /// Wakes when a socket can be read.
     pub(crate) fn readable(&self, socket: &OwnedFd) -> std::io::Result<()> {
-        Ok(epoll::add(&self.epoll, socket, EventData::new_u64(0), EventFlags::IN)?)
+        Ok(epoll::add(
+            &self.epoll,
+            socket,
+            EventData::new_u64(0),
+            EventFlags::IN,
+        )?)
     }
 
     /// Wakes when a socket can be written, that is when it is connected or is not going to be.
     pub(crate) fn writable(&self, socket: &OwnedFd) -> std::io::Result<()> {
-        Ok(epoll::add(&self.epoll, socket, EventData::new_u64(0), EventFlags::OUT)?)
+        Ok(epoll::add(
+            &self.epoll,
+            socket,
+            EventData::new_u64(0),
+            EventFlags::OUT,
+        )?)
     }
 
     /// A connected socket: from now on reading counts.
     pub(crate) fn now_readable(&self, socket: &OwnedFd) -> std::io::Result<()> {
-        Ok(epoll::modify(&self.epoll, socket, EventData::new_u64(0), EventFlags::IN)?)
+        Ok(epoll::modify(
+            &self.epoll,
+            socket,
+            EventData::new_u64(0),
+            EventFlags::IN,
+        )?)
     }
 }

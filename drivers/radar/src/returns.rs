@@ -56,15 +56,16 @@ impl Returns {
             .filter(|item| item.intensity.total_cmp(&edge).is_eq())
             .count();
         let mut room = equal - (surplus - below).min(equal);
-        self.items.retain(|item| match item.intensity.total_cmp(&edge) {
-            std::cmp::Ordering::Less => false,
-            std::cmp::Ordering::Greater => true,
-            std::cmp::Ordering::Equal => {
-                let stays = room > 0;
-                room -= usize::from(stays);
-                stays
-            }
-        });
+        self.items
+            .retain(|item| match item.intensity.total_cmp(&edge) {
+                std::cmp::Ordering::Less => false,
+                std::cmp::Ordering::Greater => true,
+                std::cmp::Ordering::Equal => {
+                    let stays = room > 0;
+                    room -= usize::from(stays);
+                    stays
+                }
+            });
         self.over += surplus as u32;
     }
 }

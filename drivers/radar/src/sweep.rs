@@ -4,9 +4,7 @@ use crate::returns::Returns;
 use crate::timing::Timing;
 use crate::{BeamLayout, RawBeam};
 use randt_geometry::elementary::{PI, wrap};
-use randt_messages::{
-    Beam, MAX_BEAMS, Message, RadarScan, Return, ScanHead, SensorKind, SweepHead,
-};
+use randt_messages::{Beam, MAX_BEAMS, Message, RadarScan, Return, ScanHead, SensorKind};
 
 /// Counts of a turn, as azimuths have them.
 pub(crate) const TURN: i64 = 1 << 32;
@@ -153,8 +151,8 @@ impl Sweep {
         rises == self.layout.clockwise
     }
 
-    /// Lays the sweep out as a message: a head that is all zero, and [`Sweep::len`] items.
-    pub fn write(&self, sensor: SensorKind, head: &mut ScanHead, items: &mut [Return]) {
+    /// Lays out the head of its message; it is all zero before.
+    pub fn write_head(&self, sensor: SensorKind, head: &mut ScanHead) {
         head.header.stamp_ns = self.timing.end_ns;
         let sweep = &mut head.sweep;
         sweep.begin_ns = self.timing.begin_ns;
@@ -165,27 +163,24 @@ impl Sweep {
         sweep.returns_dropped = self.below_floor.saturating_add(self.over_limit());
         sweep.range_resolution_m = self.layout.bin_m as f32;
         sweep.azimuth_step_rad = (2.0 * PI / f64::from(self.layout.beams.max(1))) as f32;
-        self.write_beams(sweep, items);
-    }
-
-    fn write_beams(&self, sweep: &mut SweepHead, items: &mut [Return]) {
-        let mut next = 0;
-        for ((index, slot), entry) in self.slots.iter().enumerate().zip(&mut sweep.beams) {
+        let mut first_return = 0;
+        for (slot, entry) in self.slots.iter().zip(&mut sweep.beams) {
             *entry = Beam {
                 stamp_ns: self.timing.ns(slot.unwrapped),
                 azimuth_rad: self.azimuth_rad(slot.azimuth),
-                first_return: next as u32,
+                first_return,
             };
-            let returns = self.returns_of(slot);
-            if let Some(places) = items.get_mut(next..next + returns.len()) {
-                for (to, from) in places.iter_mut().zip(returns) {
-                    *to = Return {
-                        beam: index as u16,
-                        ..*from
-                    };
-                }
+            first_return += self.returns_of(slot).len() as u32;
+        }
+    }
+
+    /// Lays out the items of its message, [`Sweep::len`] of them.
+    pub fn write_items(&self, items: &mut [Return]) {
+        let mut rest = items.iter_mut();
+        for (slot, beam) in self.slots.iter().zip(0..) {
+            for (from, to) in self.returns_of(slot).iter().zip(&mut rest) {
+                *to = Return { beam, ..*from };
             }
-            next += returns.len();
         }
     }
 
@@ -193,7 +188,8 @@ impl Sweep {
     pub fn message(&self, sensor: SensorKind) -> Message<RadarScan> {
         let mut message = Message::<RadarScan>::default();
         message.items.resize(self.len(), Return::default());
-        self.write(sensor, &mut message.head, &mut message.items);
+        self.write_head(sensor, &mut message.head);
+        self.write_items(&mut message.items);
         message
     }
 

@@ -48,7 +48,9 @@ fn sweeps(
 ) -> Vec<Message<RadarScan>> {
     let mut out = Vec::new();
     for beam in beams {
-        assembler.push(&beam, &mut |sweep| out.push(sweep.message(SensorKind::IsdrC)));
+        assembler.push(&beam, &mut |sweep| {
+            out.push(sweep.message(SensorKind::IsdrC))
+        });
     }
     out
 }
@@ -100,7 +102,11 @@ fn clockwise_radars_are_turned_at_the_door() {
     let step = 2.0 * std::f32::consts::PI / 220.0;
     assert!((beams[1].azimuth_rad + step).abs() < 1e-6);
     assert!((beams[219].azimuth_rad - step).abs() < 1e-5);
-    assert!(beams.iter().all(|beam| (-std::f32::consts::PI..std::f32::consts::PI).contains(&beam.azimuth_rad)));
+    assert!(
+        beams
+            .iter()
+            .all(|beam| (-std::f32::consts::PI..std::f32::consts::PI).contains(&beam.azimuth_rad))
+    );
 }
 
 #[test]

@@ -60,7 +60,11 @@ impl BeamUdpDecoder {
                 "device {device}, {} beams of {:.4} m bins, {}clockwise",
                 self.beam.layout.beams,
                 self.beam.layout.bin_m,
-                if self.beam.layout.clockwise { "" } else { "counter-" },
+                if self.beam.layout.clockwise {
+                    ""
+                } else {
+                    "counter-"
+                },
             ),
         }
     }
@@ -74,7 +78,9 @@ impl BeamUdpDecoder {
         }
         let of = Some((packet.sweep, packet.beam, packet.fragments));
         let known = self.joined.iter().position(|joined| joined.of == of);
-        let Some(joined) = known.or_else(|| self.free(packet)).and_then(|at| self.joined.get_mut(at))
+        let Some(joined) = known
+            .or_else(|| self.free(packet))
+            .and_then(|at| self.joined.get_mut(at))
         else {
             return;
         };
@@ -111,7 +117,10 @@ impl BeamUdpDecoder {
         self.counters.incomplete += 1;
         let age = |joined: &Joined| {
             let (sweep, beam, _) = joined.of.unwrap_or_default();
-            (packet.sweep.wrapping_sub(sweep), packet.beam.wrapping_sub(beam))
+            (
+                packet.sweep.wrapping_sub(sweep),
+                packet.beam.wrapping_sub(beam),
+            )
         };
         (0..JOINED).max_by_key(|at| self.joined.get(*at).map(age))
     }
@@ -170,13 +179,22 @@ impl BeamDecoder for BeamUdpDecoder {
     fn counts(&self, tell: &mut dyn FnMut(Count)) {
         let counters = &self.counters;
         tell(Count::event("datagrams", counters.datagrams));
-        tell(Count::event("datagrams_of_another_protocol", counters.foreign));
-        tell(Count::loss("datagrams_of_unknown_version", counters.versions));
+        tell(Count::event(
+            "datagrams_of_another_protocol",
+            counters.foreign,
+        ));
+        tell(Count::loss(
+            "datagrams_of_unknown_version",
+            counters.versions,
+        ));
         tell(Count::loss("datagrams_damaged", counters.damaged));
         tell(Count::loss("datagrams_senseless", counters.senseless));
         tell(Count::event("datagrams_of_another_radar", counters.devices));
         tell(Count::loss("beams_incomplete", counters.incomplete));
-        tell(Count::event("fragments_doubled", counters.fragments_doubled));
+        tell(Count::event(
+            "fragments_doubled",
+            counters.fragments_doubled,
+        ));
     }
 }
 

@@ -8,5 +8,5 @@ pub mod packet;
 mod socket;
 
 pub use decoder::BeamUdpDecoder;
-pub(crate) use socket::Listening;
 pub use socket::BeamUdpSocket;
+pub(crate) use socket::Listening;

@@ -194,9 +194,7 @@ impl<'a> Packet<'a> {
         for (value, bin) in values.zip(usize::from(self.first_bin)..) {
             let mut bytes = Bytes(value);
             match self.format {
-                Format::Dense8 => bytes
-                    .u8()
-                    .map(|v| keep(bin as u16, f32::from(v) * 0.5)),
+                Format::Dense8 => bytes.u8().map(|v| keep(bin as u16, f32::from(v) * 0.5)),
                 Format::Dense16 => bytes
                     .u16_le()
                     .map(|v| keep(bin as u16, f32::from(v) / 100.0)),
@@ -232,7 +230,7 @@ mod tests {
 
     /// Ours; docs/beam-udp.md prints it.
     const OURS: &str = "52424d3101023000 07000000 2a000000 0300 dc00 00 01 0200 0000 0000 7d80de03
-        00c2eb0b00000000 e43e0000 00000000 0500 3c00 0a00 7800 37be2b4f";
+        00c2eb0b00000000 e43e0000 00000000 0500 3c00 0a00 7800 efe3395e";
 
     pub(crate) fn hex(text: &str) -> Vec<u8> {
         let digits: Vec<u8> = text.bytes().filter(|b| !b.is_ascii_whitespace()).collect();

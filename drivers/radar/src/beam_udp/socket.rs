@@ -141,9 +141,8 @@ impl BeamUdpSocket {
             }
             Err(error) => {
                 let (address, why) = (self.listening.address, error.kind());
-                self.link = Link::Trouble(format!(
-                    "cannot listen on {address} ({why}); trying again"
-                ));
+                self.link =
+                    Link::Trouble(format!("cannot listen on {address} ({why}); trying again"));
                 self.backoff.failed(now_ns);
             }
         }
@@ -157,13 +156,14 @@ impl BeamUdpSocket {
         let date_ns = date_ns();
         for _ in 0..BATCH {
             let mut room = [IoSliceMut::new(&mut self.datagram)];
-            let control = Some(&mut self.control);
-            let message = match recvmsg::<()>(socket.as_raw_fd(), &mut room, control, MsgFlags::empty()) {
-                Ok(message) => message,
-                Err(nix::Error::EAGAIN) => return Ok(()),
-                Err(nix::Error::EINTR) => continue,
-                Err(errno) => return Err(errno),
-            };
+            let control = Some(self.control.as_mut_slice());
+            let message =
+                match recvmsg::<()>(socket.as_raw_fd(), &mut room, control, MsgFlags::empty()) {
+                    Ok(message) => message,
+                    Err(nix::Error::EAGAIN) => return Ok(()),
+                    Err(nix::Error::EINTR) => continue,
+                    Err(errno) => return Err(errno),
+                };
             let mut arrival_ns = now_ns;
             for control in message.cmsgs()? {
                 match control {
@@ -257,11 +257,18 @@ impl Source for BeamUdpSocket {
     }
 
     fn about(&self) -> String {
-        format!("beam-udp on {}: {}", self.listening.address, self.decoder.about())
+        format!(
+            "beam-udp on {}: {}",
+            self.listening.address,
+            self.decoder.about()
+        )
     }
 
     fn counts(&self, tell: &mut dyn FnMut(Count)) {
         self.decoder.counts(tell);
-        tell(Count::loss("datagrams_dropped_by_the_kernel", self.kernel_drops));
+        tell(Count::loss(
+            "datagrams_dropped_by_the_kernel",
+            self.kernel_drops,
+        ));
     }
 }

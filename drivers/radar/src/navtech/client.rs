@@ -225,7 +225,11 @@ impl Source for NavtechClient {
         if let Connection::Connecting { socket, since_ns } = &self.connection {
             let made = Self::established(socket, now_ns - since_ns);
             let watched = made.and_then(|made| {
-                let watch = if made { self.poller.now_readable(socket) } else { Ok(()) };
+                let watch = if made {
+                    self.poller.now_readable(socket)
+                } else {
+                    Ok(())
+                };
                 watch.map_err(|_| Errno::IO).map(|()| made)
             });
             match watched {

@@ -237,7 +237,7 @@ mod tests {
         assert_eq!(configuration.details.model, "CTS350");
         assert_eq!(configuration.details.mac, "54:10:ec:6e:a5:0e");
         assert_eq!(configuration.details.data_width, Some(1));
-        assert!((configuration.bin_m() - 0.17524).abs() < 1e-6);
+        assert!((configuration.bin_m() - 0.175238).abs() < 1e-6);
         // The fixed part both ways.
         let mut encoded = Vec::new();
         configuration.encode(&mut encoded);

@@ -129,7 +129,10 @@ impl BeamDecoder for NavtechDecoder {
         tell(Count::event("health_messages", counters.health));
         tell(Count::event("messages_unknown", counters.unknown));
         tell(Count::loss("messages_damaged", counters.damaged));
-        tell(Count::event("beams_before_configuration", counters.unconfigured));
+        tell(Count::event(
+            "beams_before_configuration",
+            counters.unconfigured,
+        ));
         tell(Count::loss("junk_bytes", faults.junk_bytes));
         tell(Count::loss("messages_of_unknown_version", faults.versions));
         tell(Count::loss("messages_oversize", faults.oversize));

@@ -105,7 +105,10 @@ fn above_8(powers: &[u8], keep_power: f32, echoes: &mut Vec<Echo>) {
     let mut first = 0_usize;
     for chunk in powers.chunks(LANES) {
         if chunk.iter().fold(0, |max, power| *power.max(&max)) > floor {
-            let loud = chunk.iter().zip(first..).filter(|(power, _)| **power > floor);
+            let loud = chunk
+                .iter()
+                .zip(first..)
+                .filter(|(power, _)| **power > floor);
             echoes.extend(loud.map(|(power, bin)| Echo {
                 bin: bin as u16,
                 intensity: f32::from(*power),

@@ -57,10 +57,7 @@ struct Trial {
 
 impl Trial {
     fn see(&mut self, stamp_ns: Option<i64>) {
-        let step_ns = self
-            .last_ns
-            .zip(stamp_ns)
-            .map(|(last_ns, ns)| ns - last_ns);
+        let step_ns = self.last_ns.zip(stamp_ns).map(|(last_ns, ns)| ns - last_ns);
         self.row = match step_ns {
             // Beams of one burst may have one stamp; that says nothing.
             Some(0) => self.row,
@@ -165,6 +162,9 @@ mod tests {
     #[test]
     fn a_said_order_holds() {
         let mut stamps = Stamps::new(ByteOrder::Little);
-        assert_eq!(feed(&mut stamps, 1_700_000_000_000_000_000, Order::Big), None);
+        assert_eq!(
+            feed(&mut stamps, 1_700_000_000_000_000_000, Order::Big),
+            None
+        );
     }
 }
