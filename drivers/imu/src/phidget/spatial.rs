@@ -15,9 +15,10 @@ const NAMES: [&str; 2] = ["libphidget22.so.0", "libphidget22.so"];
 /// How to get it.
 const ADVICE: &str = "get it by `pip download Phidget22==1.26.20260821`, whose wheel has it in Phidget22/.libs, or from \
                       phidgets.com, and give its path as imu.library";
-/// The library itself connects to a server that was away at ever longer pauses, up to 16 s; it is made to try after this
-/// time, ns.
+/// The library itself tries a server that is away after 2, 3, 4 ... 16 s; it is made to try after this time, ns.
 const RENEW_NS: i64 = 1_500_000_000;
+/// The library does not notice that a server is gone without a word. One that was only slow needs no help, ns.
+const STUCK_NS: i64 = 5_000_000_000;
 /// An attached device may need so long to its first sample, ns.
 const SETTLING_NS: i64 = 1_500_000_000;
 
@@ -169,14 +170,10 @@ impl Spatial {
         }
     }
 
-    /// What is done about a device that does not come, or does not send.
+    /// What is done about a device that does not come, or does not send. The library sees by itself what is plugged in
+    /// on USB.
     fn insist(&mut self, now_ns: i64) {
-        let pause_ns = if self.attached {
-            self.patience_ns
-        } else {
-            RENEW_NS
-        };
-        if now_ns.saturating_sub(self.since_ns) < pause_ns {
+        if now_ns < self.insist_ns() {
             return;
         }
         self.since_ns = now_ns;
@@ -186,12 +183,20 @@ impl Spatial {
                 self.trouble = format!("{} ({})", self.trouble, self.said);
             }
         }
-        // The library sees by itself what is plugged in on USB.
         if let Some(channel) = &self.channel
             && (self.attached || self.server.is_some())
         {
             channel.renew();
         }
+    }
+
+    fn insist_ns(&self) -> i64 {
+        let pause_ns = match (self.attached, &self.server) {
+            (false, _) => RENEW_NS,
+            (true, Some(_)) => self.patience_ns.max(STUCK_NS),
+            (true, None) => self.patience_ns,
+        };
+        self.since_ns.saturating_add(pause_ns)
     }
 }
 
@@ -216,15 +221,11 @@ impl Source for Spatial {
     }
 
     fn due_ns(&self) -> Option<i64> {
-        if self.channel.is_none() {
-            return Some(self.backoff.due_ns());
-        }
-        let pause_ns = if self.attached {
-            self.patience_ns
-        } else {
-            RENEW_NS
+        let due_ns = match self.channel {
+            Some(_) => self.insist_ns(),
+            None => self.backoff.due_ns(),
         };
-        Some(self.since_ns.saturating_add(pause_ns))
+        Some(due_ns)
     }
 
     fn trouble(&self) -> &str {

@@ -8,8 +8,6 @@ use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 
-/// The only device's serial number.
-const SERIAL_NUMBER: u32 = 123_456;
 /// A client that does not fetch so much is gone, bytes: ten seconds of measurements.
 const WAITING_MAX: usize = 1 << 20;
 
@@ -20,12 +18,14 @@ pub(super) struct Client {
     received: Vec<u8>,
     waiting: Vec<u8>,
     number: u16,
+    serial_number: u32,
     channel: Option<Channel>,
     gone: bool,
 }
 
 impl Client {
-    pub(super) fn new(stream: TcpStream) -> std::io::Result<Self> {
+    /// One that is told of a device with this serial number.
+    pub(super) fn new(stream: TcpStream, serial_number: u32) -> std::io::Result<Self> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
         Ok(Self {
@@ -33,6 +33,7 @@ impl Client {
             received: Vec::new(),
             waiting: Vec::new(),
             number: 0,
+            serial_number,
             channel: None,
             gone: false,
         })
@@ -43,8 +44,8 @@ impl Client {
         self.gone
     }
 
-    /// Reads and answers. One that is silent reads only.
-    pub(super) fn serve(&mut self, silent: bool) {
+    /// Reads and answers.
+    pub(super) fn serve(&mut self) {
         let mut bytes = [0; 4096];
         loop {
             match self.stream.read(&mut bytes) {
@@ -61,14 +62,9 @@ impl Client {
                 Taken::Nonsense => break self.gone = true,
                 Taken::Packet(packet, length) => {
                     self.received.drain(..length);
-                    if !silent {
-                        self.answer(&packet);
-                    }
+                    self.answer(&packet);
                 }
             }
-        }
-        if !silent {
-            self.flush(usize::MAX);
         }
     }
 
@@ -96,7 +92,9 @@ impl Client {
                     .get("index")
                     .and_then(Value::as_u64)
                     .unwrap_or_default();
-                let channel = self.channel.insert(Channel::open(SERIAL_NUMBER, index));
+                let channel = self
+                    .channel
+                    .insert(Channel::open(self.serial_number, index));
                 (kind::BRIDGE, channel.status())
             }
             kind::CLOSE => {
@@ -117,7 +115,7 @@ impl Client {
             self.waiting.extend(reply);
         }
         if packet.kind == kind::PROOF {
-            self.say(flags::REQUEST, kind::DEVICE, &device(SERIAL_NUMBER));
+            self.say(flags::REQUEST, kind::DEVICE, &device(self.serial_number));
         }
     }
 

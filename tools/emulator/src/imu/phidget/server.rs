@@ -18,19 +18,21 @@ const JUNK: &[u8] = b"no packet";
 #[derive(Debug)]
 pub struct PhidgetServer {
     address: SocketAddr,
+    serial_number: u32,
     listener: Option<TcpListener>,
     clients: Vec<Client>,
 }
 
 impl PhidgetServer {
-    /// Listens.
-    pub fn open(address: SocketAddr) -> Result<Self, Error> {
+    /// Listens; the device has a serial number.
+    pub fn open(address: SocketAddr, serial_number: u32) -> Result<Self, Error> {
         let listener = listen(address)?;
         let address = listener
             .local_addr()
             .map_err(Error::io("its own address"))?;
         Ok(Self {
             address,
+            serial_number,
             listener: Some(listener),
             clients: Vec::new(),
         })
@@ -80,11 +82,9 @@ impl PhidgetServer {
     /// Sleeps until something is due, and answers meanwhile.
     fn wait(&mut self, due: Instant, silent: bool, ends: &dyn Fn() -> bool) -> bool {
         loop {
-            self.accept();
-            for client in &mut self.clients {
-                client.serve(silent);
+            if !silent {
+                self.serve();
             }
-            self.clients.retain(|client| !client.is_gone());
             let pause = due.saturating_duration_since(Instant::now());
             if pause.is_zero() || ends() {
                 return pause.is_zero();
@@ -93,12 +93,20 @@ impl PhidgetServer {
         }
     }
 
+    fn serve(&mut self) {
+        self.accept();
+        for client in &mut self.clients {
+            client.serve();
+        }
+        self.clients.retain(|client| !client.is_gone());
+    }
+
     fn accept(&mut self) {
         let Some(listener) = &self.listener else {
             return;
         };
         while let Ok((stream, _)) = listener.accept() {
-            self.clients.extend(Client::new(stream));
+            self.clients.extend(Client::new(stream, self.serial_number));
         }
     }
 

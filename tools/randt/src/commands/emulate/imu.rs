@@ -22,6 +22,9 @@ pub struct Arguments {
     /// phidget: where the network server listens
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:5661")]
     address: SocketAddr,
+    /// phidget: the device's serial number
+    #[arg(long, value_name = "NUMBER", default_value_t = 123_456)]
+    serial: u32,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -43,7 +46,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let ends: &dyn Fn() -> bool = &crate::job::interrupted;
     let protocol = match arguments.proto {
         Proto::Phidget => {
-            let mut server = PhidgetServer::open(arguments.address)?;
+            let mut server = PhidgetServer::open(arguments.address, arguments.serial)?;
             eprintln!("Phidget network server: {}", server.address());
             server.run(&mut moments, ends)?;
             return Ok(Outcome::Good);
