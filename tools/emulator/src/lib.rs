@@ -7,6 +7,7 @@
 mod error;
 mod fault;
 mod pace;
+pub mod radar;
 mod recording;
 
 pub use error::Error;
