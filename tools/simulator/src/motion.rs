@@ -37,7 +37,8 @@ pub struct MotionProfile {
     pub start_s: f64,
     /// Every so many changes of speed the robot stops; 0 never.
     pub stop_every: u32,
-    /// At each stop the robot turns on the spot by so much, to the left and to the right by turns; 0 never.
+    /// At each stop the robot turns on the spot: so much to the left, twice as much to the right, and back; at every
+    /// other stop the other way round. 0 never.
     pub turn_in_place_rad: f64,
 }
 
@@ -59,11 +60,11 @@ impl Default for MotionProfile {
 }
 
 impl MotionProfile {
-    /// A drive that shows where the sensors sit (docs/calibrate.md): many stops, once round at each.
+    /// A drive that shows where the sensors sit (docs/calibrate.md): many stops, and turns on the spot at each.
     pub fn for_calibration(self) -> Self {
         Self {
             stop_every: 2,
-            turn_in_place_rad: 2.0 * PI,
+            turn_in_place_rad: PI,
             ..self
         }
     }
@@ -107,8 +108,8 @@ pub struct Drive {
     speed_target_m_s: f64,
     next_decision_s: f64,
     decisions: u32,
-    /// What is left of a turn on the spot, and how many there were.
-    turn_left_rad: f64,
+    /// What is left of the turns on the spot, the next one last, and how many stops had some.
+    turns_left_rad: Vec<f64>,
     turns: u32,
 }
 
@@ -132,7 +133,7 @@ impl Drive {
             speed_target_m_s: 0.0,
             next_decision_s: profile.start_s,
             decisions: 0,
-            turn_left_rad: 0.0,
+            turns_left_rad: Vec::new(),
             turns: 0,
         }
     }
@@ -188,11 +189,13 @@ impl Drive {
         let limits = self.profile;
         let [x, y, yaw] = knot.pose;
         let [speed, _, turn] = knot.twist;
-        if self.turn_left_rad != 0.0 && speed < STANDING_M_S {
-            return self.turn_in_place(turn, time_s);
+        if speed < STANDING_M_S
+            && let Some(left_rad) = self.turns_left_rad.pop()
+        {
+            return self.turn_in_place(turn, left_rad, time_s);
         }
         // Who turns on the spot is busy until he has turned.
-        if time_s >= self.next_decision_s && self.turn_left_rad == 0.0 {
+        if time_s >= self.next_decision_s && self.turns_left_rad.is_empty() {
             self.decide(time_s);
         }
         let curvature = self
@@ -220,17 +223,17 @@ impl Drive {
     }
 
     /// The twist 10 ms later of a robot that stands and turns: as fast as it can still brake.
-    fn turn_in_place(&mut self, turn: f64, time_s: f64) -> [f64; 3] {
+    fn turn_in_place(&mut self, turn: f64, left_rad: f64, time_s: f64) -> [f64; 3] {
         let limits = self.profile;
-        let left = self.turn_left_rad;
         let change = KNOT_S * limits.angular_acceleration_max_rad_s2;
         // Half of the limit leaves room to follow.
-        let braking = (limits.angular_acceleration_max_rad_s2 * left.abs()).sqrt();
-        let goal = left.signum() * braking.min(0.93 * limits.yaw_rate_max_rad_s);
+        let braking = (limits.angular_acceleration_max_rad_s2 * left_rad.abs()).sqrt();
+        let goal = left_rad.signum() * braking.min(0.93 * limits.yaw_rate_max_rad_s);
         let next = turn + (goal - turn).clamp(-change, change);
-        self.turn_left_rad -= 0.5 * (turn + next) * KNOT_S;
-        if self.turn_left_rad * left <= 0.0 || self.turn_left_rad.abs() < 1e-3 {
-            self.turn_left_rad = 0.0;
+        let rest_rad = left_rad - 0.5 * (turn + next) * KNOT_S;
+        if rest_rad * left_rad > 0.0 && rest_rad.abs() > 1e-3 {
+            self.turns_left_rad.push(rest_rad);
+        } else {
             self.next_decision_s = time_s + 1.0;
         }
         [0.0, 0.0, next]
@@ -239,9 +242,15 @@ impl Drive {
     fn decide(&mut self, time_s: f64) {
         self.decisions = self.decisions.wrapping_add(1);
         let stop = self.decisions.checked_rem(self.profile.stop_every) == Some(0);
-        if stop {
-            let sense = if self.turns.is_multiple_of(2) { 1.0 } else { -1.0 };
-            self.turn_left_rad = sense * self.profile.turn_in_place_rad;
+        if stop && self.profile.turn_in_place_rad > 0.0 {
+            let sense = if self.turns.is_multiple_of(2) {
+                1.0
+            } else {
+                -1.0
+            };
+            let angle_rad = sense * self.profile.turn_in_place_rad;
+            self.turns_left_rad
+                .extend([angle_rad, -2.0 * angle_rad, angle_rad]);
             self.turns = self.turns.wrapping_add(1);
         }
         (self.speed_target_m_s, self.next_decision_s) = if stop {
