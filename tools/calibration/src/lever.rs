@@ -11,8 +11,8 @@ use nalgebra::Vector2;
 
 /// Slowest turn that counts, rad/s: well above what odometry's yaw wavers.
 const RATE_MIN_RAD_S: f64 = 0.15;
-/// A turn is cut into parts of so much, rad: half a turn fixes its axis, and a robot makes some of them.
-const PART_RAD: f64 = core::f64::consts::FRAC_PI_2;
+/// A turn is cut into parts of so much, rad: it fixes an axis to a centimetre or two, and many of them tell their spread.
+const PART_RAD: f64 = 1.0;
 /// Parts whose axes are this near to each other turn about the same, m.
 const SAME_AXIS_M: f64 = 0.1;
 /// A point that moves more than this, root mean square, is no axis, m.
@@ -21,8 +21,8 @@ const STRAY_MAX_M: f64 = 0.05;
 const DISTANCE_MAX_M: f64 = 3.0;
 /// What is needed to the left and to the right, rad: each sense a half turn in all.
 const TURN_MIN_RAD: f64 = core::f64::consts::PI;
-/// What every turn shares, m: odometry's own bias in turns, a hundredth of the radar's cells.
-const SYSTEMATIC_M: f64 = 0.003;
+/// What every turn shares, m: simulated drives are off by 2 mm on the average, a hundredth of odometry's cells.
+const SYSTEMATIC_M: f64 = 0.004;
 
 /// The robot's axis, that is `base_link`'s origin, in the radar's frame.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,6 +10,7 @@ mod lever;
 mod motion;
 mod mounting;
 mod offset;
+mod stretch;
 mod yaw;
 
 pub use error::Unshown;

@@ -5,19 +5,11 @@
 //! squares, with a bias of its own and a scale that all share. Odometry's yaw wanders slowly under a scan's noise;
 //! both are made white before (the innovations of a local level), so that quick changes of the turn count most.
 
-use crate::estimate::{Estimate, Part, mean};
-use crate::motion::{Step, cut, turned_rad};
+use crate::estimate::{Estimate, Part, mean, median};
+use crate::motion::turned_rad;
+use crate::stretch::{Fit, RATE_MIN_RAD_S, STRETCH_S, fit, stretches, turns};
 use crate::{Gyro, RadarPose, Span, Unshown};
-use randt_geometry::elementary::wrap;
 
-/// Length of a stretch, s: long against the change of a turn, and there are many of them in a drive.
-const STRETCH_S: f64 = 8.0;
-/// How much of a scan's surprise is odometry's yaw that wanders: 1 mrad a scan under 3 mrad of noise, as simulated
-/// drives have it.
-const LEVEL_GAIN: f64 = 0.28;
-/// Standard deviation of the yaw rate in a stretch that shows the offset, rad/s: 30 ms of it are 3 mrad, what one
-/// scan's yaw is good for.
-const RATE_MIN_RAD_S: f64 = 0.1;
 /// Stretches that are needed.
 const STRETCHES_MIN: usize = 5;
 /// Largest offset that is looked for: a device that buffers longer is broken.
@@ -28,6 +20,8 @@ const SEARCH_NS: i64 = 20_000_000;
 const EXPLAINED_MIN: f64 = 0.8;
 /// What repeats itself in every stretch: stamps' own errors, and the motion model that pulls odometry's yaw, s.
 const SYSTEMATIC_S: f64 = 0.0003;
+/// A stretch with so many times the usual left over (of squares) is one in which odometry slipped.
+const SLIPPED: f64 = 16.0;
 const ROUNDS: u32 = 30;
 /// A change of the offset that ends them, ns.
 const SETTLED_NS: i64 = 1000;
@@ -48,22 +42,12 @@ pub struct TimeOffset {
     pub scale: f64,
 }
 
-/// Sums over a stretch's rows at one offset: yaw rate r, gyro's turn s, what is left over e.
-#[derive(Clone, Copy, Debug, Default)]
-struct Fit {
-    rr: f64,
-    rs: f64,
-    ss: f64,
-    re: f64,
-    se: f64,
-    ee: f64,
-    rows: usize,
-}
-
 /// Estimates it.
 pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unshown> {
-    let stretches = stretches(poses, gyro);
-    let turning: Vec<&[RadarPose]> = stretches.into_iter().filter(|s| turns(s)).collect();
+    let turning: Vec<&[RadarPose]> = stretches(poses, gyro, LIMIT_NS)
+        .into_iter()
+        .filter(|stretch| turns(stretch))
+        .collect();
     if turning.len() < STRETCHES_MIN {
         return Err(Unshown::Turning {
             turning: turning.len(),
@@ -73,12 +57,11 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unsho
         });
     }
     let fits = |late_ns: i64| -> Vec<Fit> {
-        turning
-            .iter()
-            .filter_map(|stretch| fit(stretch, gyro, late_ns))
-            .collect()
+        let fit = |stretch: &&[RadarPose]| fit(stretch, gyro, late_ns);
+        turning.iter().filter_map(fit).collect()
     };
-    let left_over = |late_ns: &i64| Fit::sum(&fits(*late_ns)).ee;
+    // Roots, so that one stretch in which odometry slipped does not outvote the others.
+    let left_over = |late_ns: &i64| fits(*late_ns).iter().map(|fit| fit.ee.sqrt()).sum::<f64>();
     let tries = (-LIMIT_NS..=LIMIT_NS).step_by(SEARCH_NS as usize);
     let best = tries.min_by(|a, b| left_over(a).total_cmp(&left_over(b)));
     let mut late_ns = best.unwrap_or_default();
@@ -86,9 +69,18 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unsho
         value: 0.0,
         sigma: 0.0,
     };
-    let mut sum = Fit::default();
+    let (mut good, mut sum, mut explained) = (Vec::new(), Fit::default(), 0.0);
     for _ in 0..ROUNDS {
         let fits = fits(late_ns);
+        let mut sizes: Vec<f64> = fits.iter().map(|fit| fit.ee).collect();
+        let mut shares: Vec<f64> = fits.iter().map(|fit| fit.ee / fit.ss).collect();
+        let usual = median(&mut sizes).unwrap_or_default();
+        explained = 1.0 - median(&mut shares).unwrap_or(1.0);
+        good = fits.iter().map(|fit| fit.ee < SLIPPED * usual).collect();
+        let fits: Vec<Fit> = fits
+            .into_iter()
+            .filter(|fit| fit.ee < SLIPPED * usual)
+            .collect();
         sum = Fit::sum(&fits);
         let scale = sum.scale();
         let parts: Vec<Part> = fits.iter().map(|fit| fit.part(late_ns, scale)).collect();
@@ -101,7 +93,6 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unsho
             break;
         }
     }
-    let explained = 1.0 - sum.ee / sum.ss.max(f64::MIN_POSITIVE);
     if explained < EXPLAINED_MIN || late_ns.abs() == LIMIT_NS {
         return Err(Unshown::Unlike {
             limit_ms: LIMIT_NS as f64 * 1e-6,
@@ -109,143 +100,22 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unsho
             share: 100.0 * explained.max(0.0),
         });
     }
-    let spans = turning.iter().filter_map(|s| Span::of(s)).collect();
-    let turned = |stretch: &&[RadarPose]| -> f64 {
-        let next = stretch.iter().skip(1);
-        stretch
+    let used = || {
+        turning
             .iter()
-            .zip(next)
-            .map(|(a, b)| turned_rad(a, b))
-            .sum()
+            .zip(&good)
+            .filter(|(_, good)| **good)
+            .map(|(stretch, _)| stretch)
+    };
+    let turned = |stretch: &&[RadarPose]| -> f64 {
+        let pairs = stretch.iter().zip(stretch.iter().skip(1));
+        pairs.map(|(a, b)| turned_rad(a, b)).sum()
     };
     Ok(TimeOffset {
         late_s: late_s.with_systematic(SYSTEMATIC_S),
-        spans: Span::joined(spans),
-        turned_rad: turning.iter().map(turned).sum(),
+        spans: Span::joined(used().filter_map(|stretch| Span::of(stretch)).collect()),
+        turned_rad: used().map(turned).sum(),
         residual_rad: (sum.ee / sum.rows.max(1) as f64).sqrt(),
         scale: sum.scale(),
     })
-}
-
-/// Stretches of the radar's path that the gyro covers whatever the offset.
-fn stretches<'a>(poses: &'a [RadarPose], gyro: &Gyro) -> Vec<&'a [RadarPose]> {
-    let mut stretches = Vec::new();
-    let follows = |a: &RadarPose, b: &RadarPose| Step::between(a, b).is_some();
-    for run in poses.chunk_by(follows) {
-        let seconds = |a: &RadarPose, b: &RadarPose| (b.stamp_ns - a.stamp_ns) as f64 * 1e-9;
-        stretches.extend(cut(run, seconds, STRETCH_S));
-    }
-    stretches.retain(|stretch| {
-        Span::of(stretch)
-            .is_some_and(|span| gyro.covers(span.begin_ns - LIMIT_NS, span.end_ns + LIMIT_NS))
-    });
-    stretches
-}
-
-/// Whether the yaw rate changes enough. The radar is asked, because the gyro's instant is not known yet.
-fn turns(stretch: &[RadarPose]) -> bool {
-    let steps = stretch.windows(2).filter_map(|pair| match pair {
-        [a, b] => Step::between(a, b),
-        _ => None,
-    });
-    let rates: Vec<f64> = steps.map(|step| step.rate_rad_s).collect();
-    let count = rates.len().max(1) as f64;
-    let mean = rates.iter().sum::<f64>() / count;
-    let spread = rates
-        .iter()
-        .map(|rate| (rate - mean) * (rate - mean))
-        .sum::<f64>()
-        / count;
-    spread > RATE_MIN_RAD_S * RATE_MIN_RAD_S
-}
-
-fn fit(stretch: &[RadarPose], gyro: &Gyro, late_ns: i64) -> Option<Fit> {
-    let first = stretch.first()?;
-    let (_, mut level) = row(first, first, gyro, late_ns)?;
-    let mut white = [0.0; 4];
-    let mut rows: Vec<[f64; 4]> = Vec::with_capacity(stretch.len());
-    let mut before = first;
-    for pose in stretch.get(1..)? {
-        let (step, next) = row(before, pose, gyro, late_ns)?;
-        let change = [step[0], step[1], next[1] - level[1], next[0] - level[0]];
-        for (white, change) in white.iter_mut().zip(change) {
-            *white = change + (1.0 - LEVEL_GAIN) * *white;
-        }
-        rows.push(white);
-        (level, before) = (next, pose);
-    }
-    // The gyro's bias: taken out of the other columns.
-    let time2: f64 = rows.iter().map(|[time, ..]| time * time).sum();
-    let mut fit = Fit {
-        rows: rows.len(),
-        ..Fit::default()
-    };
-    let slope = |column: fn(&[f64; 4]) -> f64| {
-        rows.iter().map(|row| row[0] * column(row)).sum::<f64>() / time2.max(f64::MIN_POSITIVE)
-    };
-    let slopes = [
-        slope(|row| row[1]),
-        slope(|row| row[2]),
-        slope(|row| row[3]),
-    ];
-    for [time, yaw, rate, angle] in rows {
-        let s = angle - slopes[2] * time;
-        let r = rate - slopes[1] * time;
-        let e = yaw - slopes[0] * time - s;
-        fit.rr += r * r;
-        fit.rs += r * s;
-        fit.ss += s * s;
-        fit.re += r * e;
-        fit.se += s * e;
-        fit.ee += e * e;
-    }
-    Some(fit)
-}
-
-/// From one pose to another: seconds and the radar's turn; and the gyro's angle and rate at the latter.
-fn row(
-    before: &RadarPose,
-    pose: &RadarPose,
-    gyro: &Gyro,
-    late_ns: i64,
-) -> Option<([f64; 2], [f64; 2])> {
-    let (angle_rad, rate_rad_s) = gyro.at(pose.stamp_ns - late_ns)?;
-    let time_s = (pose.stamp_ns - before.stamp_ns) as f64 * 1e-9;
-    let yaw_rad = wrap(pose.pose.yaw_rad - before.pose.yaw_rad);
-    Some(([time_s, yaw_rad], [angle_rad, rate_rad_s]))
-}
-
-impl Fit {
-    fn sum(fits: &[Self]) -> Self {
-        let mut sum = Self::default();
-        for fit in fits {
-            sum.rr += fit.rr;
-            sum.rs += fit.rs;
-            sum.ss += fit.ss;
-            sum.re += fit.re;
-            sum.se += fit.se;
-            sum.ee += fit.ee;
-            sum.rows += fit.rows;
-        }
-        sum
-    }
-
-    /// The gyro's scale error, the offset left free.
-    fn scale(&self) -> f64 {
-        let determinant = self.rr * self.ss - self.rs * self.rs;
-        if determinant <= 1e-6 * self.rr * self.ss {
-            return 0.0;
-        }
-        (self.rr * self.se - self.rs * self.re) / determinant
-    }
-
-    /// The offset that this stretch would have: what is left over is the scale's share, less the rate times the
-    /// offset's change.
-    fn part(&self, late_ns: i64, scale: f64) -> Part {
-        let change_s = (scale * self.rs - self.re) / self.rr.max(f64::MIN_POSITIVE);
-        Part {
-            value: late_ns as f64 * 1e-9 + change_s,
-            weight: self.rr,
-        }
-    }
 }

@@ -10,17 +10,19 @@ use randt_geometry::{
 };
 
 /// Largest spread of the headings in a part of a straight, rad: 0.03 of noise, and an arc of 20 m.
-const BEND_MAX_RAD: f64 = 0.1;
+const BEND_MAX_RAD: f64 = 0.12;
 /// Slowest drive that counts, m/s: slower, a scan's noise is as large as its way.
 const SPEED_MIN_M_S: f64 = 0.15;
-/// A straight is cut into parts of so much, m: wavering and slip of a centimetre are 0.3 degrees of it.
-const PART_M: f64 = 2.0;
+/// A straight is cut into parts of so much, m: many enough to tell their spread, and each so long that slip and a
+/// scan's noise of a centimetre are half a degree of it.
+const PART_MIN_M: f64 = 1.5;
+const PART_MAX_M: f64 = 4.0;
 /// All of it that is needed, m.
 const PATH_MIN_M: f64 = 10.0;
 /// Parts that go another way than most are neither forward nor backward, rad.
 const ASIDE_RAD: f64 = 0.5;
-/// What every straight shares, rad (0.03 degrees).
-const SYSTEMATIC_RAD: f64 = 0.0005;
+/// What every straight shares, rad (0.06 degrees): simulated drives are off by as much on the average.
+const SYSTEMATIC_RAD: f64 = 0.001;
 
 /// The mounting's yaw.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,24 +109,20 @@ fn straights(run: &[RadarPose]) -> Vec<&[RadarPose]> {
     let mut rest = run;
     while let Some(first) = rest.first() {
         let (mut path_m, mut left_rad, mut right_rad) = (0.0, 0.0f64, 0.0f64);
-        let mut length = None;
-        for (i, (a, b)) in rest.iter().zip(rest.iter().skip(1)).enumerate() {
+        let mut steps = 0;
+        for (a, b) in rest.iter().zip(rest.iter().skip(1)) {
             let turned_rad = wrap(b.pose.yaw_rad - first.pose.yaw_rad);
             (left_rad, right_rad) = (left_rad.max(turned_rad), right_rad.min(turned_rad));
+            if left_rad - right_rad > BEND_MAX_RAD || path_m > PART_MAX_M {
+                break;
+            }
             path_m += way_m(a, b);
-            if left_rad - right_rad > BEND_MAX_RAD {
-                break;
-            }
-            if path_m >= PART_M {
-                length = Some(i + 2);
-                break;
-            }
+            steps += 1;
         }
-        parts.extend(length.and_then(|length| rest.get(..length)));
+        let long = path_m >= PART_MIN_M;
+        parts.extend(rest.get(..=steps).filter(|_| long));
         // The last pose of a part begins the next one.
-        rest = rest
-            .get(length.map_or(1, |length| length - 1)..)
-            .unwrap_or_default();
+        rest = rest.get(if long { steps } else { 1 }..).unwrap_or_default();
     }
     parts
 }

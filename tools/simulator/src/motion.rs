@@ -63,8 +63,8 @@ impl MotionProfile {
     /// A drive that shows where the sensors sit (docs/calibrate.md): many stops, and turns on the spot at each.
     pub fn for_calibration(self) -> Self {
         Self {
-            stop_every: 2,
-            turn_in_place_rad: PI,
+            stop_every: 3,
+            turn_in_place_rad: 2.0 * PI / 3.0,
             ..self
         }
     }

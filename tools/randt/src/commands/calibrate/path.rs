@@ -19,6 +19,8 @@ const LOOSE_ANGULAR_ACCELERATION_RAD_S2: f64 = 2.0;
 /// Noise of a gyro that has no say in the yaw, rad/s per square root of Hz: it de-skews the sweeps and shows where to
 /// begin to search, and the scan decides.
 const LOOSE_GYRO_NOISE: f64 = 0.05;
+/// Cells at most so large, m: a calibration drive stays near its walls (a sensor that sees less has its own least).
+const CELL_SIZE_MAX_M: f64 = 0.5;
 /// Least share of gravity along the robot's vertical (25 degrees): slopes are less, an IMU on its side is more.
 const UPRIGHT_MIN: f64 = 0.9;
 
@@ -144,6 +146,7 @@ impl Path {
 
 impl Mode {
     fn prepare(self, config: &mut Config) {
+        config.ndt.cell_size_m = config.ndt.cell_size_m.min(CELL_SIZE_MAX_M);
         match self {
             Self::RadarOnly => {
                 (config.robot.radar_x_m, config.robot.radar_y_m) = (0.0, 0.0);
