@@ -14,6 +14,8 @@ const LATE_MAX: i64 = 2;
 const LEAP_MAX: i64 = 1000;
 /// Beams by which a running counter may go back: TCP keeps the order.
 const BACK_MAX: i64 = 2;
+/// Steps in one sense, less those in the other, after which a radar is believed to turn that way.
+const TURNED: i64 = 4;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Counters {
@@ -23,6 +25,7 @@ struct Counters {
     lost: u64,
     late: u64,
     doubled: u64,
+    reordered: u64,
     discarded: u64,
     before: u64,
     below_floor: u64,
@@ -64,6 +67,10 @@ pub struct Assembler {
     /// The sweep in whose midst the first beam was.
     cut: Option<i64>,
     running: Option<Running>,
+    /// In which sense a running counter's azimuths go: 1 they rise, -1 they fall.
+    sense: i64,
+    turned: i64,
+    azimuth: Option<u32>,
     beams: u16,
     /// Beams below this number are in a sweep or counted as lost.
     accounted: i64,
@@ -83,6 +90,9 @@ impl Assembler {
             done: None,
             cut: None,
             running: None,
+            sense: 1,
+            turned: 0,
+            azimuth: None,
             beams: 0,
             accounted: 0,
             counters: Counters::default(),
@@ -95,6 +105,9 @@ impl Assembler {
         if beam.layout.beams != self.beams {
             self.restart(whole);
             self.beams = beam.layout.beams;
+        }
+        if self.turns_round(beam) {
+            self.restart(whole);
         }
         let (mut id, mut number) = self.locate(beam);
         if self.begins_anew(id, number) {
@@ -121,6 +134,7 @@ impl Assembler {
         self.done = None;
         self.cut = None;
         self.running = None;
+        self.azimuth = None;
     }
 
     /// Tells all counters.
@@ -132,6 +146,7 @@ impl Assembler {
         tell(Count::loss("beams_lost", counters.lost));
         tell(Count::loss("beams_late", counters.late));
         tell(Count::event("beams_doubled", counters.doubled));
+        tell(Count::event("beams_reordered", counters.reordered));
         tell(Count::loss(
             "beams_of_less_than_half_a_sweep",
             counters.discarded,
@@ -152,7 +167,20 @@ impl Assembler {
     /// encoder's zero: many radars have a beam at zero, which an unsteady encoder puts on either side.
     fn past_border(&self, beam: &RawBeam) -> u32 {
         let step = TURN / i64::from(self.beams.max(1));
-        beam.azimuth.wrapping_add((step / 2) as u32)
+        (self.sense * i64::from(beam.azimuth) + step / 2) as u32
+    }
+
+    /// Watches in which sense azimuths go; `true` where it is another one than was believed.
+    fn turns_round(&mut self, beam: &RawBeam) -> bool {
+        if let Some(last) = self.azimuth.replace(beam.azimuth) {
+            let step = beam.azimuth.wrapping_sub(last).cast_signed();
+            self.turned = (self.turned + i64::from(step.signum())).clamp(-TURNED, TURNED);
+        }
+        let other = self.turned == -self.sense * TURNED;
+        if other {
+            self.sense = -self.sense;
+        }
+        other && matches!(beam.place, Place::Running(_))
     }
 
     /// Whose sweep a beam is, and its number in the stream.
@@ -191,14 +219,20 @@ impl Assembler {
     /// Whether a sweep begins here, so that what comes from now on is collected.
     fn begin(&mut self, beam: &RawBeam, id: i64, number: i64) -> bool {
         let cut = *self.cut.get_or_insert(id);
-        let (at_begin, first) = match beam.place {
-            Place::Numbered { beam, .. } => (beam == 0, id * i64::from(self.beams)),
+        match beam.place {
+            Place::Numbered { beam, .. } => {
+                self.begin_at(beam == 0 || id > cut, id, id * i64::from(self.beams))
+            }
             Place::Running(_) => {
                 let step = TURN / i64::from(self.beams.max(1));
-                (i64::from(self.past_border(beam)) < step, number)
+                let known = self.turned == self.sense * TURNED;
+                let at_begin = i64::from(self.past_border(beam)) < step;
+                self.begin_at((at_begin || id > cut) && known, id, number)
             }
-        };
-        let begins = at_begin || id > cut;
+        }
+    }
+
+    fn begin_at(&mut self, begins: bool, id: i64, first: i64) -> bool {
         if begins {
             self.done = Some(id - 1);
             self.accounted = first;
@@ -250,10 +284,13 @@ impl Assembler {
     }
 
     fn add(&mut self, sweep: &mut Sweep, beam: &RawBeam, number: i64) {
+        let reordered = sweep.is_past(number);
         if sweep.has(number) {
             self.counters.doubled += 1;
         } else if !sweep.add(beam, number) {
             self.counters.lost += 1;
+        } else if reordered {
+            self.counters.reordered += 1;
         }
     }
 

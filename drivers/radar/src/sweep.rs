@@ -49,6 +49,11 @@ impl Sweep {
         self.lost = 0;
     }
 
+    /// Whether a later beam is here already.
+    pub(crate) fn is_past(&self, number: i64) -> bool {
+        number < self.newest
+    }
+
     pub(crate) fn has(&self, number: i64) -> bool {
         number <= self.newest && self.slots.iter().rev().any(|slot| slot.number == number)
     }

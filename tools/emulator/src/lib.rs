@@ -8,6 +8,7 @@ mod error;
 mod fault;
 pub mod imu;
 mod pace;
+pub mod radar;
 mod recording;
 
 pub use error::Error;

@@ -34,7 +34,8 @@ fn beam(index: i64) -> RawBeam {
     }
 }
 
-/// The same of a radar with a running counter that counts clockwise.
+/// The same of a radar with a running counter that counts clockwise. It has turned a little before, since its sense
+/// must be known.
 fn running(index: i64) -> RawBeam {
     let mut beam = beam(index);
     beam.place = Place::Running(index as u16);
@@ -47,6 +48,16 @@ fn sweeps(
     beams: impl IntoIterator<Item = RawBeam>,
 ) -> Vec<Message<RadarScan>> {
     let mut out = Vec::new();
+    let mut beams = beams.into_iter().peekable();
+    if let Some(first) = beams.peek().filter(|beam| beam.place == Place::Running(0)) {
+        let step = (TURN / i64::from(BEAMS)) as u32;
+        for before in (1..10_u16).rev() {
+            let mut beam = first.clone();
+            beam.place = Place::Running(before.wrapping_neg());
+            beam.azimuth = (u32::from(before) * step).wrapping_neg();
+            assembler.push(&beam, &mut |_| {});
+        }
+    }
     for beam in beams {
         assembler.push(&beam, &mut |sweep| {
             out.push(sweep.message(SensorKind::IsdrC))
@@ -118,6 +129,28 @@ fn the_first_sweep_begins_at_a_wrap() {
         assert_eq!(out[0].head.sweep.beams_lost, 0);
         assert_eq!(count(&assembler, "beams_before_the_first_sweep"), 120);
     }
+}
+
+#[test]
+fn azimuths_may_fall() {
+    let mut assembler = Assembler::new(TURN_NS);
+    let out = sweeps(
+        &mut assembler,
+        (1..220 * 4).map(|index| {
+            let mut beam = running(index);
+            beam.azimuth = beam.azimuth.wrapping_neg();
+            beam
+        }),
+    );
+    assert_eq!(out.len(), 3);
+    assert_eq!(
+        count(&assembler, "beams_lost") + count(&assembler, "beams_late"),
+        0
+    );
+    let beams = out[0].head.sweep.beams();
+    let step = 2.0 * std::f32::consts::PI / 220.0;
+    assert!((beams[1].azimuth_rad - beams[0].azimuth_rad - step).abs() < 1e-5);
+    assert!((beams[219].stamp_ns - beams[0].stamp_ns - TURN_NS * 219 / 220).abs() < 2000);
 }
 
 #[test]
