@@ -225,3 +225,17 @@ fn gravity_that_points_down_is_said() {
     assert!(driven.imu.link().streams());
     assert_eq!(driven.imu.is_upright(), Some(false));
 }
+
+#[test]
+fn a_fast_clock_is_known_and_does_not_pull_the_stamps_away() {
+    let drive = Drive::new();
+    let _emulated = drive.serial(SerialProtocol::Mip, &["skew@0+100"]);
+    let mut driven = Driven::new(&drive.config(ImuSource::Mip));
+    driven.until("skew", |driven| {
+        (driven.imu.skew() - 200e-6).abs() < 30e-6 && driven.samples.len() > 2500
+    });
+    assert_eq!(driven.count("clock_resets"), 0);
+    let last = driven.samples.last().unwrap();
+    let late_ns = last.arrival_ns - last.header.stamp_ns;
+    assert!(late_ns.abs() < 20_000_000, "{late_ns}");
+}
