@@ -12,7 +12,7 @@ use randt_radar::navtech::fft::{Bins, Fft};
 use randt_radar::navtech::frame::{Frame, kind};
 use randt_radar::navtech::order::Order;
 use randt_radar::{Assembler, BeamDecoder};
-use std::time::Instant;
+use rustix::time::{ClockId, clock_gettime};
 
 const AZIMUTHS: u16 = 400;
 const BINS: usize = 3768;
@@ -62,7 +62,7 @@ fn main() {
         let (mut cost, mut end) = (0.0, 0.0);
         for (azimuth, bytes) in beams.iter().enumerate() {
             let arrival_ns = 5 + sweep as i64 * TURN_NS + azimuth as i64 * 625_000;
-            let begin = Instant::now();
+            let begin = processor_s();
             decoder.decode(bytes, arrival_ns, &mut |beam| {
                 assembler.push(beam, &mut |whole| {
                     returns = whole.len();
@@ -70,7 +70,7 @@ fn main() {
                     whole.write_items(message.items.get_mut(..whole.len()).unwrap());
                 });
             });
-            end = begin.elapsed().as_secs_f64();
+            end = processor_s() - begin;
             cost += end;
         }
         costs.push(cost);
@@ -101,6 +101,12 @@ fn main() {
         at(&ends, 0.5) * 1e6,
         at(&ends, 0.99) * 1e6
     );
+}
+
+/// The processor's time of this thread: others on the machine do not count.
+fn processor_s() -> f64 {
+    let time = clock_gettime(ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9
 }
 
 fn frame(kind: u8, payload: &[u8]) -> Vec<u8> {

@@ -25,6 +25,7 @@ struct Counters {
     lost: u64,
     late: u64,
     doubled: u64,
+    out_of_order: u64,
     discarded: u64,
     before: u64,
     below_floor: u64,
@@ -145,6 +146,7 @@ impl Assembler {
         tell(Count::loss("beams_lost", counters.lost));
         tell(Count::loss("beams_late", counters.late));
         tell(Count::event("beams_doubled", counters.doubled));
+        tell(Count::event("beams_out_of_order", counters.out_of_order));
         tell(Count::loss(
             "beams_of_less_than_half_a_sweep",
             counters.discarded,
@@ -284,7 +286,10 @@ impl Assembler {
     fn add(&mut self, sweep: &mut Sweep, beam: &RawBeam, number: i64) {
         if sweep.has(number) {
             self.counters.doubled += 1;
-        } else if !sweep.add(beam, number) {
+            return;
+        }
+        self.counters.out_of_order += u64::from(sweep.is_behind(number));
+        if !sweep.add(beam, number) {
             self.counters.lost += 1;
         }
     }

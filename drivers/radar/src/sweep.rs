@@ -53,6 +53,11 @@ impl Sweep {
         number <= self.newest && self.slots.iter().rev().any(|slot| slot.number == number)
     }
 
+    /// Whether a beam of a higher number is here.
+    pub(crate) fn is_behind(&self, number: i64) -> bool {
+        number < self.newest
+    }
+
     /// Takes a beam; `false` where there is no room.
     pub(crate) fn add(&mut self, beam: &RawBeam, number: i64) -> bool {
         if self.slots.len() >= MAX_BEAMS {
