@@ -6,6 +6,7 @@
 
 mod error;
 mod fault;
+pub mod imu;
 mod pace;
 pub mod radar;
 mod recording;
