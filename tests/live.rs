@@ -122,8 +122,9 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
     let drive = Drive::new(folder.path(), scans);
     let sensors = Sensors::new(folder.path(), radar, imu);
     let own = Pipeline::new("live");
-    let mut command = own.command(&["up", "--robot"]);
+    let mut command = own.command(&["up"]);
     command
+        .arg("--robot")
         .arg(sensors.robot())
         .arg("--out")
         .arg(at("up"))

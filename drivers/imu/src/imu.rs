@@ -8,7 +8,7 @@ use crate::source::{Source, source};
 use crate::upright::Upright;
 use crate::{Axes, Error, Reading};
 use randt_config::Config;
-use randt_device::{Count, DeviceClock, Link};
+use randt_device::{Count, DeviceClock, Interruptions, Link};
 use randt_messages::ImuSample;
 use std::os::fd::BorrowedFd;
 
@@ -24,6 +24,7 @@ pub struct Imu {
     upright: Upright,
     readings: Vec<Reading>,
     link: Link,
+    interruptions: Interruptions,
     reconnects: u64,
     /// When the driver began or the last sample came.
     heard_ns: Option<i64>,
@@ -47,6 +48,7 @@ impl Imu {
             upright: Upright::new(&config.robot),
             readings: Vec::new(),
             link: Link::Starting,
+            interruptions: Interruptions::default(),
             reconnects: 0,
             heard_ns: None,
             stamp_ns: i64::MIN,
@@ -146,6 +148,7 @@ impl Imu {
         } else {
             Link::Streaming
         };
+        self.interruptions.see(&self.link);
     }
 
     /// How long it is silent, in doublings: each text that is new is a line in the journal.
@@ -181,6 +184,7 @@ impl Imu {
             Count::loss("samples_lost", self.sequence.lost()),
             Count::event("samples_doubled", self.doubled),
             Count::loss("unknown_values", self.unknown),
+            self.interruptions.count(),
             Count::event("reconnects", self.reconnects),
             Count::event("clock_resets", self.clock.restarts()),
         ];

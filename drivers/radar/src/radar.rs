@@ -4,7 +4,7 @@ use crate::beam_udp::{BeamUdpDecoder, BeamUdpSocket, Listening};
 use crate::navtech::{NavtechClient, NavtechDecoder};
 use crate::{Assembler, Error, Poller, RawBeam, Sink, Source, Sweep};
 use randt_config::{Config, RadarSource};
-use randt_device::{Count, Link};
+use randt_device::{Count, Interruptions, Link};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::os::fd::BorrowedFd;
 use std::sync::Arc;
@@ -22,6 +22,7 @@ pub struct Radar {
     poller: Arc<Poller>,
     source: Box<dyn Source>,
     assembler: Assembler,
+    interruptions: Interruptions,
 }
 
 /// Beams on their way into sweeps.
@@ -68,6 +69,7 @@ impl Radar {
             poller,
             source,
             assembler: Assembler::new(nanoseconds(config.sensor.period_s)),
+            interruptions: Interruptions::default(),
         })
     }
 
@@ -86,6 +88,7 @@ impl Radar {
     pub fn poll(&mut self, now_ns: i64, whole: &mut dyn FnMut(&Sweep)) {
         let assembler = &mut self.assembler;
         self.source.poll(now_ns, &mut Joining { assembler, whole });
+        self.interruptions.see(self.source.link());
     }
 
     /// How it stands to the radar.
@@ -100,6 +103,7 @@ impl Radar {
 
     /// Tells all counters.
     pub fn counts(&self, tell: &mut dyn FnMut(Count)) {
+        tell(self.interruptions.count());
         self.source.counts(tell);
         self.assembler.counts(tell);
     }

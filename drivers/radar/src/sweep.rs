@@ -49,13 +49,18 @@ impl Sweep {
         self.lost = 0;
     }
 
-    pub(crate) fn has(&self, number: i64) -> bool {
-        number <= self.newest && self.slots.iter().rev().any(|slot| slot.number == number)
+    /// Whether a later beam is here already.
+    pub(crate) fn is_past(&self, number: i64) -> bool {
+        number < self.newest
     }
 
-    /// Whether a beam of a higher number is here.
-    pub(crate) fn is_behind(&self, number: i64) -> bool {
-        number < self.newest
+    /// The highest number of a beam.
+    pub(crate) fn newest(&self) -> i64 {
+        self.newest
+    }
+
+    pub(crate) fn has(&self, number: i64) -> bool {
+        number <= self.newest && self.slots.iter().rev().any(|slot| slot.number == number)
     }
 
     /// Takes a beam; `false` where there is no room.

@@ -128,14 +128,17 @@ impl BeamDecoder for NavtechDecoder {
         tell(Count::event("keep_alives", counters.keep_alives));
         tell(Count::event("health_messages", counters.health));
         tell(Count::event("messages_unknown", counters.unknown));
-        tell(Count::loss("messages_damaged", counters.damaged));
+        tell(Count::event(
+            "messages_damaged",
+            counters.damaged + faults.cut,
+        ));
         tell(Count::event(
             "beams_before_configuration",
             counters.unconfigured,
         ));
-        tell(Count::loss("junk_bytes", faults.junk_bytes));
-        tell(Count::loss("messages_of_unknown_version", faults.versions));
-        tell(Count::loss("messages_oversize", faults.oversize));
+        tell(Count::event("junk_bytes", faults.junk_bytes));
+        tell(Count::event("messages_of_unknown_version", faults.versions));
+        tell(Count::event("messages_oversize", faults.oversize));
     }
 }
 

@@ -82,6 +82,8 @@ pub enum Spoken {
     Navtech { sixteen: bool, order: Order },
 }
 
+type Play = Box<dyn FnOnce(&dyn Fn() -> bool) -> Sent + Send>;
+
 /// An emulator that runs.
 pub struct Emulator {
     pub address: SocketAddr,
@@ -99,12 +101,9 @@ impl Emulator {
         let pace = Pace::new(recording.begin_ns(), None);
         let end = Arc::new(AtomicBool::new(false));
         let ending = Arc::clone(&end);
-        let (mut bound, thread) = (
-            address,
-            move |play: Box<dyn FnOnce(&dyn Fn() -> bool) -> Sent + Send>| {
-                std::thread::spawn(move || play(&|| ending.load(Ordering::Relaxed)))
-            },
-        );
+        let (mut bound, thread) = (address, move |play: Play| {
+            std::thread::spawn(move || play(&|| ending.load(Ordering::Relaxed)))
+        });
         let thread = match spoken {
             Spoken::BeamUdp(format) => {
                 let sender = BeamUdpSender::new(address, format).unwrap();
