@@ -54,6 +54,11 @@ impl Sweep {
         number < self.newest
     }
 
+    /// The highest number of a beam.
+    pub(crate) fn newest(&self) -> i64 {
+        self.newest
+    }
+
     pub(crate) fn has(&self, number: i64) -> bool {
         number <= self.newest && self.slots.iter().rev().any(|slot| slot.number == number)
     }

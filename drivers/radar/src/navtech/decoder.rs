@@ -128,7 +128,10 @@ impl BeamDecoder for NavtechDecoder {
         tell(Count::event("keep_alives", counters.keep_alives));
         tell(Count::event("health_messages", counters.health));
         tell(Count::event("messages_unknown", counters.unknown));
-        tell(Count::event("messages_damaged", counters.damaged));
+        tell(Count::event(
+            "messages_damaged",
+            counters.damaged + faults.cut,
+        ));
         tell(Count::event(
             "beams_before_configuration",
             counters.unconfigured,
