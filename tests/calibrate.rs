@@ -249,3 +249,29 @@ fn without_a_gyro_or_with_one_upside_down_there_is_no_offset() {
     assert_eq!(ended.code, Some(1));
     assert!(ended.says("imu_roll_rad"), "{}", ended.stderr);
 }
+
+#[test]
+fn the_offset_mends_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (log, truth) = (at("late.mcap"), at("truth.tum"));
+    let mut command = randt(&["simulate", "building", "--scans", "400"]);
+    command.args(["--radar-late", "100"]).arg("--out").arg(&log);
+    command.arg("--truth").arg(&truth);
+    assert_eq!(ended_within(command, TIME_MAX).code, Some(0));
+    let [as_it_is, mended] = [
+        ("as-it-is", &["--no-loops"][..]),
+        (
+            "mended",
+            &["--no-loops", "--set", "odometry.radar_late_s=0.1"],
+        ),
+    ]
+    .map(|(name, more)| {
+        let ended = support::run(&log, &at(name), more);
+        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+        let figures = support::figures(&at(name), "trajectory.tum", &truth);
+        figures["ate_rmse_m"].as_f64().unwrap()
+    });
+    println!("ATE {as_it_is:.4} m as it is, {mended:.4} m mended");
+    assert!(mended < 0.5 * as_it_is, "{mended} {as_it_is}");
+}

@@ -147,6 +147,8 @@ impl Path {
 
 impl Mode {
     fn prepare(self, config: &mut Config) {
+        // The log's own stamps are what is asked about.
+        config.odometry.radar_late_s = 0.0;
         config.ndt.cell_size_m = config.ndt.cell_size_m.min(CELL_SIZE_MAX_M);
         match self {
             Self::RadarOnly => {
