@@ -67,6 +67,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt",
             "randt-config",
             "randt-filter",
+            "randt-imu",
             "randt-mapper",
             "randt-odometry",
             "randt-stage",
@@ -76,6 +77,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("faer", &["randt-mapper"]),
     ("iceoryx2", &["randt-stage"]),
     ("indicatif", &["randt"]),
+    ("libloading", &["randt-imu"]),
     ("lz4_flex", &["randt-readers"]),
     ("mcap", &["randt-log", "randt-readers"]),
     ("memmap2", &["randt-stage"]),
@@ -84,7 +86,11 @@ const USERS: &[(&str, &[&str])] = &[
     ("png", &["randt-readers"]),
     ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),
-    ("rustix", &["randt", "randt-stage"]),
+    (
+        "rustix",
+        &["randt", "randt-emulator", "randt-imu", "randt-stage"],
+    ),
+    ("serialport", &["randt-imu"]),
     ("toml", &["randt-config"]),
     ("wide", &["randt-ndt"]),
 ];
