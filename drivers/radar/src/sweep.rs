@@ -154,6 +154,14 @@ impl Sweep {
         (self.timing.begin_ns, self.timing.end_ns)
     }
 
+    /// The beams' counter, azimuth as the radar counts it, and time, ns.
+    pub fn beam_times(&self) -> impl Iterator<Item = (u16, u32, i64)> {
+        self.slots.iter().map(|slot| {
+            let stamp_ns = self.timing.ns(slot.unwrapped);
+            (slot.number as u16, slot.azimuth, stamp_ns)
+        })
+    }
+
     /// Whether azimuths fell in our sense, counter-clockwise, from beam to beam: the radar turns clockwise.
     pub fn turns_clockwise(&self) -> bool {
         let ends = self.slots.first().zip(self.slots.last());

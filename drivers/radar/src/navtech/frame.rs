@@ -116,9 +116,7 @@ impl FrameParser {
             } else if length > PAYLOAD_MAX {
                 self.faults.oversize += 1;
             } else {
-                let Some(payload) = header.0.get(..length) else {
-                    return None;
-                };
+                let payload = header.0.get(..length)?;
                 let Some(next) = find_signature(payload) else {
                     break (version, kind, length);
                 };
