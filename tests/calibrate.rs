@@ -1,4 +1,5 @@
 //! `randt calibrate` on simulated drives: what is found, how far it is off, and what is refused.
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 #[path = "support/mod.rs"]
 mod support;
