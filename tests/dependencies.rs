@@ -90,7 +90,6 @@ const USERS: &[(&str, &[&str])] = &[
         "rustix",
         &["randt", "randt-emulator", "randt-imu", "randt-stage"],
     ),
-    ("serialport", &["randt-imu"]),
     ("toml", &["randt-config"]),
     ("wide", &["randt-ndt"]),
 ];

@@ -205,3 +205,18 @@ fn a_server_that_hangs_is_left_and_found_again() {
     assert_even(&driven, before);
     assert_eq!(driven.count("reconnects"), 1);
 }
+
+#[test]
+fn a_device_that_is_not_there_is_waited_for_without_a_spin() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut usb = config(any_port());
+    usb.imu.server.clear();
+    usb.imu.device = "987654".to_owned();
+    let mut driven = Driven::new(&usb);
+    driven.until_text("no Phidget Spatial on USB; waiting for one");
+    let mut driven = Driven::new(&config("127.0.0.1:1".parse().unwrap()));
+    driven.until_text("no Phidget Spatial at 127.0.0.1:1; waiting for one");
+    let polls = driven.polls;
+    driven.go_on(Duration::from_secs(2));
+    assert!(driven.polls - polls < 40, "{}", driven.polls - polls);
+}
