@@ -233,7 +233,7 @@ fn a_fast_clock_is_known_and_does_not_pull_the_stamps_away() {
     let _emulated = drive.serial(SerialProtocol::Mip, &["skew@0+100"]);
     let mut driven = Driven::new(&drive.config(ImuSource::Mip));
     driven.until("skew", |driven| {
-        (driven.imu.skew() - 200e-6).abs() < 80e-6 && driven.samples.len() > 2500
+        (driven.imu.skew() - 200e-6).abs() < 50e-6 && driven.samples.len() > 2500
     });
     assert_eq!(driven.count("clock_resets"), 0);
     let last = driven.samples.last().unwrap();
