@@ -1,7 +1,7 @@
 //! A Phidgets Spatial.
 //!
 //! Responsible for finding the vendor's library, for units, and for what to do when the device is gone or silent. Not
-//! responsible for calling the library: `library.rs` is.
+//! responsible for calling the library: `library` is.
 
 use super::library::{Channel, Event, Library, Server};
 use crate::{Error, Reading, STANDARD_GRAVITY_M_S2, source::Source};
