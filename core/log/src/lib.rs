@@ -33,14 +33,16 @@ mod file;
 mod lengths;
 mod reader;
 mod robot;
+mod stream;
 mod writer;
 
 pub use damage::{Damage, DamageKind};
 pub use description::describe;
-pub use entry::{Channel, Entry};
+pub use entry::{Channel, Entry, Label};
 pub use error::Error;
 pub use file::LogFile;
 pub use lengths::lengths_fit;
 pub use reader::LogReader;
 pub use robot::{ROBOT_METADATA, Robot};
-pub use writer::{Compression, LogWriter, Options};
+pub use stream::LogStream;
+pub use writer::{ChannelId, Compression, LogWriter, Options};

@@ -40,6 +40,7 @@ fn log(count: u64, returns: usize, compression: Compression) -> Vec<u8> {
     let options = Options {
         compression,
         written_by: "test 1".to_owned(),
+        ..Options::default()
     };
     let mut writer = LogWriter::new(Cursor::new(Vec::new()), "t", options).unwrap();
     writer
