@@ -25,6 +25,7 @@
 //! ```
 
 mod chunk;
+mod copy;
 mod damage;
 mod description;
 mod entry;
@@ -36,6 +37,7 @@ mod robot;
 mod stream;
 mod writer;
 
+pub use copy::copy;
 pub use damage::{Damage, DamageKind};
 pub use description::describe;
 pub use entry::{Channel, Entry, Label};
