@@ -99,6 +99,13 @@ impl Sink for Disk {
         self.file = None;
     }
 
+    fn discard(&mut self) {
+        if let Some(open) = self.file.take() {
+            // Best effort: the disk is failing.
+            let _ = fs::remove_file(&open.active);
+        }
+    }
+
     fn free_bytes(&mut self) -> io::Result<u64> {
         fs::create_dir_all(&self.folder)?;
         let room = statvfs(&self.folder)?;
@@ -150,6 +157,9 @@ mod tests {
         disk.append(b"abc").unwrap();
         assert!(disk.sync().is_err() && disk.finish().is_err());
         disk.abandon();
+        disk.create("0.mcap").unwrap();
+        disk.discard();
+        assert_eq!(fs::read_dir(&logs).unwrap().count(), 0);
         disk.create("1.mcap").unwrap();
         disk.finish().unwrap();
         assert!(logs.join("1.mcap").is_file());

@@ -3,7 +3,7 @@
 //! Responsible for that nothing older than a second or so is lost, whatever happens, and that a file is complete by
 //! itself. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
 
-use crate::{Raw, Sink, date::name_of, open_log::OpenLog, wellknown::Viewer};
+use crate::{Raw, Sink, date::name_of, metadata::says, open_log::OpenLog, wellknown::Viewer};
 use randt_log::Options;
 use randt_messages::{DropCause, LogDrop, LogDropTopic, MessageRef};
 use std::collections::BTreeMap;
@@ -191,28 +191,27 @@ impl<S: Sink> Recorder<S> {
             return Ok(false);
         }
         let name = self.create(now_ns)?;
-        let mut metadata = (self.preamble)();
-        let part = [
-            ("part", self.files.to_string()),
-            ("begun_ns", now_ns.to_string()),
-        ];
-        let part = part.map(|(key, value)| (key.to_owned(), value));
-        metadata.push(("randt/file", part.into()));
-        self.files += 1;
-        let log = self.settings.log.clone();
-        let mut file = OpenLog::begin(
-            name,
-            log,
-            metadata,
-            now_ns,
-            &mut self.viewer,
-            &mut self.sink,
-        )?;
-        for raw in &self.unsynced {
-            file.write(raw, &mut self.viewer, &mut self.sink)?;
+        let begun = self.begin(name, now_ns);
+        if begun.is_err() {
+            // A disk that fails for hours shall not be strewn with beginnings.
+            self.sink.discard();
         }
-        self.file = Some(file);
+        self.file = Some(begun?);
+        self.files += 1;
         Ok(true)
+    }
+
+    fn begin(&mut self, name: String, now_ns: i64) -> io::Result<OpenLog> {
+        let mut metadata = (self.preamble)();
+        let (part, begun_ns) = (self.files.to_string(), now_ns.to_string());
+        metadata.push(("randt/file", says([("part", part), ("begun_ns", begun_ns)])));
+        let log = self.settings.log.clone();
+        let (viewer, sink) = (&mut self.viewer, &mut self.sink);
+        let mut file = OpenLog::begin(name, log, metadata, now_ns, viewer, sink)?;
+        for raw in &self.unsynced {
+            file.write(raw, viewer, sink)?;
+        }
+        Ok(file)
     }
 
     fn create(&mut self, now_ns: i64) -> io::Result<String> {

@@ -14,6 +14,8 @@ pub trait Sink {
     fn finish(&mut self) -> io::Result<()>;
     /// Leaves it as it is: it can be recovered.
     fn abandon(&mut self);
+    /// Deletes it: it holds nothing that is not kept elsewhere.
+    fn discard(&mut self);
     /// Room that is left on the disk.
     fn free_bytes(&mut self) -> io::Result<u64>;
     /// Deletes the oldest finished log; gives its name, `None` where there is none.

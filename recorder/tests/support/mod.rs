@@ -6,10 +6,8 @@
 )]
 
 use randt_config::{Config, Loaded, Selection};
-use randt_log::{Label, LogReader};
-use randt_messages::{
-    ImuSampleTopic, LogDrop, LogDropTopic, Message, MessageRef, RadarScan, Return, Topic,
-};
+use randt_log::LogReader;
+use randt_messages::{ImuSampleTopic, LogDrop, LogDropTopic, Message, RadarScan, Return, Topic};
 use randt_recorder::wellknown::Viewer;
 use randt_recorder::{Raw, Recorder, Settings, Sink, of_configuration};
 use std::collections::{BTreeMap, BTreeSet};
@@ -249,6 +247,15 @@ impl Sink for Faulty {
         self.0.lock().unwrap().current = None;
     }
 
+    fn discard(&mut self) {
+        let mut inside = self.0.lock().unwrap();
+        if let Some(name) = inside.current.take()
+            && !inside.is_off()
+        {
+            inside.files.remove(&name);
+        }
+    }
+
     fn free_bytes(&mut self) -> io::Result<u64> {
         Ok(self.0.lock().unwrap().wrong.free_bytes.unwrap_or(u64::MAX))
     }
@@ -298,13 +305,4 @@ pub fn drops(bytes: &[u8]) -> Vec<LogDrop> {
         }
     }
     drops
-}
-
-/// A message of another build, for a channel that only readers know.
-pub fn drop_of(head: &LogDrop) -> Raw {
-    let message = MessageRef::<LogDropTopic> { head, items: &[] };
-    Raw {
-        label: Label::default(),
-        ..Raw::of(message)
-    }
 }
