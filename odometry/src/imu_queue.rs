@@ -1,8 +1,9 @@
 //! IMU samples that wait for the scan they belong to.
 //!
 //! Scans and samples come in two queues of their own, and how these interleave is nobody's doing. So samples are not
-//! used as they come: each scan takes from the queue up to the first sample at or after its sweep's end, and no more.
-//! What a scan sees is then a function of the two sequences alone.
+//! used as they come: each scan takes from the queue up to the first sample at or after its sweep's end, and no more;
+//! and none that was published when the wait for it was over. What a scan sees is then a function of the two sequences
+//! alone, whoever reads them, live or from a log.
 
 use crate::heading::{Heading, STAMPS_NS, is_set_back};
 use randt_messages::ImuSample;
@@ -50,17 +51,26 @@ impl ImuQueue {
     }
 
     /// How many samples a sweep that ends at `end_ns` takes, after those that `heading` has; `None` where the one that
-    /// ends the count has not come yet.
+    /// ends the count has not come yet. One that was published after `deadline_ns` came in vain, and so did all after it.
     ///
     /// Where the clock was set back, and for the heading not yet (`is_old_time`), samples of the old time do not cover
     /// the sweep, whatever their stamps. A sweep of the old time in turn takes no samples of the new, unless they are
     /// all that is left: then it was the samples' clock alone.
-    pub fn covering(&self, end_ns: i64, mut is_old_time: bool, heading: &Heading) -> Option<usize> {
+    pub fn covering(
+        &self,
+        end_ns: i64,
+        deadline_ns: i64,
+        mut is_old_time: bool,
+        heading: &Heading,
+    ) -> Option<usize> {
         let mut newest_ns = heading.newest_ns();
         if !is_old_time && newest_ns.is_some_and(|t| t >= end_ns) {
             return Some(0);
         }
         for (i, sample) in self.samples.iter().enumerate() {
+            if sample.header.published_ns > deadline_ns {
+                return Some(i);
+            }
             let stamp_ns = sample.header.stamp_ns;
             match newest_ns {
                 Some(newest_ns) if is_set_back(stamp_ns, newest_ns) => {

@@ -47,8 +47,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let samples = stage.subscriber::<ImuSampleTopic>()?;
     let points = stage.subscriber::<RadarPoints>()?;
     let mut graph = stage.subscriber::<MapperGraph>()?;
-    let wait = Duration::from_secs_f64(config.odometry.imu_wait_max_s);
-    let mut feed = Feed::new(odometry, past, samples, points, wait);
+    let mut feed = Feed::new(odometry, past, samples, points, stage.clock());
     stage.running()?;
     out.publish(&mut feed.past)?;
     let give_up = Instant::now() + HEAR_MAX;

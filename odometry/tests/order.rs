@@ -167,3 +167,86 @@ fn samples_without_scans_do_not_pile_up() {
     // The last second is still to come.
     assert!((19_740..19_752).contains(&outcome.states[0].imu_sequence));
 }
+
+/// Samples that were published too late came in vain, whoever reads them and whenever: what was lived is found again in
+/// a log, where they lie at hand.
+#[test]
+fn what_was_published_too_late_is_not_used_however_it_is_read() {
+    let wait_ns = (config().odometry.imu_wait_max_s * 1e9) as i64;
+    let mut scans: Vec<_> = DRIVE.scans[..14].to_vec();
+    for scan in &mut scans {
+        scan.head.scan_published_ns = scan.head.sweep.end_ns + 1_000_000;
+    }
+    let last_ns = scans[13].head.sweep.end_ns + 10_000_000;
+    // The IMU's driver stood still for 0.3 s: what it had read meanwhile was published at once.
+    let still = scans[9].head.sweep.end_ns - 50_000_000..scans[9].head.sweep.end_ns + 250_000_000;
+    let samples = DRIVE
+        .samples
+        .iter()
+        .filter(|sample| sample.header.stamp_ns < last_ns);
+    let samples: Vec<ImuSample> = samples
+        .map(|sample| {
+            let mut sample = *sample;
+            let at_ns = sample.header.stamp_ns;
+            sample.header.published_ns = if still.contains(&at_ns) {
+                still.end
+            } else {
+                at_ns
+            } + 500_000;
+            sample
+        })
+        .collect();
+    let mut runs = Vec::new();
+    // Live, by the time of publishing, with a clock that is late; and from a log, by the stamps.
+    for live in [true, false] {
+        let mut odometry = Odometry::new(&config(), true);
+        let mut outcome = Outcome::default();
+        let mut left = samples.iter().peekable();
+        for scan in &scans {
+            let now_ns = if live {
+                scan.head.scan_published_ns
+            } else {
+                scan.head.sweep.end_ns
+            };
+            let until = |sample: &&ImuSample, now_ns| {
+                let header = &sample.header;
+                (if live {
+                    header.published_ns
+                } else {
+                    header.stamp_ns
+                }) <= now_ns
+            };
+            while let Some(sample) = left.next_if(|sample| until(sample, now_ns)) {
+                odometry.push_imu(sample, &mut outcome);
+            }
+            odometry.push_points(scan.as_ref(), &mut outcome);
+            if live {
+                let end_ns = now_ns + wait_ns + 20_000_000;
+                while let Some(sample) = left.next_if(|sample| until(sample, end_ns)) {
+                    odometry.push_imu(sample, &mut outcome);
+                    if odometry.waiting_for_ns().is_none() {
+                        break;
+                    }
+                }
+                if odometry.waiting_for_ns().is_some() {
+                    odometry.proceed(&mut outcome);
+                }
+            }
+        }
+        left.for_each(|sample| odometry.push_imu(sample, &mut outcome));
+        odometry.finish(&mut outcome);
+        let late = outcome
+            .states
+            .iter()
+            .filter(|state| state.imu_use == ImuUse::Late as u32);
+        let late: Vec<u64> = late.map(|state| state.id).collect();
+        assert_eq!(late, [9], "live: {live}");
+        outcome.counters = odometry.counters();
+        runs.push(outcome);
+    }
+    let [live, log] = &runs[..] else {
+        panic!("two runs")
+    };
+    assert_eq!(live.counters, log.counters);
+    assert!(live.bytes == log.bytes);
+}

@@ -20,6 +20,7 @@ pub mod observer;
 pub mod phidgets;
 pub mod pipeline;
 mod recordings;
+pub mod sensors;
 pub mod spoilt;
 pub mod stages;
 pub mod up;

@@ -11,7 +11,7 @@ pub struct SelectionArguments {
     /// Radar: isdr-c, navtech-cts, or a file; if not given, it follows from the input
     #[arg(long, value_name = "NAME|FILE")]
     sensor: Option<String>,
-    /// Where the sensors sit on the robot; if not given, as the input says
+    /// Where the sensors sit on the robot, and how the drivers reach them; if not given, as the input says
     #[arg(long, value_name = "FILE")]
     robot: Option<String>,
     /// Set one key, such as ndt.cell_size_m=0.5; may be given several times

@@ -10,6 +10,8 @@
 pub mod elementary;
 mod pose2;
 mod quaternion;
+mod rotation;
 
 pub use pose2::Pose2;
 pub use quaternion::Quaternion;
+pub use rotation::Rotation;

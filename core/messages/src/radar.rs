@@ -29,6 +29,13 @@ impl SensorKind {
         }
     }
 
+    /// The kind that the configuration calls so; `Unknown` for any other.
+    pub fn from_name(name: &str) -> Self {
+        let kinds = [Self::IsdrC, Self::NavtechCts];
+        let named = kinds.into_iter().find(|kind| kind.name() == Some(name));
+        named.unwrap_or(Self::Unknown)
+    }
+
     /// What the configuration calls it; `None` where the input does not say.
     pub fn name(self) -> Option<&'static str> {
         match self {

@@ -45,7 +45,7 @@ impl Odometry {
     /// Takes a filtered scan; it is processed as soon as the IMU covers its sweep. A later scan ends the wait of those
     /// whose sweep ended `imu_wait_max_s` before its own: in a file there is no other clock. A process, whose scans may
     /// run ahead of their samples, keeps the next scan back while [`Self::waiting_for_ns`] has one, and [proceeds]
-    /// when its own clock says so.
+    /// when its own clock says that nothing will come before [`Self::deadline_ns`].
     ///
     /// [proceeds]: Self::proceed
     pub fn push_points(&mut self, points: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
@@ -88,6 +88,18 @@ impl Odometry {
         self.pending.front().map(|scan| scan.head.sweep.end_ns)
     }
 
+    /// Until when samples must be published that the first scan that waits may use, by the clock that publishes: the
+    /// bounded wait as what the messages say of themselves, so that a log of them says it too. Without an end where the
+    /// scan was never published.
+    pub fn deadline_ns(&self) -> Option<i64> {
+        let wait_ns = (self.config.odometry.imu_wait_max_s * 1e9) as i64;
+        let published_ns = self.pending.front()?.head.scan_published_ns;
+        Some(match published_ns {
+            0 => i64::MAX,
+            published_ns => published_ns.saturating_add(wait_ns),
+        })
+    }
+
     /// The wait of the first scan that waits is over: it is processed with the IMU samples that are there, and its
     /// state says so.
     pub fn proceed(&mut self, sink: &mut impl Sink) {
@@ -107,9 +119,10 @@ impl Odometry {
 
     /// Processes waiting scans as far as the IMU covers them.
     fn process_covered(&mut self, sink: &mut impl Sink) {
-        while let Some(end_ns) = self.waiting_for_ns() {
+        while let (Some(end_ns), Some(deadline_ns)) = (self.waiting_for_ns(), self.deadline_ns()) {
             let samples = self.heading.as_ref().map_or(Some(0), |heading| {
-                self.imu.covering(end_ns, self.imu_is_old(end_ns), heading)
+                let is_old = self.imu_is_old(end_ns);
+                self.imu.covering(end_ns, deadline_ns, is_old, heading)
             });
             match samples {
                 Some(samples) => self.process_first(samples, sink),

@@ -4,9 +4,12 @@ use super::Past;
 use crate::{Odometry, Source};
 use randt_messages::{ImuSample, ImuSampleTopic, MessageRef, RadarPoints};
 use randt_saved::Error as SavedError;
-use randt_stage::Subscriber;
+use randt_stage::{Clock, Subscriber};
 use std::time::{Duration, Instant};
 
+/// What was published before a scan's deadline is here so long after it at the latest: it takes microseconds, but a
+/// publisher may be interrupted between stamp and sending.
+const DELIVERY: Duration = Duration::from_millis(20);
 /// A process that has just started waits longer for its first samples: their publisher has to hand over its history.
 const FIRST_SAMPLE_WAIT: Duration = Duration::from_secs(1);
 
@@ -18,7 +21,7 @@ pub struct Feed {
     pub past: Past,
     samples: Subscriber<ImuSampleTopic>,
     points: Subscriber<RadarPoints>,
-    wait: Duration,
+    clock: Clock,
     /// Until when the scan that waits is waited with.
     deadline: Option<Instant>,
     /// When waiting for the very first sample ends.
@@ -34,24 +37,35 @@ impl Feed {
         past: Past,
         mut samples: Subscriber<ImuSampleTopic>,
         points: Subscriber<RadarPoints>,
-        wait: Duration,
+        clock: Clock,
     ) -> Self {
         if let Some(last) = odometry.last_imu() {
             samples.continue_after(last.epoch, last.sequence);
         }
-        let deadline = odometry
-            .waiting_for_ns()
-            .map(|_| Instant::now() + wait.max(FIRST_SAMPLE_WAIT));
-        Self {
+        let mut feed = Self {
             odometry,
             past,
             samples,
             points,
-            wait,
-            deadline,
+            clock,
+            deadline: None,
             patience: Some(Instant::now() + FIRST_SAMPLE_WAIT),
             scans_missed: 0,
-        }
+        };
+        feed.deadline = feed.deadline();
+        feed
+    }
+
+    /// When the wait of the scan that waits is over by this process's clock.
+    fn deadline(&self) -> Option<Instant> {
+        let left_ns = self
+            .odometry
+            .deadline_ns()?
+            .saturating_sub(self.clock.now_ns());
+        // A scan of a publisher that says nothing of its time cannot be waited with for ever.
+        let left = Duration::from_nanos(left_ns.max(0).unsigned_abs()).min(FIRST_SAMPLE_WAIT);
+        let now = Instant::now();
+        Some((now + left + DELIVERY).max(self.patience.unwrap_or(now)))
     }
 
     /// Takes what is there, until something comes out of it: that is kept, lies in the outbox, and is to be published
@@ -87,8 +101,7 @@ impl Feed {
             let scan = scan.message();
             if self.is_new(scan) {
                 self.odometry.push_points(scan, &mut self.past.sink());
-                let patience = self.patience.unwrap_or_else(Instant::now);
-                self.deadline = Some(patience.max(Instant::now() + self.wait));
+                self.deadline = self.deadline();
                 if self.keep()? {
                     return Ok(true);
                 }

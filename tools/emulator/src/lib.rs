@@ -6,7 +6,9 @@
 
 mod error;
 mod fault;
+pub mod imu;
 mod pace;
+pub mod radar;
 mod recording;
 
 pub use error::Error;

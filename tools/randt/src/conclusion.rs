@@ -3,6 +3,7 @@
 mod summary;
 
 use crate::{
+    compare::Comparison,
     digest,
     final_poses::final_poses,
     loops::Loops,
@@ -29,6 +30,8 @@ pub struct Conclusion<'a> {
     pub counters: BTreeMap<&'static str, Count>,
     /// What it cost.
     pub timing: BTreeMap<&'static str, Cost>,
+    /// How it stands to what was published live, where that was asked.
+    pub comparison: Option<Comparison>,
 }
 
 /// What a computation shows of itself.
@@ -42,6 +45,8 @@ pub struct Shown {
     pub timing: BTreeMap<&'static str, Cost>,
     /// Whether data were lost.
     pub lost: bool,
+    /// Whether every pose is the one that was published live, where that was asked.
+    pub same: Option<bool>,
 }
 
 impl Conclusion<'_> {
@@ -70,6 +75,7 @@ impl Conclusion<'_> {
             configuration: self.config,
             trajectory_sha256: digest::of_bytes(rows.as_bytes()),
             timing: self.timing,
+            comparison: self.comparison,
         };
         let mut json = serde_json::to_string_pretty(&report)?;
         json.push('\n');
@@ -85,6 +91,7 @@ impl Conclusion<'_> {
             ate_rmse_m: evaluation.and_then(|e| e.ate_rmse_m),
             path_m: report.path_m,
             lost: lost.count() > 0,
+            same: report.comparison.as_ref().map(Comparison::same),
             timing: report.timing,
         })
     }

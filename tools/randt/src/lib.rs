@@ -4,6 +4,7 @@
 
 pub mod accepted;
 pub mod commands;
+pub mod compare;
 pub mod conclusion;
 pub mod digest;
 pub mod drive;

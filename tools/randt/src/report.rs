@@ -1,6 +1,7 @@
 //! `report.json`: what was computed, from what, how fast, and all that was dropped or repaired.
 
 use crate::{
+    compare::Comparison,
     digest,
     loops::Loops,
     pipeline::Timing,
@@ -42,6 +43,9 @@ pub struct Report<'a> {
     pub trajectory_sha256: String,
     /// Cost per scan and stage, and of the whole.
     pub timing: BTreeMap<&'static str, Cost>,
+    /// How it stands to what was published live, where that was asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub comparison: Option<Comparison>,
 }
 
 /// What was read.

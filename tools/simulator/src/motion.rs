@@ -13,6 +13,8 @@ use std::collections::VecDeque;
 /// Time between two decisions of the driver.
 const KNOT_NS: i64 = 10_000_000;
 const KNOT_S: f64 = 0.01;
+/// Below it a robot that brakes stands, m/s: its brakes hold.
+const STANDING_M_S: f64 = 0.01;
 /// Knots kept: 2 s, ten sweeps.
 const KNOTS_KEPT: usize = 200;
 
@@ -35,6 +37,9 @@ pub struct MotionProfile {
     pub start_s: f64,
     /// Every so many changes of speed the robot stops; 0 never.
     pub stop_every: u32,
+    /// At each stop the robot turns on the spot: so much to the left, twice as much to the right, and back; at every
+    /// other stop the other way round. 0 never.
+    pub turn_in_place_rad: f64,
 }
 
 impl Default for MotionProfile {
@@ -49,6 +54,18 @@ impl Default for MotionProfile {
             slip_length_m: 2.0,
             start_s: 2.5,
             stop_every: 5,
+            turn_in_place_rad: 0.0,
+        }
+    }
+}
+
+impl MotionProfile {
+    /// A drive that shows where the sensors sit (docs/calibrate.md): many stops, and turns on the spot at each.
+    pub fn for_calibration(self) -> Self {
+        Self {
+            stop_every: 3,
+            turn_in_place_rad: 2.0 * PI / 3.0,
+            ..self
         }
     }
 }
@@ -91,6 +108,9 @@ pub struct Drive {
     speed_target_m_s: f64,
     next_decision_s: f64,
     decisions: u32,
+    /// What is left of the turns on the spot, the next one last, and how many stops had some.
+    turns_left_rad: Vec<f64>,
+    turns: u32,
 }
 
 impl Drive {
@@ -113,6 +133,8 @@ impl Drive {
             speed_target_m_s: 0.0,
             next_decision_s: profile.start_s,
             decisions: 0,
+            turns_left_rad: Vec::new(),
+            turns: 0,
         }
     }
 
@@ -165,11 +187,17 @@ impl Drive {
         const SPEED_TIME_S: f64 = 0.4;
         const TURN_TIME_S: f64 = 0.15;
         let limits = self.profile;
-        if time_s >= self.next_decision_s {
-            self.decide(time_s);
-        }
         let [x, y, yaw] = knot.pose;
         let [speed, _, turn] = knot.twist;
+        if speed < STANDING_M_S
+            && let Some(left_rad) = self.turns_left_rad.pop()
+        {
+            return self.turn_in_place(turn, left_rad, time_s);
+        }
+        // Who turns on the spot is busy until he has turned.
+        if time_s >= self.next_decision_s && self.turns_left_rad.is_empty() {
+            self.decide(time_s);
+        }
         let curvature = self
             .route
             .ahead(Vector2::new(x, y), LOOKAHEAD_M.max(LOOKAHEAD_S * speed))
@@ -194,9 +222,37 @@ impl Drive {
         [speed, sideways, turn]
     }
 
+    /// The twist 10 ms later of a robot that stands and turns: as fast as it can still brake.
+    fn turn_in_place(&mut self, turn: f64, left_rad: f64, time_s: f64) -> [f64; 3] {
+        let limits = self.profile;
+        let change = KNOT_S * limits.angular_acceleration_max_rad_s2;
+        // Half of the limit leaves room to follow.
+        let braking = (limits.angular_acceleration_max_rad_s2 * left_rad.abs()).sqrt();
+        let goal = left_rad.signum() * braking.min(0.93 * limits.yaw_rate_max_rad_s);
+        let next = turn + (goal - turn).clamp(-change, change);
+        let rest_rad = left_rad - 0.5 * (turn + next) * KNOT_S;
+        if rest_rad * left_rad > 0.0 && rest_rad.abs() > 1e-3 {
+            self.turns_left_rad.push(rest_rad);
+        } else {
+            self.next_decision_s = time_s + 1.0;
+        }
+        [0.0, 0.0, next]
+    }
+
     fn decide(&mut self, time_s: f64) {
         self.decisions = self.decisions.wrapping_add(1);
         let stop = self.decisions.checked_rem(self.profile.stop_every) == Some(0);
+        if stop && self.profile.turn_in_place_rad > 0.0 {
+            let sense = if self.turns.is_multiple_of(2) {
+                1.0
+            } else {
+                -1.0
+            };
+            let angle_rad = sense * self.profile.turn_in_place_rad;
+            self.turns_left_rad
+                .extend([angle_rad, -2.0 * angle_rad, angle_rad]);
+            self.turns = self.turns.wrapping_add(1);
+        }
         (self.speed_target_m_s, self.next_decision_s) = if stop {
             (0.0, time_s + self.random.between(2.5, 4.0))
         } else {

@@ -21,6 +21,8 @@ pub struct Robot {
     pub radar: RadarProfile,
     /// The radar in `base_link`.
     pub radar_mounting: Pose2,
+    /// How late the radar's clock is against the gyro's and the truth's: its stamps read so much more.
+    pub radar_late_ns: i64,
     /// The IMU; it sits upright in the middle of `base_link`.
     pub imu: ImuProfile,
     /// The driver.
@@ -33,6 +35,7 @@ impl Default for Robot {
         Self {
             radar: RadarProfile::isdr_c(),
             radar_mounting: Pose2::new(0.12, 0.0, 0.0),
+            radar_late_ns: 0,
             imu: ImuProfile::default(),
             motion: MotionProfile::default(),
         }
@@ -60,7 +63,8 @@ pub enum Event {
     Scan(Message<RadarScan>),
     /// The IMU was read.
     Imu(ImuSample),
-    /// Where the robot is. The truth of a sweep's end comes with the sweep's stamp, before the sweep.
+    /// Where the robot is. The truth of a sweep's end comes with the sweep's stamp (that of a radar that is not late),
+    /// before the sweep.
     Truth(TruthPose),
 }
 
@@ -92,6 +96,7 @@ impl Event {
 pub struct Simulation {
     drive: Drive,
     radar: Radar,
+    radar_late_ns: i64,
     imu: Imu,
     ground: Ground,
     scans_left: u64,
@@ -115,6 +120,7 @@ impl Simulation {
                 world.ground.clone(),
                 seed,
             ),
+            radar_late_ns: robot.radar_late_ns,
             imu: Imu::new(robot.imu, seed),
             ground: world.ground.clone(),
             scans_left: scans,
@@ -151,12 +157,13 @@ impl Simulation {
     fn sweep(&mut self) -> Event {
         let mut scan = self.radar.sweep(&mut self.drive);
         let relative_ns = scan.head.header.stamp_ns;
-        scan.head.header.stamp_ns += START_NS;
-        scan.head.sweep.begin_ns += START_NS;
-        scan.head.sweep.end_ns += START_NS;
+        let shift_ns = START_NS + self.radar_late_ns;
+        scan.head.header.stamp_ns += shift_ns;
+        scan.head.sweep.begin_ns += shift_ns;
+        scan.head.sweep.end_ns += shift_ns;
         let count = scan.head.sweep.beam_count as usize;
         for beam in scan.head.sweep.beams.iter_mut().take(count) {
-            beam.stamp_ns += START_NS;
+            beam.stamp_ns += shift_ns;
         }
         self.scans_left -= 1;
         if self.scans_left == 0 {

@@ -8,17 +8,21 @@ mod memory;
 mod owner;
 mod processes;
 mod scene;
+mod sensors;
 mod stages;
 mod worlds;
 
 use crate::{exit::Outcome, output::print};
-use finding::Grade;
+use finding::{Finding, Grade};
 use randt_stage::RealmArguments;
 use scene::Scene;
 
 /// Arguments of `randt doctor`.
 #[derive(Debug, clap::Args)]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Arguments {
+    #[command(subcommand)]
+    part: Option<Part>,
     /// Remove what dead stages left behind; refused while a stage lives
     #[arg(long)]
     clean: bool,
@@ -29,8 +33,18 @@ pub struct Arguments {
     realm: RealmArguments,
 }
 
+/// What else there is to examine.
+#[derive(Debug, clap::Subcommand)]
+enum Part {
+    /// Radar and IMU: reached, rate, stamps, gravity, sense of rotation
+    Sensors(sensors::Arguments),
+}
+
 /// Examines or cleans. Ends with "failed" where something is bad.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    if let Some(Part::Sensors(arguments)) = arguments.part {
+        return sensors::run(&arguments);
+    }
     let scene = Scene::of(arguments.realm.realm()?);
     if arguments.clean {
         return clean::run(&scene, arguments.state);
@@ -43,14 +57,15 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     findings.push(stages::check(&scene));
     findings.push(stages::check_builds(&scene));
     findings.push(leftovers::check(&scene));
-    let findings = findings.concat();
-    let lines: String = findings.iter().map(ToString::to_string).collect();
     let realm = &scene.realm;
-    print(&format!(
-        "realm {} in {}\n{lines}",
-        realm.prefix(),
-        realm.run().display()
-    ))?;
+    let title = format!("realm {} in {}", realm.prefix(), realm.run().display());
+    conclude(&title, &findings.concat())
+}
+
+/// Prints what was found.
+fn conclude(title: &str, findings: &[Finding]) -> anyhow::Result<Outcome> {
+    let lines: String = findings.iter().map(ToString::to_string).collect();
+    print(&format!("{title}\n{lines}"))?;
     let bad = findings.iter().any(|finding| finding.grade == Grade::Bad);
     Ok(if bad { Outcome::Failed } else { Outcome::Good })
 }

@@ -1,6 +1,7 @@
 //! One file per command: its arguments, what it does, what it prints.
 
 mod bench;
+mod calibrate;
 mod config;
 mod demo;
 mod doctor;
@@ -44,6 +45,8 @@ pub enum Command {
     Doctor(doctor::Arguments),
     /// Examine an IMU recording: biases, standstills, mounting, attitude
     Imu(imu::Arguments),
+    /// Find out where the radar sits on the robot, and how late its stamps are
+    Calibrate(calibrate::Arguments),
     /// Register two radar scans to each other
     Register(register::Arguments),
     /// Solve a pose graph in g2o's format, as it is or with false loops added
@@ -69,6 +72,7 @@ impl Command {
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Imu(arguments) => imu::run(arguments),
+            Self::Calibrate(arguments) => calibrate::run(arguments),
             Self::Register(arguments) => register::run(arguments),
             Self::Graph(arguments) => graph::run(arguments),
             Self::Bench(arguments) => bench::run(arguments),

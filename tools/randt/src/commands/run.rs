@@ -1,6 +1,7 @@
 //! `randt run`: a radar log in, a trajectory and a map out.
 
 use crate::{
+    compare::{self, Comparison},
     conclusion::{Conclusion, Shown},
     exit::Outcome,
     input::InputOptions,
@@ -30,6 +31,9 @@ pub struct Arguments {
     /// Do not close loops: the map is odometry's
     #[arg(long)]
     no_loops: bool,
+    /// Compare with the poses that were published when this log was recorded; ends with 1 where one is another
+    #[arg(long)]
+    compare: bool,
     #[command(flatten)]
     selection: SelectionArguments,
     #[command(flatten)]
@@ -44,6 +48,7 @@ impl Arguments {
             out,
             no_imu: false,
             no_loops: false,
+            compare: false,
             selection: SelectionArguments::default(),
             options: InputOptions::default(),
         }
@@ -52,10 +57,11 @@ impl Arguments {
 
 /// Computes, writes, prints.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    Ok(if compute(arguments)?.lost {
-        Outcome::DataLost
-    } else {
-        Outcome::Good
+    let shown = compute(arguments)?;
+    Ok(match shown.same {
+        Some(false) => Outcome::Failed,
+        _ if shown.lost => Outcome::DataLost,
+        _ => Outcome::Good,
     })
 }
 
@@ -67,6 +73,11 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     let loaded = arguments.selection.load(source.info().sensor.name())?;
     let mut config = job::with_mounting(loaded, source.as_ref()).config;
     config.loops.enabled &= !arguments.no_loops;
+    // Before the work: whether there is anything to compare with.
+    let published = match arguments.compare {
+        true => Some(compare::published(&arguments.input)?),
+        false => None,
+    };
     prepare_folder(&arguments.out)?;
 
     let bar = progress::bar(source.info().scans, "scans");
@@ -82,7 +93,15 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
             arguments.input.display()
         );
     }
-    finish(&arguments, source.as_ref(), &config, &done, begin)
+    let comparison = published.map(|published| Comparison::of(&published, &done.results.states));
+    finish(
+        &arguments,
+        source.as_ref(),
+        &config,
+        &done,
+        comparison,
+        begin,
+    )
 }
 
 /// The folder, made and tried out before the work begins.
@@ -100,6 +119,7 @@ fn finish(
     source: &dyn Source,
     config: &Config,
     done: &Done,
+    comparison: Option<Comparison>,
     begin: Instant,
 ) -> anyhow::Result<Shown> {
     let input = arguments.input.as_path();
@@ -129,6 +149,7 @@ fn finish(
         config,
         counters,
         timing,
+        comparison,
     }
     .write(&arguments.out)
 }

@@ -39,6 +39,15 @@ pub struct Arguments {
     /// Also write the true poses at the sweeps' ends, as TUM rows
     #[arg(long, value_name = "FILE.tum")]
     truth: Option<PathBuf>,
+    /// Where the radar sits in base_link: x and y in m, yaw in degrees
+    #[arg(long, value_name = "X,Y,DEGREES", value_parser = mounting, allow_hyphen_values = true)]
+    radar_mounting: Option<Pose2>,
+    /// How late the radar's stamps are against the gyro's and the truth's, ms
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = lateness, allow_hyphen_values = true)]
+    radar_late: f64,
+    /// A drive for `randt calibrate`: the robot stops often and turns on the spot, to the left and to the right by turns
+    #[arg(long)]
+    turns: bool,
     /// Overwrite files that exist
     #[arg(long)]
     force: bool,
@@ -54,6 +63,9 @@ impl Arguments {
             seed,
             scans: Some(scans),
             truth: None,
+            radar_mounting: None,
+            radar_late: 0.0,
+            turns: false,
             force: true,
         }
     }
@@ -69,7 +81,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         may_write(path, arguments.force)?;
     }
     job::catch_interrupts();
-    let robot = Robot::of(&world);
+    let robot = robot(&world, &arguments);
     let scans = arguments.scans.unwrap_or_else(|| world.sweeps());
     let written_by = concat!("randt ", env!("CARGO_PKG_VERSION")).to_owned();
     let mut log = LogFile::create(
@@ -164,6 +176,39 @@ fn world(arguments: &Arguments) -> anyhow::Result<World> {
         );
     };
     Ok(world)
+}
+
+/// The robot that was asked for.
+fn robot(world: &World, arguments: &Arguments) -> Robot {
+    let mut robot = Robot::of(world);
+    robot.radar_mounting = arguments.radar_mounting.unwrap_or(robot.radar_mounting);
+    robot.radar_late_ns = (arguments.radar_late * 1e6) as i64;
+    if arguments.turns {
+        robot.motion = robot.motion.for_calibration();
+    }
+    robot
+}
+
+/// A place on a robot.
+fn mounting(text: &str) -> Result<Pose2, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|word| word.trim().parse().ok())
+        .collect();
+    match numbers[..] {
+        [x_m, y_m, yaw_deg] if x_m.abs() <= 10.0 && y_m.abs() <= 10.0 && yaw_deg.abs() <= 360.0 => {
+            Ok(Pose2::new(x_m, y_m, yaw_deg.to_radians()))
+        }
+        _ => Err("expected x and y within 10 m and a yaw in degrees, as 0.2,-0.1,3".to_owned()),
+    }
+}
+
+/// What clocks are apart by.
+fn lateness(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.abs() <= 1000.0 => Ok(value),
+        _ => Err("expected milliseconds between -1000 and 1000".to_owned()),
+    }
 }
 
 /// What the log says of its robot.

@@ -36,6 +36,9 @@ pub fn text(report: &Report<'_>, out: &Path) -> String {
             "accuracy: ATE {ate_m:.3} m against the log's truth{live}"
         );
     }
+    if let Some(comparison) = &report.comparison {
+        let _ = writeln!(text, "compared: {comparison}");
+    }
     if report.frames.len() > 1 {
         let frames = report.frames.len();
         let _ = match report.loops.parts {

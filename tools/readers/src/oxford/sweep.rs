@@ -3,52 +3,14 @@
 use super::image::{ENCODER_TURN, PolarImage, Row};
 use crate::limit::strongest;
 use crate::sweep::wrap_f32;
-use randt_geometry::elementary::PI;
+use randt_geometry::{Rotation, elementary::PI};
 use randt_messages::{Beam, MAX_RETURNS, Message, RadarScan, Return, SensorKind};
 
 /// Width of a range bin, m: "4.38 cm in range resolution" in the data set's documentation.
 /// Its software kit computes with 0.0432; ARCHITECTURE.md says why we do not.
 const RESOLUTION_M: f64 = 0.0438;
-
-/// Time against angle: what a turntable of constant speed would have, by least squares.
-///
-/// The rows' own stamps come in bursts of up to 8 ms; the turntable's speed is steadier than that by far.
-struct Rotation {
-    first_us: i64,
-    offset_us: f64,
-    us_per_count: f64,
-}
-
-impl Rotation {
-    /// Fits rows of (encoder counts since the first row, stamp us). At least one row.
-    fn fit(rows: &[(i64, i64)], first_us: i64) -> Self {
-        let count = rows.len() as f64;
-        let relative = || {
-            rows.iter()
-                .map(|(u, t)| (*u as f64, t.wrapping_sub(first_us) as f64))
-        };
-        let mean_u = relative().map(|(u, _)| u).sum::<f64>() / count;
-        let mean_t = relative().map(|(_, t)| t).sum::<f64>() / count;
-        let (mut product, mut square) = (0.0, 0.0);
-        for (u, t) in relative() {
-            product += (u - mean_u) * (t - mean_t);
-            square += (u - mean_u) * (u - mean_u);
-        }
-        let us_per_count = if square > 0.0 { product / square } else { 0.0 };
-        Self {
-            first_us,
-            offset_us: mean_t - us_per_count * mean_u,
-            us_per_count,
-        }
-    }
-
-    fn ns(&self, counts: f64) -> i64 {
-        let relative_ns = (1000.0 * (self.offset_us + self.us_per_count * counts)).round() as i64;
-        self.first_us
-            .saturating_mul(1000)
-            .saturating_add(relative_ns)
-    }
-}
+/// The rows' stamps are us.
+const NS_PER_US: i64 = 1000;
 
 /// Makes the message. Also gives the number of returns over the limit.
 pub(super) fn build(
@@ -59,15 +21,14 @@ pub(super) fn build(
     let mut message = Message::<RadarScan>::default();
     let rows: Vec<Row> = image.rows().filter(|row| row.valid).collect();
     let unwrapped = unwrap(rows.iter().map(|row| row.encoder));
-    let stamps: Vec<(i64, i64)> = unwrapped
+    let stamps = unwrapped
         .iter()
         .copied()
-        .zip(rows.iter().map(|row| row.time_us))
-        .collect();
+        .zip(rows.iter().map(|row| row.time_us));
     let (Some(first), Some(last)) = (rows.first(), unwrapped.last()) else {
         return (message, 0);
     };
-    let rotation = Rotation::fit(&stamps, first.time_us);
+    let rotation = Rotation::fit(stamps, first.time_us, NS_PER_US);
     let step = step(&unwrapped);
 
     let head = &mut *message.head;

@@ -2,16 +2,62 @@
 
 use super::Common;
 use crate::exit::Outcome;
+use clap::ValueEnum;
+use randt_emulator::imu::{Moments, PhidgetServer, SerialImu, SerialProtocol};
+use randt_emulator::{Pace, Recording};
+use std::net::SocketAddr;
+use std::path::PathBuf;
 
 /// Arguments of `randt emulate imu`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
     common: Common,
+    /// What it speaks
+    #[arg(long, value_enum)]
+    proto: Proto,
+    /// mip, xsens: a link to the serial port, which stays when the port gets another name
+    #[arg(long, value_name = "PATH")]
+    link: Option<PathBuf>,
+    /// phidget: where the network server listens
+    #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:5661")]
+    address: SocketAddr,
+    /// phidget: the device's serial number
+    #[arg(long, value_name = "NUMBER", default_value_t = 123_456)]
+    serial: u32,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Proto {
+    /// A Phidgets Spatial behind a Phidget network server
+    Phidget,
+    /// A MicroStrain on a pseudo-terminal
+    Mip,
+    /// An Xsens MTi on a pseudo-terminal
+    Xsens,
 }
 
 /// Emulates.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    let _ = arguments.common.begin();
-    anyhow::bail!("not there yet")
+    let faults = arguments.common.begin();
+    let recording = Recording::open(&arguments.common.log, arguments.common.endless)?;
+    let pace = Pace::new(recording.begin_ns(), arguments.common.at);
+    let mut moments = Moments::new(recording, pace, faults);
+    let ends: &dyn Fn() -> bool = &crate::job::interrupted;
+    let protocol = match arguments.proto {
+        Proto::Phidget => {
+            let mut server = PhidgetServer::open(arguments.address, arguments.serial)?;
+            eprintln!("Phidget network server: {}", server.address());
+            server.run(&mut moments, ends)?;
+            return Ok(Outcome::Good);
+        }
+        Proto::Mip => SerialProtocol::Mip,
+        Proto::Xsens => SerialProtocol::Xsens,
+    };
+    let mut imu = SerialImu::open(protocol, arguments.link.as_deref())?;
+    if let Some(path) = imu.path() {
+        eprintln!("serial port: {}", path.display());
+    }
+    imu.run(&mut moments, ends)?;
+    Ok(Outcome::Good)
 }

@@ -148,6 +148,7 @@ impl Drive<'_> {
             config: self.config,
             counters,
             timing,
+            comparison: None,
         }
         .write(self.out)?;
         Ok(if shown.lost {

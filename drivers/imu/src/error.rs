@@ -1,0 +1,41 @@
+//! Why an IMU cannot be driven at all. What is wrong with a device is no error: it is its link's text, and it is tried
+//! again for ever.
+
+use randt_config::{Origins, Place};
+
+/// Why an IMU cannot be driven at all.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A value that its type allows but its meaning does not.
+    #[error("imu.{key} is {found:?}, it must be {expected}")]
+    Value {
+        /// The key in section `imu`.
+        key: &'static str,
+        /// Its value.
+        found: String,
+        /// What would be right.
+        expected: &'static str,
+    },
+}
+
+impl Error {
+    /// The configuration's word for it, which says where the value was written and ends a process as bad configuration.
+    pub fn in_configuration(self, origins: &Origins) -> randt_config::Error {
+        let Self::Value {
+            key,
+            found,
+            expected,
+        } = self;
+        let place = origins.get(&("imu", key)).cloned();
+        randt_config::Error::Value {
+            place: place.unwrap_or(Place {
+                source: "defaults".to_owned(),
+                line: None,
+            }),
+            name: format!("imu.{key}"),
+            found: format!("{found:?}"),
+            expected: expected.to_owned(),
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! An IMU as its driver knows it, without a process: readings become samples.
+//!
+//! Responsible for axes, stamps, order, what is lost, and for what to say of the device. Not responsible for reaching it:
+//! its source is.
+
+use crate::sequence::Sequence;
+use crate::source::{Source, source};
+use crate::upright::Upright;
+use crate::{Axes, Error, Reading};
+use randt_config::Config;
+use randt_device::{Count, DeviceClock, Link};
+use randt_messages::ImuSample;
+use std::os::fd::BorrowedFd;
+
+/// An IMU.
+#[derive(Debug)]
+pub struct Imu {
+    source: Box<dyn Source>,
+    rate_axes: Axes,
+    acceleration_axes: Axes,
+    silence_ns: i64,
+    clock: DeviceClock,
+    sequence: Sequence,
+    upright: Upright,
+    readings: Vec<Reading>,
+    link: Link,
+    reconnects: u64,
+    /// When the driver began or the last sample came.
+    heard_ns: Option<i64>,
+    stamp_ns: i64,
+    samples: u64,
+    unknown: u64,
+    doubled: u64,
+}
+
+impl Imu {
+    /// One by its configuration. Nothing is opened yet; the first [`Self::poll`] does that.
+    pub fn new(config: &Config) -> Result<Self, Error> {
+        let imu = &config.imu;
+        Ok(Self {
+            source: source(imu)?,
+            rate_axes: Axes::read_for_rates("rate_axes", &imu.rate_axes)?,
+            acceleration_axes: Axes::read("acceleration_axes", &imu.acceleration_axes)?,
+            silence_ns: (imu.silence_s * 1e9) as i64,
+            clock: DeviceClock::default(),
+            sequence: Sequence::default(),
+            upright: Upright::new(&config.robot),
+            readings: Vec::new(),
+            link: Link::Starting,
+            reconnects: 0,
+            heard_ns: None,
+            stamp_ns: i64::MIN,
+            samples: 0,
+            unknown: 0,
+            doubled: 0,
+        })
+    }
+
+    /// What to sleep on; none while nothing is open.
+    pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
+        self.source.descriptor()
+    }
+
+    /// When to poll although nothing came; at once before the first poll.
+    pub fn due_ns(&self) -> i64 {
+        let Some(heard_ns) = self.heard_ns else {
+            return i64::MIN;
+        };
+        let mut due_ns = self.source.due_ns().unwrap_or(i64::MAX);
+        if self.link.streams() || self.link == Link::Starting {
+            due_ns = due_ns.min(heard_ns.saturating_add(self.silence_ns + 1));
+        }
+        due_ns
+    }
+
+    /// Gives the samples that came until `now_ns`, and does what is due. Stamps rise strictly.
+    pub fn poll(&mut self, now_ns: i64, sink: &mut dyn FnMut(&ImuSample)) {
+        self.heard_ns.get_or_insert(now_ns);
+        let mut readings = std::mem::take(&mut self.readings);
+        self.source.poll(now_ns, &mut readings);
+        if self.source.reconnects() != self.reconnects {
+            self.reconnects = self.source.reconnects();
+            self.sequence.restart();
+            self.upright.restart();
+        }
+        for reading in readings.drain(..) {
+            if self.sequence.is_double(&reading) {
+                self.doubled += 1;
+            } else if reading.known() {
+                let sample = self.sample(&reading);
+                self.upright
+                    .push(sample.header.stamp_ns, sample.acceleration_m_s2);
+                sink(&sample);
+                self.samples += 1;
+                self.heard_ns = Some(now_ns);
+            } else {
+                self.unknown += 1;
+            }
+        }
+        self.readings = readings;
+        self.judge(now_ns);
+    }
+
+    fn sample(&mut self, reading: &Reading) -> ImuSample {
+        let interval_ns = self.source.interval_ns();
+        self.sequence.push(reading, interval_ns);
+        let stamp_ns = match reading.device_ns {
+            Some(device_ns) => self.clock.host_ns(device_ns, reading.arrival_ns),
+            // Readings that came at once were not measured at once.
+            None => reading
+                .arrival_ns
+                .max(self.stamp_ns.saturating_add(interval_ns / 2)),
+        };
+        self.stamp_ns = stamp_ns.max(self.stamp_ns.saturating_add(1));
+        let mut sample = ImuSample {
+            device_ns: reading.device_ns.unwrap_or_default(),
+            arrival_ns: reading.arrival_ns,
+            rate_rad_s: self.rate_axes.map(reading.rate_rad_s),
+            acceleration_m_s2: self.acceleration_axes.map(reading.acceleration_m_s2),
+            ..ImuSample::default()
+        };
+        sample.header.stamp_ns = self.stamp_ns;
+        sample
+    }
+
+    fn judge(&mut self, now_ns: i64) {
+        let silent_ns = now_ns.saturating_sub(self.heard_ns.unwrap_or(now_ns));
+        self.link = if !self.source.trouble().is_empty() {
+            Link::Trouble(self.source.trouble().to_owned())
+        } else if silent_ns > self.silence_ns {
+            Link::Trouble(format!(
+                "{} for over {}",
+                self.source.silence(),
+                self.silent(silent_ns)
+            ))
+        } else if self.samples == 0 {
+            Link::Starting
+        } else if !self.upright.complaint().is_empty() {
+            Link::Warning(self.upright.complaint().to_owned())
+        } else if !self.source.complaint().is_empty() {
+            Link::Warning(self.source.complaint().to_owned())
+        } else if let Some((is_hz, asked_hz)) = self.sequence.wrong_rate() {
+            Link::Warning(format!(
+                "{is_hz:.0} samples a second come instead of {asked_hz:.0}"
+            ))
+        } else {
+            Link::Streaming
+        };
+    }
+
+    /// How long it is silent, in doublings: each text that is new is a line in the journal.
+    fn silent(&self, silent_ns: i64) -> String {
+        let mut said_ns = self.silence_ns.max(1);
+        while said_ns < silent_ns / 2 {
+            said_ns *= 2;
+        }
+        format!("{} s", said_ns as f64 * 1e-9)
+    }
+
+    /// How the device is.
+    pub fn link(&self) -> &Link {
+        &self.link
+    }
+
+    /// How much faster the device's clock is than the host's; 0 until that is known.
+    pub fn skew(&self) -> f64 {
+        self.clock.skew()
+    }
+
+    /// Whether gravity was seen, and points where the configuration says.
+    pub fn is_upright(&self) -> Option<bool> {
+        self.upright
+            .known()
+            .then(|| self.upright.complaint().is_empty())
+    }
+
+    /// Everything that was counted.
+    pub fn counters(&self) -> Vec<Count> {
+        let mut counts = vec![
+            Count::event("samples", self.samples),
+            Count::loss("samples_lost", self.sequence.lost()),
+            Count::event("samples_doubled", self.doubled),
+            Count::loss("unknown_values", self.unknown),
+            Count::event("reconnects", self.reconnects),
+            Count::event("clock_resets", self.clock.restarts()),
+        ];
+        counts.extend(self.source.counts());
+        counts
+    }
+
+    /// Data that are missing, all together.
+    pub fn lost(&self) -> u64 {
+        let counters = self.counters();
+        let losses = counters.iter().filter(|count| count.loss);
+        losses.map(|count| count.value).sum()
+    }
+}

@@ -1,0 +1,32 @@
+//! An IMU to imu/sample: Phidgets Spatial by the vendor's library, MicroStrain MIP and Xsens MTData2 on serial ports.
+//!
+//! Responsible for reaching the device and for reaching it again after anything, for SI units, axes and stamps in the
+//! one clock. Not responsible for attitude, bias or filtering: odometry does that.
+//!
+//! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`]) are pure and go both ways, because the
+//! emulators speak with them. What this was never run on: a device. It is proven against emulators, and the Phidgets'
+//! part against the vendor's own library.
+
+mod axes;
+mod bytes;
+mod conversation;
+mod error;
+pub mod frames;
+mod imu;
+pub mod mip;
+pub mod phidget;
+mod port;
+pub mod protocol;
+mod reading;
+mod sequence;
+mod serial;
+mod source;
+mod upright;
+pub mod xsens;
+
+pub use axes::Axes;
+pub use error::Error;
+pub use imu::Imu;
+pub use reading::{Reading, STANDARD_GRAVITY_M_S2};
+pub use serial::Serial;
+pub use source::Source;

@@ -1,0 +1,53 @@
+//! `randt-imu`: an IMU to imu/sample, as a process.
+
+use clap::Parser;
+use randt_imu::Imu;
+use randt_messages::{ImuSampleTopic, MessageRef};
+use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended};
+use std::error::Error;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// The IMU's driver: a Phidgets Spatial, a MicroStrain or an Xsens, as section [imu] of robot.toml says.
+///
+/// A device that is not there is waited for, and one that was unplugged is found again.
+#[derive(Debug, Parser)]
+#[command(name = "randt-imu", version, max_term_width = 100)]
+struct Arguments {
+    #[command(flatten)]
+    stage: StageArguments,
+}
+
+fn main() -> ExitCode {
+    ended("imu", run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let loaded = arguments.stage.selection.load(None)?;
+    let imu = Imu::new(&loaded.config);
+    let mut imu = imu.map_err(|error| error.in_configuration(&loaded.origins))?;
+    let mut stage = arguments.stage.open("imu")?;
+    let mut samples = stage.publisher::<ImuSampleTopic>()?;
+    stage.running()?;
+    loop {
+        let mut failed = None;
+        imu.poll(stage.clock().now_ns(), &mut |head| {
+            let sent = samples.publish(MessageRef { head, items: &[] });
+            failed = failed.take().or(sent.err());
+        });
+        if let Some(error) = failed {
+            return Err(error.into());
+        }
+        stage.report(imu.link().text(), imu.lost());
+        let pause_ns = imu.due_ns().saturating_sub(stage.clock().now_ns()).max(0);
+        let pause = Duration::from_nanos(pause_ns.unsigned_abs());
+        let descriptor = imu.descriptor().map(Descriptor::new).transpose()?;
+        let on: Vec<&dyn Wakes> = descriptor
+            .iter()
+            .map(|device| device as &dyn Wakes)
+            .collect();
+        if stage.wait(&on, Some(pause))? == Woken::Stop {
+            return Ok(stage.close()?);
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! An open serial port.
+//!
+//! Responsible for opening, for saying in plain words why that fails, and for bytes. Not responsible for when.
+
+use rustix::fs::OFlags;
+use serialport::{ClearBuffer, SerialPort, TTYPort};
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, ErrorKind, Read, Write};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::Path;
+
+/// Bytes that the kernel keeps for a reader: N_TTY_BUF_SIZE. It drops what comes beyond them.
+pub(crate) const KERNEL_BUFFER: usize = 4096;
+
+/// A serial port, open, raw, at its speed, ours alone.
+#[derive(Debug)]
+pub(crate) struct Port {
+    /// Reads and writes without waiting. serialport's own descriptor cannot be slept on without unsafe code.
+    bytes: File,
+    /// Has set the port up, and keeps others away from it.
+    _settings: TTYPort,
+}
+
+impl Port {
+    /// Opens it, or says why not.
+    pub(crate) fn open(path: &Path, baud: u32) -> Result<Self, String> {
+        if path.as_os_str().is_empty() {
+            return Err(
+                "imu.device is empty; give the serial port's path, such as /dev/serial/by-id/..."
+                    .to_owned(),
+            );
+        }
+        let say = |why: &str| format!("{}: {why}", path.display());
+        let told = |error: &io::Error| say(&plain(error));
+        let kind = fs::metadata(path)
+            .map_err(|error| told(&error))?
+            .file_type();
+        if !kind.is_char_device() {
+            let kind = match kind {
+                _ if kind.is_dir() => "is a directory, not a serial port",
+                _ if kind.is_file() => "is a file, not a serial port",
+                _ => "is no serial port",
+            };
+            return Err(say(kind));
+        }
+        let flags = OFlags::NOCTTY | OFlags::NONBLOCK;
+        let bytes = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .custom_flags(flags.bits() as i32)
+            .open(path)
+            .map_err(|error| told(&error))?;
+        if !rustix::termios::isatty(&bytes) {
+            return Err(say("is another device, not a serial port"));
+        }
+        let name = path.to_string_lossy();
+        let settings = serialport::new(name, baud).open_native();
+        let settings = settings.map_err(|error| say(&settings_failed(&error)))?;
+        // What lies there was measured nobody knows when.
+        let cleared = settings.clear(ClearBuffer::Input);
+        cleared.map_err(|error| say(&settings_failed(&error)))?;
+        Ok(Self {
+            bytes,
+            _settings: settings,
+        })
+    }
+
+    /// Reads what is there; none where nothing is. An end is an error: the device is gone.
+    pub(crate) fn read(&mut self, bytes: &mut [u8]) -> io::Result<Option<usize>> {
+        match self.bytes.read(bytes) {
+            Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
+            Ok(count) => Ok(Some(count)),
+            Err(error) if nothing(&error) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Writes what there is room for; a command is sent again where it is not answered.
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        match self.bytes.write(bytes) {
+            Err(error) if !nothing(&error) => Err(error),
+            _ => Ok(()),
+        }
+    }
+
+    /// What to sleep on.
+    pub(crate) fn descriptor(&self) -> BorrowedFd<'_> {
+        self.bytes.as_fd()
+    }
+}
+
+fn nothing(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+/// Why a port cannot be opened.
+fn plain(error: &io::Error) -> String {
+    match error.kind() {
+        ErrorKind::NotFound => "not there; trying again".to_owned(),
+        ErrorKind::PermissionDenied => {
+            "no permission; is the user in the group dialout?".to_owned()
+        }
+        ErrorKind::ResourceBusy => "another program has it open".to_owned(),
+        // ENXIO, ENODEV, EIO: a device that is just going or coming.
+        _ => format!("{error}; trying again"),
+    }
+}
+
+fn settings_failed(error: &serialport::Error) -> String {
+    match error.kind() {
+        serialport::ErrorKind::NoDevice => "another program has it open".to_owned(),
+        serialport::ErrorKind::Io(kind) => plain(&kind.into()),
+        _ => format!("cannot be set up: {error}; trying again"),
+    }
+}

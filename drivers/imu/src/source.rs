@@ -1,0 +1,46 @@
+//! Where readings come from.
+
+use crate::{Error, Reading, Serial, mip::Mip, phidget::Spatial, xsens::Xsens};
+use randt_config::{ImuDriver, ImuSource};
+use randt_device::Count;
+use std::fmt::Debug;
+use std::os::fd::BorrowedFd;
+
+/// A device and its way in. It never fails: a device that is not there is tried again for ever.
+pub trait Source: Debug {
+    /// What to sleep on; none while there is nothing open.
+    fn descriptor(&self) -> Option<BorrowedFd<'_>>;
+
+    /// Takes what came until `now_ns`, and does what is due.
+    fn poll(&mut self, now_ns: i64, readings: &mut Vec<Reading>);
+
+    /// When it wants to be polled although nothing came.
+    fn due_ns(&self) -> Option<i64>;
+
+    /// Why nothing can come, or an empty text.
+    fn trouble(&self) -> &str;
+
+    /// What to say where nothing comes although it could.
+    fn silence(&self) -> String;
+
+    /// What the device does otherwise than it was asked to, or an empty text.
+    fn complaint(&self) -> &str;
+
+    /// From one reading to the next, ns, as the device has agreed to.
+    fn interval_ns(&self) -> i64;
+
+    /// How often the device was opened anew: its counter and its clock may have begun anew, too.
+    fn reconnects(&self) -> u64;
+
+    /// What else was counted.
+    fn counts(&self) -> Vec<Count>;
+}
+
+/// The source that the configuration names.
+pub(crate) fn source(config: &ImuDriver) -> Result<Box<dyn Source>, Error> {
+    Ok(match config.source {
+        ImuSource::Phidget22 => Box::new(Spatial::new(config)?),
+        ImuSource::Mip => Box::new(Serial::new(config, Box::new(Mip::new(config.rate_hz)))),
+        ImuSource::Xsens => Box::new(Serial::new(config, Box::new(Xsens::new(config.rate_hz)))),
+    })
+}

@@ -1,0 +1,207 @@
+//! The vendor's own libphidget22, unmodified, between our driver and our emulator of a Phidget network server.
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use randt_config::{Config, ImuSource};
+use randt_device::Link;
+use randt_emulator::imu::PhidgetServer;
+use sha2::{Digest, Sha256};
+use std::fs;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+use support::{Drive, Driven, Emulated};
+
+/// PyPI's release that the driver is held against.
+const WHEEL: &str = "phidget22-1.26.20260821-py3-none-manylinux_2_28_x86_64.whl";
+const SHA256: &str = "dd7ed82e6b9e8ea6eb5333d326eebd94d764430e779ea2e5dac75c142f4fad5a";
+const LIBRARY: &str = "Phidget22/.libs/libphidget22.so";
+
+const SERIAL_NUMBER: u32 = 123_456;
+/// An emulator begins so long before its first sample.
+const LEAD: Duration = Duration::from_millis(500);
+/// A device that is back must be heard within this time.
+const BACK: Duration = Duration::from_secs(2);
+
+/// The library is one a process, and its servers and threads disturb each other: one test at a time.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// The library, fetched once.
+fn library() -> &'static Path {
+    static LIBRARY_PATH: OnceLock<PathBuf> = OnceLock::new();
+    LIBRARY_PATH.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("phidget22");
+        let wheel = folder.join(WHEEL);
+        if !wheel.is_file() {
+            fs::create_dir_all(&folder).unwrap();
+            run(Command::new("python3")
+                .args([
+                    "-m",
+                    "pip",
+                    "download",
+                    "--no-deps",
+                    "--quiet",
+                    "--platform",
+                ])
+                .args(["manylinux_2_28_x86_64", "--only-binary=:all:", "--dest"])
+                .arg(&folder)
+                .arg("Phidget22==1.26.20260821"));
+        }
+        let sum = Sha256::digest(fs::read(&wheel).unwrap());
+        let sum: String = sum.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(sum, SHA256, "{}", wheel.display());
+        run(Command::new("python3")
+            .args(["-m", "zipfile", "-e"])
+            .args([&wheel, &folder]));
+        folder.join(LIBRARY)
+    })
+}
+
+fn run(command: &mut Command) {
+    let output = command.output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {told}");
+}
+
+fn serve(drive: &Drive, address: SocketAddr, faults: &[&str]) -> (Emulated, SocketAddr) {
+    let mut moments = drive.moments(faults);
+    let mut server = PhidgetServer::open(address, SERIAL_NUMBER).unwrap();
+    let address = server.address();
+    let emulated = Emulated::new(move |ends| server.run(&mut moments, ends).unwrap());
+    (emulated, address)
+}
+
+fn any_port() -> SocketAddr {
+    "127.0.0.1:0".parse().unwrap()
+}
+
+fn config(address: SocketAddr) -> Config {
+    let mut config = Config::default();
+    config.imu.source = ImuSource::Phidget22;
+    config.imu.library = library().display().to_string();
+    config.imu.server = address.to_string();
+    config.imu.device = SERIAL_NUMBER.to_string();
+    config
+}
+
+/// 250 Hz by the device's own stamps, without a gap.
+fn assert_even(driven: &Driven, from: usize) {
+    for pair in driven.samples[from..].windows(2) {
+        assert_eq!(pair[1].device_ns - pair[0].device_ns, 4_000_000);
+        assert!(pair[1].header.stamp_ns > pair[0].header.stamp_ns);
+    }
+}
+
+#[test]
+fn the_vendors_library_gives_250_hz_and_again_after_the_server_was_killed() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let drive = Drive::new();
+    let (first, address) = serve(&drive, any_port(), &[]);
+    let mut driven = Driven::new(&config(address));
+    let begin = Instant::now();
+    driven.until_samples(1500);
+    println!("1500 samples after {:?}", begin.elapsed());
+    assert_eq!(*driven.imu.link(), Link::Streaming, "{:?}", driven.texts);
+    assert_even(&driven, 0);
+    assert_eq!(
+        (driven.count("samples_lost"), driven.count("overruns")),
+        (0, 0)
+    );
+    assert_eq!(driven.imu.is_upright(), Some(true));
+    let sample = driven.samples[1000];
+    assert!((sample.rate_rad_s[2] - 0.25).abs() < 1e-9, "{sample:?}");
+    assert!(
+        (sample.acceleration_m_s2[2] - 9.8).abs() < 1e-9,
+        "{sample:?}"
+    );
+
+    drop(first);
+    driven.until_text("is gone; waiting for it");
+    for away in [0.5, 5.0] {
+        driven.go_on(Duration::from_secs_f64(away));
+        let before = driven.samples.len();
+        let (again, _) = serve(&drive, address, &[]);
+        let back = Instant::now();
+        driven.until_samples(1);
+        println!("away for {away} s: back after {:?}", back.elapsed());
+        assert!(back.elapsed() < BACK + LEAD, "{:?}", back.elapsed());
+        driven.until_samples(1000);
+        assert_even(&driven, before);
+        assert_eq!(*driven.imu.link(), Link::Streaming);
+        drop(again);
+        driven.until_text("is gone; waiting for it");
+    }
+    assert_eq!(
+        (driven.count("reconnects"), driven.count("clock_resets")),
+        (2, 2)
+    );
+}
+
+#[test]
+fn every_fault_is_noticed_and_over_when_it_is_over() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let faults = [
+        ("silence", "samples_lost", 1),
+        ("close", "reconnects", 1),
+        ("unplug", "reconnects", 1),
+        ("junk", "reconnects", 1),
+        ("lost", "samples_lost", 8),
+        ("clock-reset", "clock_resets", 1),
+    ];
+    for (fault, counter, least) in faults {
+        survives(fault, counter, least);
+    }
+}
+
+fn survives(fault: &str, counter: &str, least: u64) {
+    let drive = Drive::new();
+    let begin = Instant::now();
+    let (_emulated, address) = serve(&drive, any_port(), &[&format!("{fault}@2+2")]);
+    let mut driven = Driven::new(&config(address));
+    driven.until(fault, |driven| driven.count(counter) >= least);
+    driven.go_on(Duration::from_secs(4).saturating_sub(begin.elapsed()));
+    let mut before = driven.samples.len();
+    driven.until(fault, |driven| {
+        driven.imu.link().streams() && driven.samples.len() > before
+    });
+    let back = begin.elapsed().saturating_sub(Duration::from_secs(4));
+    println!("{fault}: back {back:?} after its end");
+    assert!(back < BACK, "{fault}: {back:?}");
+    // The library fires what it had waiting, then all is even.
+    driven.go_on(Duration::from_secs(1));
+    before = driven.samples.len();
+    driven.until_samples(500);
+    assert_even(&driven, before);
+    assert_eq!(
+        *driven.imu.link(),
+        Link::Streaming,
+        "{fault}: {:?}",
+        driven.texts
+    );
+}
+
+/// Longer than the driver waits for the library to go on by itself.
+#[test]
+fn a_server_that_hangs_is_left_and_found_again() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let drive = Drive::new();
+    let begin = Instant::now();
+    let (_emulated, address) = serve(&drive, any_port(), &["silence@2+8"]);
+    let mut driven = Driven::new(&config(address));
+    driven.until_text("sends no sample for over 0.5 s");
+    driven.until_text("is gone; waiting for it");
+    driven.until("back", |driven| driven.imu.link().streams());
+    let back = begin.elapsed().saturating_sub(Duration::from_secs(10));
+    assert!(back < BACK, "{back:?}");
+    let before = driven.samples.len();
+    driven.until_samples(1000);
+    assert_even(&driven, before);
+    assert_eq!(driven.count("reconnects"), 1);
+}

@@ -1,0 +1,274 @@
+//! The socket that beam-udp is heard on. Does I/O.
+
+use super::decoder::BeamUdpDecoder;
+use crate::{BeamDecoder, Error, Poller, Sink, Source};
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, recvmsg, setsockopt, sockopt as kernel};
+use randt_device::{Backoff, Count, Link};
+use rustix::net::{self, AddressFamily, SocketFlags, SocketType, sockopt};
+use rustix::time::{ClockId, clock_gettime};
+use std::io::IoSliceMut;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::os::fd::{AsRawFd, OwnedFd};
+use std::sync::Arc;
+
+/// Room for a datagram; longer ones than the protocol's are cut and refused by their checksum.
+const ROOM: usize = 2048;
+/// Datagrams until others have their turn: two sweeps of an iSDR-C, or more.
+const BATCH: usize = 512;
+/// A kernel's stamp that is older says that the date was set meanwhile, ns.
+const AGE_MAX_NS: i64 = 10_000_000_000;
+
+/// What is listened on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Listening {
+    address: SocketAddr,
+    /// The group that `address` is, and the interface to hear it on.
+    group: Option<(Ipv4Addr, Ipv4Addr)>,
+    receive_buffer: usize,
+}
+
+impl Listening {
+    /// On an address with port; where that is a group, it is joined on an interface (0.0.0.0: the kernel chooses).
+    pub fn new(
+        address: SocketAddr,
+        interface: Ipv4Addr,
+        receive_buffer: usize,
+    ) -> Result<Self, Error> {
+        let group = match address.ip() {
+            IpAddr::V4(ip) if ip.is_multicast() => Some((ip, interface)),
+            IpAddr::V6(ip) if ip.is_multicast() => return Err(Error::Group { address }),
+            _ => None,
+        };
+        Ok(Self {
+            address,
+            group,
+            receive_buffer,
+        })
+    }
+
+    /// An open socket and the size of its receive buffer.
+    fn open(&self) -> std::io::Result<(OwnedFd, usize)> {
+        let family = if self.address.is_ipv4() {
+            AddressFamily::INET
+        } else {
+            AddressFamily::INET6
+        };
+        let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
+        let socket = net::socket_with(family, SocketType::DGRAM, flags, None)?;
+        // Only who may administer the network may go over net.core.rmem_max.
+        if sockopt::set_socket_recv_buffer_size_force(&socket, self.receive_buffer).is_err() {
+            sockopt::set_socket_recv_buffer_size(&socket, self.receive_buffer)?;
+        }
+        // The kernel gives twice what is asked for, for what it keeps beside the data.
+        let got = sockopt::socket_recv_buffer_size(&socket)? / 2;
+        setsockopt(&socket, kernel::ReceiveTimestampns, &true)?;
+        setsockopt(&socket, kernel::RxqOvfl, &1)?;
+        if let Some((group, interface)) = self.group {
+            // Several readers of one group on one host are no conflict.
+            sockopt::set_socket_reuseaddr(&socket, true)?;
+            net::bind(&socket, &self.address)?;
+            sockopt::set_ip_add_membership(&socket, &group, &interface)?;
+        } else {
+            net::bind(&socket, &self.address)?;
+        }
+        Ok((socket, got))
+    }
+}
+
+/// A radar that sends beam-udp.
+pub struct BeamUdpSocket {
+    listening: Listening,
+    silence_ns: i64,
+    poller: Arc<Poller>,
+    decoder: BeamUdpDecoder,
+    socket: Option<OwnedFd>,
+    backoff: Backoff,
+    link: Link,
+    /// What is to be known as long as beams come.
+    warning: Option<String>,
+    /// Last datagram and last beam, or since when there is none, ns.
+    datagram_ns: i64,
+    beam_ns: i64,
+    kernel_drops: u64,
+    kernel_dropped: u32,
+    datagram: Vec<u8>,
+    control: Vec<u8>,
+}
+
+impl BeamUdpSocket {
+    pub(crate) fn new(
+        listening: Listening,
+        silence_ns: i64,
+        decoder: BeamUdpDecoder,
+        poller: Arc<Poller>,
+    ) -> Self {
+        Self {
+            listening,
+            silence_ns,
+            poller,
+            decoder,
+            socket: None,
+            backoff: Backoff::default(),
+            link: Link::Starting,
+            warning: None,
+            datagram_ns: 0,
+            beam_ns: 0,
+            kernel_drops: 0,
+            kernel_dropped: 0,
+            datagram: vec![0; ROOM],
+            control: nix::cmsg_space!(nix::sys::time::TimeSpec, u32),
+        }
+    }
+
+    fn open(&mut self, now_ns: i64) {
+        let opened = self.listening.open().and_then(|(socket, got)| {
+            self.poller.readable(&socket)?;
+            Ok((socket, got))
+        });
+        match opened {
+            Ok((socket, got)) => {
+                let asked = self.listening.receive_buffer;
+                self.warning = (got < asked).then(|| {
+                    format!(
+                        "the socket's receive buffer has {got} bytes of {asked}: beams are lost in busy moments; \
+                         sysctl -w net.core.rmem_max={asked} mends it"
+                    )
+                });
+                self.socket = Some(socket);
+                self.kernel_dropped = 0;
+                (self.datagram_ns, self.beam_ns) = (now_ns, now_ns);
+                self.link = Link::Starting;
+            }
+            Err(error) => {
+                let (address, why) = (self.listening.address, error.kind());
+                self.link =
+                    Link::Trouble(format!("cannot listen on {address} ({why}); trying again"));
+                self.backoff.failed(now_ns);
+            }
+        }
+    }
+
+    /// Takes what has come; an error closes the socket.
+    fn receive(&mut self, now_ns: i64, sink: &mut dyn Sink) -> nix::Result<()> {
+        let Some(socket) = &self.socket else {
+            return Ok(());
+        };
+        let date_ns = date_ns();
+        for _ in 0..BATCH {
+            let mut room = [IoSliceMut::new(&mut self.datagram)];
+            let control = Some(self.control.as_mut_slice());
+            let message =
+                match recvmsg::<()>(socket.as_raw_fd(), &mut room, control, MsgFlags::empty()) {
+                    Ok(message) => message,
+                    Err(nix::Error::EAGAIN) => return Ok(()),
+                    Err(nix::Error::EINTR) => continue,
+                    Err(errno) => return Err(errno),
+                };
+            let mut arrival_ns = now_ns;
+            for control in message.cmsgs()? {
+                match control {
+                    ControlMessageOwned::ScmTimestampns(stamp) => {
+                        let stamp_ns = stamp.tv_sec() * 1_000_000_000 + stamp.tv_nsec();
+                        let age_ns = date_ns - stamp_ns;
+                        // What came while this batch was read is a little younger than it.
+                        if (-AGE_MAX_NS..AGE_MAX_NS).contains(&age_ns) {
+                            arrival_ns = now_ns - age_ns;
+                        }
+                    }
+                    ControlMessageOwned::RxqOvfl(dropped) => {
+                        let more = dropped.wrapping_sub(self.kernel_dropped);
+                        self.kernel_drops += u64::from(more);
+                        self.kernel_dropped = dropped;
+                    }
+                    _ => {}
+                }
+            }
+            let count = message.bytes;
+            let bytes = self.datagram.get(..count).unwrap_or_default();
+            let beam_ns = &mut self.beam_ns;
+            self.datagram_ns = now_ns;
+            self.decoder.decode(bytes, arrival_ns, &mut |beam| {
+                *beam_ns = now_ns;
+                sink.beam(beam);
+            });
+        }
+        Ok(())
+    }
+
+    fn judge(&mut self, now_ns: i64) {
+        let silence_s = self.silence_ns as f64 * 1e-9;
+        let address = self.listening.address;
+        if now_ns - self.beam_ns <= self.silence_ns {
+            let streams = self.beam_ns == now_ns;
+            if streams || self.link.streams() {
+                self.link = match &self.warning {
+                    Some(warning) => Link::Warning(warning.clone()),
+                    None => Link::Streaming,
+                };
+            }
+            return;
+        }
+        if self.link.streams() {
+            // Another radar may take its place.
+            self.decoder.restart();
+        }
+        let text = if now_ns - self.datagram_ns <= self.silence_ns {
+            format!("datagrams on {address}, but no beam of beam-udp for more than {silence_s} s")
+        } else {
+            format!("no datagram on {address} for more than {silence_s} s")
+        };
+        self.link = Link::Trouble(text);
+    }
+}
+
+/// The date: the kernel's stamps are of its clock.
+fn date_ns() -> i64 {
+    let time = clock_gettime(ClockId::Realtime);
+    time.tv_sec * 1_000_000_000 + time.tv_nsec
+}
+
+impl Source for BeamUdpSocket {
+    fn poll(&mut self, now_ns: i64, sink: &mut dyn Sink) {
+        if self.socket.is_none() && self.backoff.is_due(now_ns) {
+            self.open(now_ns);
+        }
+        if let Err(errno) = self.receive(now_ns, sink) {
+            let why = std::io::Error::from(errno).kind();
+            self.link = Link::Trouble(format!("the socket failed ({why}); opening it anew"));
+            self.socket = None;
+            self.backoff.failed(now_ns);
+        }
+        if self.socket.is_some() {
+            self.judge(now_ns);
+        }
+    }
+
+    fn due_ns(&self) -> i64 {
+        match (&self.socket, &self.link) {
+            (None, _) => self.backoff.due_ns(),
+            // It has been said; the next datagram wakes.
+            (Some(_), Link::Trouble(_)) => i64::MAX,
+            (Some(_), _) => self.beam_ns.saturating_add(self.silence_ns + 1),
+        }
+    }
+
+    fn link(&self) -> &Link {
+        &self.link
+    }
+
+    fn about(&self) -> String {
+        format!(
+            "beam-udp on {}: {}",
+            self.listening.address,
+            self.decoder.about()
+        )
+    }
+
+    fn counts(&self, tell: &mut dyn FnMut(Count)) {
+        self.decoder.counts(tell);
+        tell(Count::loss(
+            "datagrams_dropped_by_the_kernel",
+            self.kernel_drops,
+        ));
+    }
+}

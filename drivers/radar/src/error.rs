@@ -1,0 +1,34 @@
+//! Why a radar cannot even be tried.
+
+/// A configuration that no radar fits, or a host that gives nothing to sleep on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The address is none.
+    #[error(
+        "radar.address {address:?} is not an address; expected IP:PORT such as {example} (names are not looked up)"
+    )]
+    Address {
+        /// What was given.
+        address: String,
+        /// What would do.
+        example: &'static str,
+    },
+    /// The interface is no address.
+    #[error(
+        "radar.interface {interface:?} is not the IP of one of this host's interfaces, such as 192.168.0.10"
+    )]
+    Interface {
+        /// What was given.
+        interface: String,
+    },
+    /// A multicast group that cannot be joined.
+    #[error("radar.address {address}: only IPv4 groups can be joined")]
+    Group {
+        /// What was given.
+        address: std::net::SocketAddr,
+    },
+    /// The kernel refuses an epoll descriptor.
+    #[error("nothing to wait on: {0}")]
+    Poller(std::io::Error),
+}

@@ -1,0 +1,63 @@
+//! `randt-radar`: a radar to radar/scan, as a process.
+
+use clap::Parser;
+use randt_messages::{RadarScan, SensorKind};
+use randt_radar::{Radar, Sweep};
+use randt_stage::{Descriptor, Misconfigured, Publisher, StageArguments, Woken, ended};
+use std::error::Error;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// The radar's driver: every sweep of the radar that section [radar] of the configuration says.
+///
+/// A radar that is not there, or not any more, is no error: the stage says so and tries again, for ever.
+#[derive(Debug, Parser)]
+#[command(name = "randt-radar", version, max_term_width = 100)]
+struct Arguments {
+    #[command(flatten)]
+    stage: StageArguments,
+}
+
+fn main() -> ExitCode {
+    ended("radar", run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let config = arguments.stage.selection.load(None)?.config;
+    let mut radar = Radar::new(&config).map_err(|error| Misconfigured(error.into()))?;
+    let sensor = SensorKind::from_name(&config.sensor.name);
+    let mut stage = arguments.stage.open("radar")?;
+    stage.expect(&config.sensor);
+    let mut scans = stage.publisher::<RadarScan>()?;
+    let mut failure = None;
+    stage.running()?;
+    loop {
+        radar.poll(stage.clock().now_ns(), &mut |sweep| {
+            if let Err(error) = publish(&mut scans, sweep, sensor) {
+                failure.get_or_insert(error);
+            }
+        });
+        if let Some(error) = failure.take() {
+            return Err(error.into());
+        }
+        stage.report(radar.link().text(), radar.lost());
+        let pause_ns = radar.due_ns().saturating_sub(stage.clock().now_ns());
+        let pause = Duration::from_nanos(pause_ns.max(0).unsigned_abs());
+        let descriptor = Descriptor::new(radar.descriptor())?;
+        if stage.wait(&[&descriptor], Some(pause))? == Woken::Stop {
+            return Ok(stage.close()?);
+        }
+    }
+}
+
+/// Lays a sweep out where its readers will find it.
+fn publish(
+    scans: &mut Publisher<RadarScan>,
+    sweep: &Sweep,
+    sensor: SensorKind,
+) -> Result<(), randt_stage::Error> {
+    let mut loan = scans.loan(sweep.len())?;
+    sweep.write_head(sensor, loan.head_mut());
+    sweep.write_items(loan.items_mut());
+    scans.publish_loan(loan)
+}

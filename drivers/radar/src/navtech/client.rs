@@ -1,0 +1,288 @@
+//! The connection to a Navtech: made, kept, lost and made again. Does I/O.
+
+use super::decoder::NavtechDecoder;
+use super::frame::{command, kind};
+use crate::{BeamDecoder, Poller, Sink, Source};
+use randt_device::{Backoff, Count, Link};
+use rustix::io::Errno;
+use rustix::net::{self, AddressFamily, SendFlags, SocketFlags, SocketType, ipproto, sockopt};
+use std::net::SocketAddr;
+use std::os::fd::OwnedFd;
+use std::sync::Arc;
+
+/// A connection that is not there by then is not going to be, ns: a radar is one switch away.
+const CONNECT_NS: i64 = 3_000_000_000;
+/// Between signs of life to the radar, ns (Navtech's Colossus).
+const KEEP_ALIVE_NS: i64 = 5_000_000_000;
+/// A radar that is silent for so many times `radar.silence_s` is reached anew: one whose cable was cut never says so.
+const SILENCES: i64 = 3;
+/// Bytes that are read at once: ten beams.
+const PIECE: usize = 64 << 10;
+/// Pieces until others have their turn: a sweep and a half.
+const PIECES: usize = 32;
+
+/// How far the connection is.
+#[derive(Debug)]
+enum Connection {
+    None,
+    Connecting {
+        socket: OwnedFd,
+        since_ns: i64,
+    },
+    Open {
+        socket: OwnedFd,
+        since_ns: i64,
+        keep_alive_ns: i64,
+    },
+}
+
+/// A Navtech over TCP.
+pub struct NavtechClient {
+    address: SocketAddr,
+    silence_ns: i64,
+    poller: Arc<Poller>,
+    decoder: NavtechDecoder,
+    connection: Connection,
+    backoff: Backoff,
+    link: Link,
+    /// Last beam of this connection, ns.
+    beam_ns: Option<i64>,
+    /// Since when there is no beam, for which the radar was asked once more, ns.
+    asked_ns: i64,
+    started: u64,
+    connects: u64,
+    piece: Vec<u8>,
+    outgoing: Vec<u8>,
+}
+
+impl NavtechClient {
+    /// Of a radar that need not be there yet.
+    pub fn new(
+        address: SocketAddr,
+        silence_ns: i64,
+        decoder: NavtechDecoder,
+        poller: Arc<Poller>,
+    ) -> Self {
+        Self {
+            address,
+            silence_ns,
+            poller,
+            decoder,
+            connection: Connection::None,
+            backoff: Backoff::default(),
+            link: Link::Starting,
+            beam_ns: None,
+            asked_ns: 0,
+            started: 0,
+            connects: 0,
+            piece: vec![0; PIECE],
+            outgoing: Vec::new(),
+        }
+    }
+
+    fn connect(&mut self, now_ns: i64) -> Result<(), Errno> {
+        let family = if self.address.is_ipv4() {
+            AddressFamily::INET
+        } else {
+            AddressFamily::INET6
+        };
+        let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
+        let socket = net::socket_with(family, SocketType::STREAM, flags, Some(ipproto::TCP))?;
+        sockopt::set_tcp_nodelay(&socket, true)?;
+        match net::connect(&socket, &self.address) {
+            Ok(()) | Err(Errno::INPROGRESS) => {}
+            Err(errno) => return Err(errno),
+        }
+        self.poller
+            .writable(&socket)
+            .map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))?;
+        self.connection = Connection::Connecting {
+            socket,
+            since_ns: now_ns,
+        };
+        Ok(())
+    }
+
+    /// The connection is gone: says why, and tries again later.
+    fn lost(&mut self, why: String, now_ns: i64, sink: &mut dyn Sink) {
+        self.connection = Connection::None;
+        self.link = Link::Trouble(why);
+        self.backoff.failed(now_ns);
+        self.beam_ns = None;
+        self.decoder.restart();
+        sink.restarted();
+    }
+
+    fn no_answer(&self, errno: Errno) -> String {
+        let why = std::io::Error::from(errno).kind();
+        format!("no answer from {} ({why}); trying again", self.address)
+    }
+
+    /// A connection under way: whether it is made, refused or still open.
+    fn established(socket: &OwnedFd, waited_ns: i64) -> Result<bool, Errno> {
+        sockopt::socket_error(socket)??;
+        match net::getpeername(socket) {
+            Ok(_) => Ok(true),
+            Err(Errno::NOTCONN) if waited_ns < CONNECT_NS => Ok(false),
+            Err(Errno::NOTCONN) => Err(Errno::TIMEDOUT),
+            Err(errno) => Err(errno),
+        }
+    }
+
+    fn send(socket: &OwnedFd, version: u8, kind: u8, bytes: &mut Vec<u8>) -> Result<(), String> {
+        bytes.clear();
+        command(version, kind, bytes);
+        match net::send(socket, bytes, SendFlags::NOSIGNAL) {
+            Ok(sent) if sent == bytes.len() => Ok(()),
+            Ok(_) => Err("the radar takes nothing more; connecting anew".to_owned()),
+            Err(errno) => Err(format!(
+                "the connection is gone ({}); connecting anew",
+                std::io::Error::from(errno).kind()
+            )),
+        }
+    }
+
+    /// Takes what has come and sends what is due; says why the connection must be given up.
+    fn serve(&mut self, now_ns: i64, sink: &mut dyn Sink) -> Result<(), String> {
+        let Connection::Open {
+            socket,
+            since_ns,
+            keep_alive_ns,
+        } = &mut self.connection
+        else {
+            return Ok(());
+        };
+        for _ in 0..PIECES {
+            match rustix::io::read(&*socket, &mut self.piece) {
+                Ok(0) => return Err("the radar has closed the connection; trying again".to_owned()),
+                Ok(count) => {
+                    let beam_ns = &mut self.beam_ns;
+                    let bytes = self.piece.get(..count).unwrap_or_default();
+                    self.decoder.decode(bytes, now_ns, &mut |beam| {
+                        *beam_ns = Some(now_ns);
+                        sink.beam(beam);
+                    });
+                }
+                Err(Errno::AGAIN) => break,
+                Err(Errno::INTR) => {}
+                Err(errno) => {
+                    let why = std::io::Error::from(errno).kind();
+                    return Err(format!("the connection is gone ({why}); trying again"));
+                }
+            }
+        }
+        let version = self.decoder.version();
+        if self.started != self.decoder.configurations() {
+            self.started = self.decoder.configurations();
+            self.asked_ns = now_ns;
+            Self::send(socket, version, kind::START_FFT, &mut self.outgoing)?;
+        }
+        if now_ns >= *keep_alive_ns {
+            *keep_alive_ns = now_ns + KEEP_ALIVE_NS;
+            Self::send(socket, version, kind::KEEP_ALIVE, &mut self.outgoing)?;
+        }
+        let heard_ns = self.beam_ns.unwrap_or(*since_ns);
+        let silent_ns = now_ns - heard_ns;
+        if silent_ns > SILENCES * self.silence_ns {
+            return Err(self.silent());
+        }
+        if now_ns - heard_ns.max(self.asked_ns) > self.silence_ns {
+            // It may have been started anew, or have missed the first word.
+            self.asked_ns = now_ns;
+            let ask = match self.decoder.configuration() {
+                Some(_) => kind::START_FFT,
+                None => kind::CONFIGURATION_REQUEST,
+            };
+            Self::send(socket, version, ask, &mut self.outgoing)?;
+        }
+        if silent_ns > self.silence_ns {
+            self.link = Link::Trouble(self.silent());
+        } else if self.beam_ns.is_some() {
+            self.link = Link::Streaming;
+            self.backoff.succeeded();
+        }
+        Ok(())
+    }
+
+    fn silent(&self) -> String {
+        let what = match self.decoder.configuration() {
+            Some(_) => "no beam",
+            None => "no configuration",
+        };
+        let silence_s = self.silence_ns as f64 * 1e-9;
+        format!("{what} from {} for more than {silence_s} s", self.address)
+    }
+}
+
+impl Source for NavtechClient {
+    fn poll(&mut self, now_ns: i64, sink: &mut dyn Sink) {
+        if matches!(self.connection, Connection::None)
+            && self.backoff.is_due(now_ns)
+            && let Err(errno) = self.connect(now_ns)
+        {
+            self.lost(self.no_answer(errno), now_ns, sink);
+        }
+        if let Connection::Connecting { socket, since_ns } = &self.connection {
+            let made = Self::established(socket, now_ns - since_ns);
+            let watched = made.and_then(|made| {
+                let watch = if made {
+                    self.poller.now_readable(socket)
+                } else {
+                    Ok(())
+                };
+                watch.map_err(|_| Errno::IO).map(|()| made)
+            });
+            match watched {
+                Ok(false) => return,
+                Ok(true) => self.opened(now_ns),
+                Err(errno) => self.lost(self.no_answer(errno), now_ns, sink),
+            }
+        }
+        if let Err(why) = self.serve(now_ns, sink) {
+            self.lost(why, now_ns, sink);
+        }
+    }
+
+    fn due_ns(&self) -> i64 {
+        match &self.connection {
+            Connection::None => self.backoff.due_ns(),
+            Connection::Connecting { since_ns, .. } => since_ns + CONNECT_NS,
+            Connection::Open {
+                since_ns,
+                keep_alive_ns,
+                ..
+            } => {
+                let heard_ns = self.beam_ns.unwrap_or(*since_ns).max(self.asked_ns);
+                (*keep_alive_ns).min(heard_ns + self.silence_ns + 1)
+            }
+        }
+    }
+
+    fn link(&self) -> &Link {
+        &self.link
+    }
+
+    fn about(&self) -> String {
+        format!("navtech {}: {}", self.address, self.decoder.about())
+    }
+
+    fn counts(&self, tell: &mut dyn FnMut(Count)) {
+        tell(Count::event("connections", self.connects));
+        self.decoder.counts(tell);
+    }
+}
+
+impl NavtechClient {
+    fn opened(&mut self, now_ns: i64) {
+        let connecting = std::mem::replace(&mut self.connection, Connection::None);
+        if let Connection::Connecting { socket, .. } = connecting {
+            self.connects += 1;
+            self.asked_ns = now_ns;
+            self.connection = Connection::Open {
+                socket,
+                since_ns: now_ns,
+                keep_alive_ns: now_ns + KEEP_ALIVE_NS,
+            };
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! A Navtech's stream of bytes to beams.
+
+use super::configuration::Configuration;
+use super::fft::Fft;
+use super::frame::{Frame, FrameParser, VERSION, kind};
+use super::order::{Order, Stamps};
+use crate::{BeamDecoder, BeamLayout, Place, RawBeam};
+use randt_config::ByteOrder;
+use randt_device::Count;
+use randt_messages::MAX_BEAMS;
+
+/// What is counted beside broken frames.
+#[derive(Clone, Copy, Debug, Default)]
+struct Counters {
+    messages: u64,
+    keep_alives: u64,
+    health: u64,
+    unknown: u64,
+    damaged: u64,
+    unconfigured: u64,
+}
+
+/// Takes every bin of every beam, for who records them.
+pub trait DenseBeams {
+    /// A beam with its configuration: all bins.
+    fn beam(&mut self, fft: &Fft<'_>, beam: &RawBeam, configuration: &Configuration);
+}
+
+/// Colossus to beams; remembers the configuration that the radar sends on connecting.
+pub struct NavtechDecoder {
+    parser: FrameParser,
+    state: State,
+}
+
+/// What is beside the parser, which lends its frames.
+struct State {
+    keep_power: f32,
+    stamps: Stamps,
+    configuration: Option<Configuration>,
+    configurations: u64,
+    sixteen: bool,
+    version: u8,
+    beam: RawBeam,
+    counters: Counters,
+    dense: Option<Box<dyn DenseBeams>>,
+}
+
+impl NavtechDecoder {
+    /// Echoes must be above `keep_power`, in 0.5 dB.
+    pub fn new(keep_power: f32, byte_order: ByteOrder) -> Self {
+        Self {
+            parser: FrameParser::default(),
+            state: State {
+                keep_power,
+                stamps: Stamps::new(byte_order),
+                configuration: None,
+                configurations: 0,
+                sixteen: false,
+                version: VERSION,
+                beam: RawBeam::default(),
+                counters: Counters::default(),
+                dense: None,
+            },
+        }
+    }
+
+    /// All bins go there too.
+    pub fn record(&mut self, dense: Box<dyn DenseBeams>) {
+        self.state.dense = Some(dense);
+    }
+
+    /// What the radar has said of itself in this connection.
+    pub fn configuration(&self) -> Option<&Configuration> {
+        self.state.configuration.as_ref()
+    }
+
+    /// How many configurations came in all: the radar begins anew with one.
+    pub fn configurations(&self) -> u64 {
+        self.state.configurations
+    }
+
+    /// The version of the radar's last message, which it is answered in.
+    pub fn version(&self) -> u8 {
+        self.state.version
+    }
+
+    /// The radar and its beams, for people.
+    pub fn about(&self) -> String {
+        let Some(configuration) = &self.state.configuration else {
+            return "no configuration yet".to_owned();
+        };
+        let order = match self.state.stamps.order() {
+            Some(Order::Little) => "stamps lowest byte first",
+            Some(Order::Big) => "stamps highest byte first",
+            None => "no stamps that follow each other: times of arrival",
+        };
+        format!(
+            "{} {}, {} x {} bins of {} bit and {:.4} m, {} turns/s, {order}",
+            configuration.details.model,
+            configuration.details.mac,
+            configuration.azimuths,
+            configuration.bins,
+            if self.state.sixteen { 16 } else { 8 },
+            configuration.bin_m(),
+            f64::from(configuration.rotation_mhz) / 1000.0,
+        )
+    }
+}
+
+impl BeamDecoder for NavtechDecoder {
+    fn decode(&mut self, bytes: &[u8], arrival_ns: i64, beams: &mut dyn FnMut(&RawBeam)) {
+        self.parser.push(bytes);
+        while let Some(frame) = self.parser.next() {
+            self.state.take(frame, arrival_ns, beams);
+        }
+    }
+
+    fn restart(&mut self) {
+        self.parser.restart();
+        self.state.stamps.restart();
+        self.state.configuration = None;
+        self.state.version = VERSION;
+    }
+
+    fn counts(&self, tell: &mut dyn FnMut(Count)) {
+        let (faults, counters) = (self.parser.faults(), &self.state.counters);
+        tell(Count::event("messages", counters.messages));
+        tell(Count::event("keep_alives", counters.keep_alives));
+        tell(Count::event("health_messages", counters.health));
+        tell(Count::event("messages_unknown", counters.unknown));
+        tell(Count::loss("messages_damaged", counters.damaged));
+        tell(Count::event(
+            "beams_before_configuration",
+            counters.unconfigured,
+        ));
+        tell(Count::loss("junk_bytes", faults.junk_bytes));
+        tell(Count::loss("messages_of_unknown_version", faults.versions));
+        tell(Count::loss("messages_oversize", faults.oversize));
+    }
+}
+
+impl State {
+    fn take(&mut self, frame: Frame<'_>, arrival_ns: i64, beams: &mut dyn FnMut(&RawBeam)) {
+        self.counters.messages += 1;
+        self.version = frame.version;
+        match frame.kind {
+            kind::CONFIGURATION => match Configuration::decode(frame.payload) {
+                Some(configuration) if (3..=MAX_BEAMS as u16).contains(&configuration.azimuths) => {
+                    self.configuration = Some(configuration);
+                    self.configurations += 1;
+                }
+                _ => self.counters.damaged += 1,
+            },
+            kind::FFT_8 | kind::FFT_16 => self.take_beam(&frame, arrival_ns, beams),
+            kind::KEEP_ALIVE => self.counters.keep_alives += 1,
+            kind::HEALTH => self.counters.health += 1,
+            _ => self.counters.unknown += 1,
+        }
+    }
+
+    fn take_beam(&mut self, frame: &Frame<'_>, arrival_ns: i64, beams: &mut dyn FnMut(&RawBeam)) {
+        let Some(configuration) = &self.configuration else {
+            self.counters.unconfigured += 1;
+            return;
+        };
+        self.sixteen = frame.kind == kind::FFT_16;
+        let fft = Fft::decode(frame.payload, self.sixteen)
+            .filter(|fft| fft.azimuth < configuration.encoder_size);
+        let Some(fft) = fft else {
+            self.counters.damaged += 1;
+            return;
+        };
+        let beam = &mut self.beam;
+        beam.place = Place::Running(fft.counter);
+        beam.azimuth = fraction(fft.azimuth, configuration.encoder_size);
+        beam.device_ns = self.stamps.read(fft.time);
+        beam.arrival_ns = arrival_ns;
+        beam.layout = layout(configuration);
+        beam.echoes.clear();
+        beam.dropped = fft.bins.above(self.keep_power, &mut beam.echoes);
+        if let Some(dense) = &mut self.dense {
+            dense.beam(&fft, beam, configuration);
+        }
+        beams(beam);
+    }
+}
+
+/// Counts of an encoder as a fraction of a turn; 2^32 are one.
+fn fraction(counts: u16, encoder_size: u16) -> u32 {
+    ((u64::from(counts) << 32) / u64::from(encoder_size.max(1))) as u32
+}
+
+/// Navtechs turn and count clockwise; a range is that of its bin's middle.
+fn layout(configuration: &Configuration) -> BeamLayout {
+    let bin_m = configuration.bin_m() * f64::from(configuration.range_gain);
+    let mhz = i64::from(configuration.rotation_mhz);
+    BeamLayout {
+        beams: configuration.azimuths,
+        clockwise: true,
+        bin_m,
+        first_m: 0.5 * bin_m + f64::from(configuration.range_offset_m),
+        turn_ns: (mhz > 0).then(|| 1_000_000_000_000 / mhz),
+    }
+}

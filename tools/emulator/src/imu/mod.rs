@@ -1,0 +1,136 @@
+//! IMUs that are not there.
+//!
+//! Responsible for what all of them have in common: the log's samples at their time, the device's own clock, and the
+//! faults of a device whatever its protocol. Not responsible for bytes.
+
+mod device;
+mod mip;
+mod phidget;
+mod serial;
+mod terminal;
+mod xsens;
+
+pub use phidget::PhidgetServer;
+pub use serial::{SerialImu, SerialProtocol};
+
+use crate::{Error, FaultKind, Faults, Pace, Recording};
+use randt_messages::ImuSampleTopic;
+
+/// How fast a skewed device's clock is.
+const SKEW: f64 = 200e-6;
+/// Of so many samples one is lost.
+const LOST: u64 = 20;
+/// Interval of a log of one sample, ns.
+const INTERVAL_NS: i64 = 4_000_000;
+
+/// What a device measures at one moment, in SI units.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// When it is due, in the log's time, ns.
+    pub stamp_ns: i64,
+    /// The device's own time, ns.
+    pub device_ns: i64,
+    /// Number of the measurement.
+    pub number: u64,
+    /// rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// m/s^2.
+    pub acceleration_m_s2: [f64; 3],
+}
+
+/// The log's samples as a device measures them.
+pub struct Moments {
+    recording: Recording<ImuSampleTopic>,
+    pace: Pace,
+    faults: Faults,
+    number: u64,
+    /// Stamp at which the device's clock began.
+    zero_ns: i64,
+    /// What the clock is ahead by, and up to which stamp that was worked out.
+    ahead_ns: f64,
+    last_ns: i64,
+    resets: usize,
+    interval_ns: i64,
+}
+
+impl Moments {
+    /// All samples of a recording.
+    pub fn new(recording: Recording<ImuSampleTopic>, pace: Pace, faults: Faults) -> Self {
+        let begin_ns = recording.begin_ns();
+        Self {
+            recording,
+            pace,
+            faults,
+            number: 0,
+            zero_ns: begin_ns,
+            ahead_ns: 0.0,
+            last_ns: begin_ns,
+            resets: 0,
+            interval_ns: INTERVAL_NS,
+        }
+    }
+
+    /// The next one; `None` at the recording's end.
+    pub fn next_moment(&mut self) -> Result<Option<Moment>, Error> {
+        let Some((sample, shift_ns)) = self.recording.next_message()? else {
+            return Ok(None);
+        };
+        let stamp_ns = sample.head.header.stamp_ns.saturating_add(shift_ns);
+        let step_ns = stamp_ns.saturating_sub(self.last_ns);
+        if self.number == 1 {
+            self.interval_ns = step_ns.max(1);
+        }
+        let at_s = self.at_s(stamp_ns);
+        if self.faults.is_on(FaultKind::Skew, at_s) {
+            self.ahead_ns += step_ns as f64 * SKEW;
+        }
+        let resets = self.faults.begun(FaultKind::ClockReset, at_s);
+        if resets != self.resets {
+            self.resets = resets;
+            self.begin_clock(stamp_ns);
+        }
+        let moment = Moment {
+            stamp_ns,
+            device_ns: stamp_ns.saturating_sub(self.zero_ns) + self.ahead_ns as i64,
+            number: self.number,
+            rate_rad_s: sample.head.rate_rad_s,
+            acceleration_m_s2: sample.head.acceleration_m_s2,
+        };
+        self.last_ns = stamp_ns;
+        self.number += 1;
+        Ok(Some(moment))
+    }
+
+    /// The device was switched on: its clock begins at 0.
+    pub fn begin_clock(&mut self, stamp_ns: i64) {
+        self.zero_ns = stamp_ns;
+        self.ahead_ns = 0.0;
+    }
+
+    /// Whether the device keeps this one to itself.
+    pub fn is_lost(&self, moment: &Moment) -> bool {
+        let at_s = self.at_s(moment.stamp_ns);
+        (self.faults.is_on(FaultKind::Lost, at_s) && moment.number.is_multiple_of(LOST))
+            || (self.faults.is_on(FaultKind::Rate, at_s) && moment.number.is_multiple_of(2))
+    }
+
+    /// From one sample to the next, ns.
+    pub fn interval_ns(&self) -> i64 {
+        self.interval_ns
+    }
+
+    /// A stamp as seconds since the emulator's beginning.
+    pub fn at_s(&self, stamp_ns: i64) -> f64 {
+        stamp_ns.saturating_sub(self.recording.begin_ns()) as f64 * 1e-9
+    }
+
+    /// What goes wrong.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+
+    /// When what is due.
+    pub fn pace(&self) -> Pace {
+        self.pace
+    }
+}

@@ -1,0 +1,142 @@
+//! The server: connections, and the faults of a device behind one.
+
+use super::client::Client;
+use crate::imu::{Moment, Moments};
+use crate::{Error, FaultKind};
+use std::net::{SocketAddr, TcpListener};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// It answers within this time.
+const ANSWER: Duration = Duration::from_millis(2);
+/// Every so many messages one is spoilt.
+const SPOILT: u64 = 10;
+/// A packet begins with other bytes.
+const JUNK: &[u8] = b"no packet";
+
+/// A Phidget network server with one Spatial.
+#[derive(Debug)]
+pub struct PhidgetServer {
+    address: SocketAddr,
+    serial_number: u32,
+    listener: Option<TcpListener>,
+    clients: Vec<Client>,
+}
+
+impl PhidgetServer {
+    /// Listens; the device has a serial number.
+    pub fn open(address: SocketAddr, serial_number: u32) -> Result<Self, Error> {
+        let listener = listen(address)?;
+        let address = listener
+            .local_addr()
+            .map_err(Error::io("its own address"))?;
+        Ok(Self {
+            address,
+            serial_number,
+            listener: Some(listener),
+            clients: Vec::new(),
+        })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Plays all moments, or until the end is asked for.
+    pub fn run(&mut self, moments: &mut Moments, ends: &dyn Fn() -> bool) -> Result<(), Error> {
+        let mut closed = 0;
+        while let Some(moment) = moments.next_moment()? {
+            let at_s = moments.at_s(moment.stamp_ns);
+            let on = |kind| moments.faults().is_on(kind, at_s);
+            let (unplugged, silent) = (on(FaultKind::Unplug), on(FaultKind::Silence));
+            let close = moments.faults().begun(FaultKind::Close, at_s) > closed;
+            if !self.wait(moments.pace().due(moment.stamp_ns), silent, ends) {
+                break;
+            }
+            if unplugged {
+                self.kill();
+                continue;
+            }
+            if self.listener.is_none() {
+                self.listener = Some(listen(self.address)?);
+                moments.begin_clock(moment.stamp_ns);
+            }
+            if close {
+                closed += 1;
+            }
+            if !silent && !moments.is_lost(&moment) {
+                self.send(&moment, moments, close);
+            }
+        }
+        self.kill();
+        Ok(())
+    }
+
+    fn kill(&mut self) {
+        self.listener = None;
+        self.clients.iter_mut().for_each(Client::close);
+        self.clients.clear();
+    }
+
+    /// Sleeps until something is due, and answers meanwhile.
+    fn wait(&mut self, due: Instant, silent: bool, ends: &dyn Fn() -> bool) -> bool {
+        loop {
+            if !silent {
+                self.serve();
+            }
+            let pause = due.saturating_duration_since(Instant::now());
+            if pause.is_zero() || ends() {
+                return pause.is_zero();
+            }
+            thread::sleep(pause.min(ANSWER));
+        }
+    }
+
+    fn serve(&mut self) {
+        self.accept();
+        for client in &mut self.clients {
+            client.serve();
+        }
+        self.clients.retain(|client| !client.is_gone());
+    }
+
+    fn accept(&mut self) {
+        let Some(listener) = &self.listener else {
+            return;
+        };
+        while let Ok((stream, _)) = listener.accept() {
+            self.clients.extend(Client::new(stream, self.serial_number));
+        }
+    }
+
+    fn send(&mut self, moment: &Moment, moments: &Moments, close: bool) {
+        let at_s = moments.at_s(moment.stamp_ns);
+        let on = |kind| moments.faults().is_on(kind, at_s);
+        for client in &mut self.clients {
+            if on(FaultKind::Junk) && moment.number.is_multiple_of(SPOILT) {
+                client.spoil(JUNK);
+            }
+            client.measure(moment, moments.interval_ns());
+            if on(FaultKind::Doubled) && moment.number.is_multiple_of(SPOILT) {
+                client.measure(moment, moments.interval_ns());
+            }
+            let half = close || on(FaultKind::Split);
+            client.flush(if half {
+                client.waiting() / 2
+            } else {
+                usize::MAX
+            });
+            if close {
+                client.close();
+            }
+        }
+    }
+}
+
+fn listen(address: SocketAddr) -> Result<TcpListener, Error> {
+    let what = || format!("listening on {address}");
+    let listener = TcpListener::bind(address).map_err(Error::io(what()))?;
+    listener.set_nonblocking(true).map_err(Error::io(what()))?;
+    Ok(listener)
+}

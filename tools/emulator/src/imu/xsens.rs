@@ -1,0 +1,71 @@
+//! An Xsens device.
+
+use super::Moment;
+use super::device::{Device, is_asked_for};
+use randt_imu::frames::Frames;
+use randt_imu::xsens::{Item, Message, XsensFraming, id};
+
+/// Unit of its time.
+const TICK_NS: i64 = 100_000;
+/// "Message not supported in this state", as the vendor numbers it.
+const INVALID_MESSAGE: u8 = 4;
+
+/// What it was told.
+#[derive(Debug, Default)]
+pub(super) struct XsensDevice {
+    frames: Frames<XsensFraming>,
+    measures: bool,
+    rate_hz: u16,
+}
+
+impl Device for XsensDevice {
+    fn take(&mut self, bytes: &[u8]) -> Vec<u8> {
+        let mut answers = Vec::new();
+        let (measures, rate_hz) = (&mut self.measures, &mut self.rate_hz);
+        self.frames.push(bytes, &mut |frame| {
+            let Some(message) = Message::of(frame) else {
+                return;
+            };
+            let answer = match message.id {
+                id::GO_TO_CONFIG => {
+                    *measures = false;
+                    Message::encode(id::ack(message.id), &[])
+                }
+                id::GO_TO_MEASUREMENT => {
+                    *measures = true;
+                    Message::encode(id::ack(message.id), &[])
+                }
+                id::OUTPUT_CONFIGURATION if !*measures => {
+                    for [_, _, high, low] in message.data.as_chunks().0 {
+                        *rate_hz = u16::from_be_bytes([*high, *low]);
+                    }
+                    Message::encode(id::ack(message.id), message.data)
+                }
+                _ => Message::encode(id::ERROR, &[INVALID_MESSAGE]),
+            };
+            answers.extend(answer);
+        });
+        answers
+    }
+
+    fn message(&self, moment: &Moment, interval_ns: i64) -> Option<Vec<u8>> {
+        let asked_ns = 1_000_000_000 / i64::from(self.rate_hz.max(1));
+        if !self.measures || !is_asked_for(moment, interval_ns, asked_ns) {
+            return None;
+        }
+        let mut data = Vec::new();
+        for item in [
+            Item::PacketCounter(moment.number as u16),
+            Item::SampleTimeFine((moment.device_ns / TICK_NS) as u32),
+            Item::Acceleration(moment.acceleration_m_s2.map(|value| value as f32)),
+            Item::RateOfTurn(moment.rate_rad_s.map(|value| value as f32)),
+        ] {
+            item.encode(&mut data);
+        }
+        Some(Message::encode(id::MT_DATA2, &data))
+    }
+
+    fn oversize(&self) -> &'static [u8] {
+        &[0xFA, 0xFF, id::MT_DATA2, 0xFF, 0xFF, 0xFF]
+    }
+}

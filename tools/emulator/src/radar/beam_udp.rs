@@ -1,0 +1,135 @@
+//! A radar that sends beam-udp.
+
+use super::mishap::Spoil;
+use super::{Format, Sending, Sent, Wire, play};
+use crate::{Error, Faults, Pace, Recording};
+use randt_messages::RadarScan;
+use randt_radar::Echo;
+use randt_radar::beam_udp::packet::{DATAGRAM_MAX, Packet, encode_value};
+use std::f64::consts::TAU;
+use std::net::{SocketAddr, UdpSocket};
+
+/// The radar's number, if anybody asks.
+const DEVICE: u32 = 1;
+
+/// Sends a recording to an address, unicast or multicast.
+pub struct BeamUdpSender {
+    socket: UdpSocket,
+    to: SocketAddr,
+    format: Format,
+    values: Vec<u8>,
+}
+
+impl BeamUdpSender {
+    /// Sends from any free port.
+    pub fn new(to: SocketAddr, format: Format) -> Result<Self, Error> {
+        let any = if to.is_ipv4() { "0.0.0.0:0" } else { "[::]:0" };
+        // Loopback stays on it, multicast too.
+        let from = if to.ip().is_loopback() {
+            SocketAddr::new(to.ip(), 0)
+        } else {
+            any.parse().map_err(no_address)?
+        };
+        let socket = UdpSocket::bind(from).map_err(Error::io(format!("sending to {to}")))?;
+        Ok(Self {
+            socket,
+            to,
+            format,
+            values: Vec::new(),
+        })
+    }
+
+    /// Plays a recording until it is at its end, or `ends`.
+    pub fn play(
+        mut self,
+        recording: Recording<RadarScan>,
+        pace: &Pace,
+        faults: &Faults,
+        seed: u64,
+        ends: &dyn Fn() -> bool,
+    ) -> Result<Sent, Error> {
+        play(&mut self, recording, pace, faults, seed, ends)
+    }
+
+    /// The beam's values as the format has them: those of the bins, or of the returns.
+    fn write_values(&mut self, beam: &Sending<'_>) {
+        let format = self.format;
+        self.values.clear();
+        let returns = beam
+            .returns
+            .iter()
+            .filter(|item| usize::from(item.bin) < beam.bins);
+        let mut echoes = returns.map(|item| Echo {
+            bin: item.bin,
+            intensity: item.intensity,
+        });
+        if format == Format::Sparse {
+            echoes.for_each(|echo| encode_value(format, echo, &mut self.values));
+            return;
+        }
+        let mut next = echoes.next();
+        for bin in 0..beam.bins {
+            let loud = next.filter(|echo| usize::from(echo.bin) == bin);
+            if loud.is_some() {
+                next = echoes.next();
+            }
+            let silent = Echo {
+                bin: bin as u16,
+                intensity: 0.0,
+            };
+            encode_value(format, loud.unwrap_or(silent), &mut self.values);
+        }
+    }
+}
+
+fn no_address(error: std::net::AddrParseError) -> Error {
+    Error::io("an address")(std::io::Error::other(error))
+}
+
+impl Wire for BeamUdpSender {
+    fn encode(&mut self, beam: &Sending<'_>, messages: &mut Vec<Vec<u8>>) {
+        self.write_values(beam);
+        let piece = self.format.values_max() * self.format.width();
+        let fragments = self.values.len().div_ceil(piece).max(1);
+        for fragment in 0..fragments {
+            let begin = fragment * piece;
+            let end = (begin + piece).min(self.values.len());
+            let packet = Packet {
+                format: self.format,
+                device: DEVICE,
+                sweep: beam.turn.number,
+                beam: beam.place,
+                beams: beam.turn.beams,
+                fragment: fragment as u8,
+                fragments: fragments as u8,
+                first_bin: if self.format == Format::Sparse {
+                    0
+                } else {
+                    (begin / self.format.width()) as u16
+                },
+                flags: 0,
+                azimuth: (beam.azimuth_rad / TAU * 4_294_967_296.0).round() as i64 as u32,
+                // 0 would say that there is no clock.
+                device_ns: beam.device_ns.max(1).unsigned_abs(),
+                resolution_um: (beam.turn.bin_m * 1e6).round() as u32,
+                offset_um: (beam.turn.first_m * 1e6).round() as i32,
+                values: self.values.get(begin..end).unwrap_or_default(),
+            };
+            let mut message = Vec::with_capacity(DATAGRAM_MAX);
+            packet.encode(&mut message);
+            messages.push(message);
+        }
+    }
+
+    fn send(&mut self, message: &[u8]) -> bool {
+        self.socket.send_to(message, self.to).is_ok()
+    }
+
+    fn spoil(&self, spoil: Spoil, message: &mut Vec<u8>) {
+        match spoil {
+            Spoil::Checksum => message.last_mut().map_or((), |last| *last ^= 0x55),
+            Spoil::Version => message.get_mut(4).map_or((), |version| *version = 9),
+            Spoil::Oversize => message.resize(2 * DATAGRAM_MAX, 0xaa),
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! What goes wrong with a radar's messages, each at its time.
+
+use super::Wire;
+use crate::{FaultKind, Faults};
+
+/// Of so many messages one is spoilt.
+const SPOILT: u64 = 10;
+/// Of so many messages one is lost, doubled or late.
+const ASTRAY: u64 = 20;
+/// How far an unsteady encoder is off, in steps.
+const JITTER_STEPS: f64 = 0.2;
+/// How much too late stamps are at most, ns: a Navtech's come in bursts like that.
+const JITTER_NS: i64 = 8_000_000;
+
+/// How a message is spoilt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Spoil {
+    /// Its checksum is wrong.
+    Checksum,
+    /// It is of a version that is not there yet.
+    Version,
+    /// It claims to be longer than any can be.
+    Oversize,
+}
+
+/// What is wrong just now.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Now {
+    at_s: f64,
+    pub azimuth_rad: f64,
+    pub late_ns: i64,
+    pub fast: bool,
+    pub resets: usize,
+    pub contour: bool,
+}
+
+/// The faults of a run, as they meet the messages.
+pub(crate) struct Mishaps {
+    faults: Faults,
+    random: u64,
+    count: u64,
+    closes: usize,
+    held: Vec<Vec<u8>>,
+}
+
+impl Mishaps {
+    pub fn new(faults: Faults, seed: u64) -> Self {
+        Self {
+            faults,
+            random: seed | 1,
+            count: 0,
+            closes: 0,
+            held: Vec::new(),
+        }
+    }
+
+    /// What is wrong with a beam at a time.
+    pub fn at(&mut self, at_s: f64, step_rad: f64) -> Now {
+        let jitter = self.faults.is_on(FaultKind::Jitter, at_s);
+        let mut now = Now {
+            at_s,
+            fast: self.faults.is_on(FaultKind::Skew, at_s),
+            resets: self.faults.begun(FaultKind::ClockReset, at_s),
+            contour: self.faults.is_on(FaultKind::Contour, at_s),
+            ..Now::default()
+        };
+        if jitter {
+            now.azimuth_rad = (self.random() - 0.5) * 2.0 * JITTER_STEPS * step_rad;
+            now.late_ns = (self.random() * JITTER_NS as f64) as i64;
+        }
+        now
+    }
+
+    /// Sends a beam's messages, or what becomes of them; how many nobody took.
+    pub fn send(&mut self, wire: &mut dyn Wire, messages: &mut [Vec<u8>], now: &Now) -> u64 {
+        let on = |kind| self.faults.is_on(kind, now.at_s);
+        self.count += 1;
+        let every = |so_many: u64| self.count.is_multiple_of(so_many);
+        wire.unplug(on(FaultKind::Unplug));
+        wire.split(on(FaultKind::Split));
+        let closes = self.faults.begun(FaultKind::Close, now.at_s);
+        if closes > self.closes {
+            self.closes = closes;
+            messages.iter().for_each(|message| wire.close(message));
+        }
+        let gone = on(FaultKind::Silence) || on(FaultKind::Unplug);
+        let lost = on(FaultKind::Lost) && every(ASTRAY) || on(FaultKind::Rate) && every(2);
+        if gone || lost {
+            return 0;
+        }
+        if on(FaultKind::Reordered) && every(ASTRAY) {
+            self.held.extend(messages.iter().cloned());
+            return 0;
+        }
+        if on(FaultKind::Junk) && every(SPOILT) {
+            wire.send(&self.junk());
+        }
+        for (kind, spoil, seldom) in [
+            (FaultKind::Checksum, Spoil::Checksum, true),
+            (FaultKind::Version, Spoil::Version, false),
+            (FaultKind::Oversize, Spoil::Oversize, true),
+        ] {
+            if on(kind) && (!seldom || every(SPOILT)) {
+                messages.iter_mut().for_each(|m| wire.spoil(spoil, m));
+            }
+        }
+        if on(FaultKind::Cut) && every(SPOILT) {
+            messages.iter_mut().for_each(|m| m.truncate(m.len() / 2));
+        }
+        let times = if on(FaultKind::Doubled) && every(ASTRAY) {
+            2
+        } else {
+            1
+        };
+        let mut untaken = 0;
+        for message in (0..times).flat_map(|_| messages.iter()) {
+            untaken += u64::from(!wire.send(message));
+        }
+        for message in self.held.drain(..) {
+            untaken += u64::from(!wire.send(&message));
+        }
+        untaken
+    }
+
+    /// Bytes that belong to no message, the beginning of one among them.
+    fn junk(&self) -> Vec<u8> {
+        let noise =
+            (0..61).map(|i| (self.count.wrapping_mul(31).wrapping_add(i * 7919) >> 3) as u8);
+        [0x00, 0x01, 0x03, 0x03, 0x07]
+            .into_iter()
+            .chain(noise)
+            .collect()
+    }
+
+    /// In [0, 1): xorshift.
+    fn random(&mut self) -> f64 {
+        self.random ^= self.random << 13;
+        self.random ^= self.random >> 7;
+        self.random ^= self.random << 17;
+        (self.random >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}

@@ -1,0 +1,140 @@
+//! `randt calibrate extrinsics`.
+
+use super::{
+    Recording,
+    path::{Mode, Path},
+};
+use crate::exit::Outcome;
+use crate::output::{may_write, print, write_whole};
+use randt_calibration::{Heading, Lever, Mounting, Span, Unshown, mounting};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Arguments of `randt calibrate extrinsics`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    recording: Recording,
+    /// Write the section [robot] for --robot: the radar's place as found here, the IMU's as it was
+    #[arg(long, value_name = "ROBOT.toml")]
+    write: Option<PathBuf>,
+    /// Overwrite a file that exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// Estimates and prints; fails where a figure was not shown.
+pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let recording = &arguments.recording;
+    if let Some(file) = &arguments.write {
+        may_write(file, arguments.force)?;
+    }
+    let log = recording.log.display().to_string();
+    let path = Path::read(recording, Mode::RadarOnly)?;
+    let found = mounting(&path.poses);
+    print(&if recording.json {
+        as_json(&log, &path, &found)?
+    } else {
+        as_text(&path, &found)
+    })?;
+    let (Ok(heading), Ok(lever)) = (&found.heading, &found.lever) else {
+        for (name, why) in [
+            ("yaw", found.heading.as_ref().err()),
+            ("lever arm", found.lever.as_ref().err()),
+        ] {
+            if let Some(why) = why {
+                eprintln!("error: {log}: no {name}: {why}");
+            }
+        }
+        return Ok(Outcome::Failed);
+    };
+    if let Some(file) = &arguments.write {
+        write_whole(file, robot_toml(&path, heading, lever).as_bytes())?;
+    }
+    Ok(if path.lost {
+        Outcome::DataLost
+    } else {
+        Outcome::Good
+    })
+}
+
+fn as_json(log: &str, path: &Path, found: &Mounting) -> anyhow::Result<String> {
+    let seconds =
+        |spans: &[Span]| -> Vec<_> { spans.iter().map(|span| path.seconds(span)).collect() };
+    let refused = |why: &Unshown| json!({ "refused": why.to_string() });
+    let yaw = found.heading.as_ref().map_or_else(refused, |heading| {
+        let yaw_deg = heading.yaw_rad.scaled(1f64.to_degrees());
+        json!({
+            "yaw_deg": yaw_deg.value,
+            "sigma_deg": yaw_deg.sigma,
+            "shown_by": { "spans_s": seconds(&heading.spans), "driven_m": heading.path_m },
+        })
+    });
+    let lever = found.lever.as_ref().map_or_else(refused, |lever| -> Value {
+        let [left, right] = lever.pivot.turned_rad.map(f64::to_degrees);
+        json!({
+            "x_m": lever.x_m.value,
+            "x_sigma_m": lever.x_m.sigma,
+            "y_m": lever.y_m.value,
+            "y_sigma_m": lever.y_m.sigma,
+            "shown_by": { "spans_s": seconds(&lever.pivot.spans), "left_deg": left, "right_deg": right },
+        })
+    });
+    let value = json!({ "input": log, "yaw": yaw, "lever": lever });
+    Ok(serde_json::to_string_pretty(&value)? + "\n")
+}
+
+fn as_text(path: &Path, found: &Mounting) -> String {
+    let yaw = match &found.heading {
+        Ok(heading) => {
+            let yaw_deg = heading.yaw_rad.scaled(1f64.to_degrees());
+            format!(
+                "yaw          {:+.3} ± {:.3} deg\n  shown by   {}: {:.1} m straight\n",
+                yaw_deg.value,
+                yaw_deg.sigma,
+                super::spans(path, &heading.spans),
+                heading.path_m,
+            )
+        }
+        Err(why) => format!("yaw          refused: {why}\n"),
+    };
+    let lever = match &found.lever {
+        Ok(lever) => {
+            let [left, right] = lever.pivot.turned_rad.map(f64::to_degrees);
+            format!(
+                "x            {:+.4} ± {:.4} m\ny            {:+.4} ± {:.4} m\n  \
+                 shown by   {}: {left:.0} deg in place to the left, {right:.0} to the right\n",
+                lever.x_m.value,
+                lever.x_m.sigma,
+                lever.y_m.value,
+                lever.y_m.sigma,
+                super::spans(path, &lever.pivot.spans),
+            )
+        }
+        Err(why) => format!("x, y         refused: {why}\n"),
+    };
+    format!("radar in base_link\n{yaw}{lever}")
+}
+
+fn robot_toml(path: &Path, heading: &Heading, lever: &Lever) -> String {
+    let robot = &path.robot;
+    format!(
+        "# Where the sensors sit on the robot. The radar's place: randt calibrate extrinsics.\n\
+         [robot]\n\
+         radar_x_m = {:.4} # sigma {:.4}\n\
+         radar_y_m = {:.4} # sigma {:.4}\n\
+         radar_yaw_rad = {:.5} # sigma {:.5}\n\
+         imu_roll_rad = {:?}\n\
+         imu_pitch_rad = {:?}\n\
+         imu_yaw_rad = {:?}\n",
+        lever.x_m.value,
+        lever.x_m.sigma,
+        lever.y_m.value,
+        lever.y_m.sigma,
+        heading.yaw_rad.value,
+        heading.yaw_rad.sigma,
+        robot.imu_roll_rad,
+        robot.imu_pitch_rad,
+        robot.imu_yaw_rad,
+    )
+}

@@ -1,0 +1,230 @@
+//! The radar's path through a log by odometry, and the gyro's yaw rates.
+
+use super::Recording;
+use crate::{job, progress};
+use anyhow::bail;
+use nalgebra::Vector3;
+use randt_calibration::{RadarPose, Span, YawRate};
+use randt_config::{Attitude, Config, Robot};
+use randt_filter::{AttitudeFilter, ClusterFilter, check_sweep};
+use randt_geometry::{Pose2, Quaternion, elementary::sin_cos};
+use randt_messages::{ImuSample, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust};
+use randt_odometry::{Odometry, Sink};
+use randt_readers::Event;
+use std::collections::BTreeMap;
+
+/// Angular acceleration that the motion model allows, rad/s^2: looser than a pipeline's, whose yaw is calm, but
+/// follows late.
+const LOOSE_ANGULAR_ACCELERATION_RAD_S2: f64 = 2.0;
+/// Noise of a gyro that has no say in the yaw, rad/s per square root of Hz: it de-skews the sweeps and shows where to
+/// begin to search, and the scan decides.
+const LOOSE_GYRO_NOISE: f64 = 0.05;
+/// Cells at most so large, m: a calibration drive stays near its walls (a sensor that sees less has its own least).
+const CELL_SIZE_MAX_M: f64 = 0.5;
+/// Least share of gravity along the robot's vertical (25 degrees): slopes are less, an IMU on its side is more.
+const UPRIGHT_MIN: f64 = 0.9;
+
+/// What is asked of odometry.
+#[derive(Clone, Copy, Debug)]
+pub enum Mode {
+    /// The radar by itself: it is `base_link`, and there is no gyro.
+    RadarOnly,
+    /// The robot as configured, without its gyro.
+    WithoutGyro,
+    /// The gyro, its stamps made later by so much, ns, de-skews the sweeps.
+    DeskewedByGyro(i64),
+}
+
+/// What a log holds for calibration.
+pub struct Path {
+    /// The poses.
+    pub poses: Vec<RadarPose>,
+    /// The gyro's yaw rates by its own stamps.
+    pub rates: Vec<YawRate>,
+    /// The robot as configured or as the log says.
+    pub robot: Robot,
+    /// Whether data were lost on the way.
+    pub lost: bool,
+    /// Stamp of the first scan, ns.
+    begin_ns: i64,
+}
+
+/// States as odometry gives them.
+#[derive(Default)]
+struct States(Vec<OdometryState>);
+
+impl Sink for States {
+    fn state(&mut self, state: &OdometryState) {
+        self.0.push(*state);
+    }
+
+    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
+}
+
+/// The heading's rate from the IMU's samples: tilt taken out, bias left in.
+struct Heading {
+    mounting: Quaternion,
+    attitude: AttitudeFilter,
+    force: Vector3<f64>,
+    rates: Vec<YawRate>,
+}
+
+impl Path {
+    /// Reads a log to its end.
+    pub fn read(recording: &Recording, mode: Mode) -> anyhow::Result<Self> {
+        job::catch_interrupts();
+        let log = recording.log.display();
+        let mut source = randt_readers::open(&recording.log, &recording.options.options())?;
+        let loaded = recording.selection.load(source.info().sensor.name())?;
+        let mut config = job::with_mounting(loaded, source.as_ref()).config;
+        let robot = config.robot.clone();
+        let mut heading = Heading::new(&robot, &config.attitude);
+        mode.prepare(&mut config);
+        let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
+        let mut points = Message::<RadarPoints>::default();
+        let mut odometry = Odometry::new(&config, matches!(mode, Mode::DeskewedByGyro(_)));
+        let mut states = States::default();
+        let (mut misfits, mut first_misfit) = (0u64, None);
+        let bar = progress::bar(source.info().scans, "scans");
+        while let Some(event) = source.next_event()? {
+            if job::interrupted() {
+                bail!("interrupted");
+            }
+            match event {
+                Event::Scan(scan) => {
+                    bar.inc(1);
+                    if let Err(misfit) = check_sweep(&scan.head.sweep, &config) {
+                        misfits += 1;
+                        first_misfit.get_or_insert(misfit);
+                        continue;
+                    }
+                    filter.process(scan.as_ref(), &mut points);
+                    odometry.push_points(points.as_ref(), &mut states);
+                }
+                Event::Imu(mut sample) => {
+                    heading.push(&sample);
+                    if let Mode::DeskewedByGyro(late_ns) = mode {
+                        sample.header.stamp_ns += late_ns;
+                        odometry.push_imu(&sample, &mut states);
+                    }
+                }
+                Event::Truth(_) => {}
+            }
+        }
+        odometry.finish(&mut states);
+        bar.finish_and_clear();
+        let Some(first) = states.0.first() else {
+            match first_misfit {
+                Some(misfit) => return Err(misfit.into()),
+                None => bail!("{log}: holds no scan that could be used"),
+            }
+        };
+        if let Some(misfit) = first_misfit {
+            eprintln!("warning: {misfits} scans were left out: {misfit}");
+        }
+        let counters = source.counters();
+        for counter in &counters {
+            eprintln!(
+                "warning: {} {}: {}",
+                counter.count, counter.name, counter.first
+            );
+        }
+        Ok(Self {
+            begin_ns: first.header.stamp_ns,
+            poses: poses(&states.0),
+            rates: heading.rates(&recording.log)?,
+            robot,
+            lost: misfits > 0 || counters.iter().any(|counter| counter.loss),
+        })
+    }
+
+    /// A span in seconds from the log's first scan.
+    pub fn seconds(&self, span: &Span) -> [f64; 2] {
+        [span.begin_ns, span.end_ns].map(|stamp_ns| (stamp_ns - self.begin_ns) as f64 * 1e-9)
+    }
+}
+
+impl Mode {
+    fn prepare(self, config: &mut Config) {
+        config.ndt.cell_size_m = config.ndt.cell_size_m.min(CELL_SIZE_MAX_M);
+        match self {
+            Self::RadarOnly => {
+                (config.robot.radar_x_m, config.robot.radar_y_m) = (0.0, 0.0);
+                config.robot.radar_yaw_rad = 0.0;
+                // A radar off the robot's axis moves sideways as well as forward.
+                config.odometry.lateral_acceleration_sigma_m_s2 =
+                    config.odometry.acceleration_sigma_m_s2;
+            }
+            Self::WithoutGyro => {}
+            Self::DeskewedByGyro(_) => {
+                config.odometry.angular_acceleration_sigma_rad_s2 =
+                    LOOSE_ANGULAR_ACCELERATION_RAD_S2;
+                config.odometry.gyro_noise_rad_s_sqrt_hz = LOOSE_GYRO_NOISE;
+            }
+        }
+    }
+}
+
+impl Heading {
+    fn new(robot: &Robot, attitude: &Attitude) -> Self {
+        let (roll, pitch, yaw) = (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
+        Self {
+            mounting: Quaternion::from_roll_pitch_yaw(roll, pitch, yaw),
+            attitude: AttitudeFilter::new(attitude),
+            force: Vector3::zeros(),
+            rates: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, sample: &ImuSample) {
+        let rate = self.mounting.rotate(sample.rate_rad_s.into());
+        let force = self.mounting.rotate(sample.acceleration_m_s2.into());
+        self.attitude.push(sample.header.stamp_ns, rate, force);
+        let (roll, pitch, _) = self.attitude.attitude().roll_pitch_yaw();
+        let ((sin_roll, cos_roll), (_, cos_pitch)) = (sin_cos(roll), sin_cos(pitch));
+        if force.iter().all(|v| v.is_finite()) {
+            self.force += force;
+        }
+        self.rates.push(YawRate {
+            stamp_ns: sample.header.stamp_ns,
+            rate_rad_s: (rate.y * sin_roll + rate.z * cos_roll) / cos_pitch,
+        });
+    }
+
+    /// The rates, if the IMU sits upright on the robot: what a drive accelerates it brakes again, so that the mean
+    /// force is gravity's.
+    fn rates(self, log: &std::path::Path) -> anyhow::Result<Vec<YawRate>> {
+        let up = self.force.try_normalize(1e-9);
+        if up.is_some_and(|up| up.z < UPRIGHT_MIN) {
+            bail!(
+                "{}: gravity is not along the robot's vertical: set [robot] imu_roll_rad and imu_pitch_rad, which `randt imu` finds",
+                log.display()
+            );
+        }
+        Ok(self.rates)
+    }
+}
+
+/// Each scan's pose when it left the window; the last scans of a frame, which never did, by their live pose.
+fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
+    let settled: BTreeMap<(u64, i64), [f64; 3]> = states
+        .iter()
+        .filter(|state| state.settled_stamp_ns != 0)
+        .map(|state| {
+            (
+                (state.odom_frame_id, state.settled_stamp_ns),
+                state.settled_pose,
+            )
+        })
+        .collect();
+    let pose = |state: &OdometryState| {
+        let key = (state.odom_frame_id, state.header.stamp_ns);
+        RadarPose {
+            stamp_ns: state.header.stamp_ns,
+            frame: state.odom_frame_id,
+            pose: Pose2::from_array(settled.get(&key).copied().unwrap_or(state.pose)),
+            fixed: state.trust == Trust::Good as u32,
+        }
+    };
+    states.iter().map(pose).collect()
+}

@@ -1,0 +1,50 @@
+//! `randt doctor sensors`: whether radar and IMU answer, and make sense.
+
+mod imu;
+mod look;
+mod radar;
+mod turning;
+
+use super::conclude;
+use crate::exit::Outcome;
+use randt_config::SelectionArguments;
+use randt_stage::RealmArguments;
+use std::time::Duration;
+
+/// Arguments of `randt doctor sensors`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// How long to look, s; turn the robot meanwhile to see whether radar and gyro turn the same way
+    #[arg(long, value_name = "S", default_value = "5", value_parser = clap::value_parser!(u32).range(2..=3600))]
+    seconds: u32,
+    /// Do not look at the IMU
+    #[arg(long)]
+    no_imu: bool,
+    #[command(flatten)]
+    selection: SelectionArguments,
+    #[command(flatten)]
+    realm: RealmArguments,
+}
+
+/// Looks at both sensors at once: through their drivers where these run, else itself.
+pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let config = arguments.selection.load(None)?.config;
+    let realm = arguments.realm.realm()?;
+    let time = Duration::from_secs(u64::from(arguments.seconds));
+    eprintln!("looking for {} s", arguments.seconds);
+    let seen = look::look(&config, &realm, time, !arguments.no_imu)?;
+    let mut findings = radar::check(&config, &seen.radar);
+    if let Some(of_imu) = &seen.imu {
+        findings.extend(imu::check(&config, of_imu));
+        findings.push(radar::check_sense(&seen.radar, of_imu));
+    }
+    let imu = if arguments.no_imu {
+        String::new()
+    } else {
+        format!(", IMU: {}", config.imu.source.name())
+    };
+    conclude(
+        &format!("radar: {}{imu}", config.radar.source.name()),
+        &findings,
+    )
+}

@@ -1,0 +1,117 @@
+//! Whether the IMU's samples make sense.
+
+use super::look::Seen;
+use crate::commands::doctor::finding::Finding;
+use randt_config::{Config, ImuSource};
+use randt_filter::{Mounting, MountingCheck};
+use randt_messages::ImuSample;
+
+const ABOUT: &str = "imu";
+/// The rate may be off by so much of what is asked for.
+const RATE_TOLERANCE: f64 = 0.05;
+/// So many periods without a sample are a gap.
+const GAP: i64 = 3;
+
+/// All that can be said of it alone.
+pub fn check(config: &Config, seen: &Seen<ImuSample>) -> Vec<Finding> {
+    let mut found = vec![reached(config, seen)];
+    if seen.came.len() < 2 {
+        return found;
+    }
+    found.push(rate(config, seen));
+    found.push(stamps(config, seen));
+    found.push(gravity(seen));
+    found
+}
+
+fn reached(config: &Config, seen: &Seen<ImuSample>) -> Finding {
+    let imu = &config.imu;
+    let place = match imu.source {
+        ImuSource::Phidget22 if !imu.server.is_empty() => format!("the server {}", imu.server),
+        ImuSource::Phidget22 => "USB".to_owned(),
+        _ => imu.device.clone(),
+    };
+    let mend = match imu.source {
+        ImuSource::Phidget22 => {
+            "is it plugged in? lsusb -d 06c2: shows it; rights: a udev rule for 06c2"
+        }
+        _ => {
+            "ls -l /dev/serial/by-id/ shows what is plugged in; imu.device names it; rights: group dialout"
+        }
+    };
+    seen.reached(ABOUT, &format!("samples come from {place}"), mend)
+}
+
+fn rate(config: &Config, seen: &Seen<ImuSample>) -> Finding {
+    let (Some((_, first)), Some((_, last))) = (seen.came.first(), seen.came.last()) else {
+        return Finding::ok(ABOUT, "no sample");
+    };
+    let span_s = (last.header.stamp_ns - first.header.stamp_ns) as f64 * 1e-9;
+    let rate_hz = (seen.came.len() - 1) as f64 / span_s;
+    let text = format!("{rate_hz:.1} samples a second");
+    let asked_hz = config.imu.rate_hz;
+    if (rate_hz / asked_hz - 1.0).abs() < RATE_TOLERANCE {
+        Finding::ok(ABOUT, text)
+    } else {
+        Finding::warn(
+            ABOUT,
+            format!("{text} instead of {asked_hz}"),
+            "is the port fast enough (imu.baud), and the rate one that the device can (imu.rate_hz)?",
+        )
+    }
+}
+
+fn stamps(config: &Config, seen: &Seen<ImuSample>) -> Finding {
+    let period_ns = (1e9 / config.imu.rate_hz) as i64;
+    let steps = seen
+        .came
+        .windows(2)
+        .map(|pair| pair[1].1.header.stamp_ns - pair[0].1.header.stamp_ns);
+    let gaps = steps.clone().filter(|step| *step > GAP * period_ns).count();
+    let longest_ms = steps.clone().max().unwrap_or(0) as f64 * 1e-6;
+    let mut delays: Vec<i64> = seen
+        .came
+        .iter()
+        .map(|(_, sample)| sample.arrival_ns - sample.header.stamp_ns)
+        .collect();
+    delays.sort_unstable();
+    let delay_ms = delays.get(delays.len() / 2).copied().unwrap_or(0) as f64 * 1e-6;
+    let text = format!(
+        "stamps rise, longest step {longest_ms:.1} ms, arrival {delay_ms:.1} ms later in the middle"
+    );
+    match gaps {
+        _ if steps.clone().any(|step| step <= 0) => {
+            Finding::bad(ABOUT, "stamps do not rise", "tell the makers of randt")
+        }
+        0 => Finding::ok(ABOUT, text),
+        gaps => Finding::warn(
+            ABOUT,
+            format!("{gaps} gaps; {text}"),
+            "another cable or port; a USB hub of its own; FTDI: latency_timer 1",
+        ),
+    }
+}
+
+fn gravity(seen: &Seen<ImuSample>) -> Finding {
+    const ABOUT: &str = "gravity";
+    let mut check = MountingCheck::default();
+    let verdict = seen.came.iter().find_map(|(_, sample)| {
+        check.push(sample.header.stamp_ns, sample.acceleration_m_s2.into())
+    });
+    let mend = "stand the robot level; then set imu.acceleration_axes (sign) or robot.imu_roll_rad (mounting)";
+    match verdict {
+        None => Finding::bad(
+            ABOUT,
+            "there is none: no acceleration between 5 and 15 m/s^2",
+            mend,
+        ),
+        Some(verdict) if verdict.mounting == Mounting::Upright => {
+            Finding::ok(ABOUT, format!("up is {}", verdict.up_axis()))
+        }
+        Some(verdict) => Finding::warn(
+            ABOUT,
+            format!("up is {} in the IMU's axes", verdict.up_axis()),
+            mend,
+        ),
+    }
+}

@@ -1,0 +1,231 @@
+//! What the sensors send, seen for some seconds: by way of a driver that runs, else by one of our own.
+
+use super::turning::Panorama;
+use crate::commands::doctor::finding::Finding;
+use randt_config::Config;
+use randt_device::{Count, Link};
+use randt_imu::Imu;
+use randt_messages::{
+    ImuSample, ImuSampleTopic, Message, MessageRef, RadarScan, Return, ScanHead, SensorKind,
+    StageHealthTopic, SweepHead, health::text_of,
+};
+use randt_radar::Radar;
+use randt_stage::{Clock, Observer, Realm, Registry, Subscriber};
+use std::time::{Duration, Instant};
+
+/// Between two looks: a tenth of the shortest silence that is wondered at.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// One sensor, as far as it was seen.
+#[derive(Debug)]
+pub struct Seen<T> {
+    /// Whether its driver runs, and was asked instead.
+    pub through_driver: bool,
+    /// What the driver says.
+    pub link: Link,
+    /// What the driver has counted; through a running one only what it has lost.
+    pub counts: Vec<Count>,
+    /// What came, with the time when it did, ns.
+    pub came: Vec<(i64, T)>,
+}
+
+impl<T> Default for Seen<T> {
+    fn default() -> Self {
+        Self {
+            through_driver: false,
+            link: Link::Starting,
+            counts: Vec::new(),
+            came: Vec::new(),
+        }
+    }
+}
+
+impl<T> Seen<T> {
+    /// Whether it is reached; `come` says what comes from where, `mend` what helps where nothing does.
+    pub fn reached(&self, about: &'static str, come: &str, mend: &str) -> Finding {
+        let way = match self.through_driver {
+            true => format!("randt-{about} runs: "),
+            false => String::new(),
+        };
+        let counted: Vec<String> = self
+            .counts
+            .iter()
+            .filter(|count| count.value > 0)
+            .map(|count| format!("{} {}", count.name.replace('_', " "), count.value))
+            .collect();
+        let counted = match counted.as_slice() {
+            [] => String::new(),
+            counted => format!(" ({})", counted.join(", ")),
+        };
+        match &self.link {
+            Link::Streaming => Finding::ok(about, format!("{way}{come}{counted}")),
+            Link::Warning(text) => Finding::warn(about, format!("{way}{text}{counted}"), mend),
+            Link::Starting => Finding::bad(about, format!("{way}nothing came{counted}"), mend),
+            Link::Trouble(text) => Finding::bad(about, format!("{way}{text}{counted}"), mend),
+        }
+    }
+}
+
+/// A sweep, without its returns.
+#[derive(Debug)]
+pub struct Sweep {
+    pub head: Box<SweepHead>,
+    pub returns: usize,
+    pub panorama: Panorama,
+}
+
+/// Both sensors.
+#[derive(Debug)]
+pub struct Both {
+    pub radar: Seen<Sweep>,
+    pub imu: Option<Seen<ImuSample>>,
+}
+
+impl Seen<Sweep> {
+    fn take(&mut self, now_ns: i64, scan: MessageRef<'_, RadarScan>) {
+        let sweep = Sweep {
+            head: Box::new(scan.head.sweep),
+            returns: scan.items.len(),
+            panorama: Panorama::of(scan),
+        };
+        self.came.push((now_ns, sweep));
+    }
+}
+
+/// Looks for so long, or until Ctrl-C.
+pub fn look(config: &Config, realm: &Realm, time: Duration, use_imu: bool) -> anyhow::Result<Both> {
+    let lives = |name: &str| {
+        let entries = Registry::all(realm);
+        entries
+            .iter()
+            .any(|(entry, lives)| *lives && entry.name == name)
+    };
+    let mut seen = Both {
+        radar: Seen::default(),
+        imu: use_imu.then(Seen::default),
+    };
+    let mut bus = Bus::default();
+    if lives("radar") || lives("imu") {
+        bus = Bus::open(realm, lives("radar"), use_imu && lives("imu"))?;
+    }
+    let clock = Clock::of(realm)?;
+    let mut radar = match bus.scans {
+        None => Some(Radar::new(config)?),
+        Some(_) => None,
+    };
+    let mut imu = match (&bus.samples, use_imu) {
+        (None, true) => Some(Imu::new(config)?),
+        _ => None,
+    };
+    seen.radar.through_driver = radar.is_none();
+    if let Some(of_imu) = &mut seen.imu {
+        of_imu.through_driver = imu.is_none();
+    }
+    crate::job::catch_interrupts();
+    let end = Instant::now() + time;
+    let mut scan = Message::<RadarScan>::default();
+    while Instant::now() < end && !crate::job::interrupted() {
+        let now_ns = clock.now_ns();
+        if let Some(radar) = &mut radar {
+            let sensor = SensorKind::from_name(&config.sensor.name);
+            radar.poll(now_ns, &mut |sweep| {
+                *scan.head = ScanHead::default();
+                scan.items.clear();
+                scan.items.resize(sweep.len(), Return::default());
+                sweep.write_head(sensor, &mut scan.head);
+                sweep.write_items(&mut scan.items);
+                seen.radar.take(now_ns, scan.as_ref());
+            });
+        }
+        if let (Some(imu), Some(of_imu)) = (&mut imu, &mut seen.imu) {
+            imu.poll(now_ns, &mut |sample| of_imu.came.push((now_ns, *sample)));
+        }
+        bus.read(now_ns, &mut seen)?;
+        std::thread::sleep(LOOK);
+    }
+    if let Some(radar) = radar {
+        (seen.radar.link, seen.radar.counts) = (radar.link().clone(), radar.counters());
+    }
+    if let (Some(imu), Some(of_imu)) = (imu, &mut seen.imu) {
+        (of_imu.link, of_imu.counts) = (imu.link().clone(), imu.counters());
+    }
+    Ok(seen)
+}
+
+/// Drivers that run, and what they publish.
+#[derive(Default)]
+struct Bus {
+    scans: Option<Subscriber<RadarScan>>,
+    samples: Option<Subscriber<ImuSampleTopic>>,
+    health: Option<Subscriber<StageHealthTopic>>,
+    /// When this began: what was sent before is history.
+    begin_ns: i64,
+    // The ports' node goes after them.
+    observer: Option<Observer>,
+}
+
+impl Bus {
+    fn open(realm: &Realm, radar: bool, imu: bool) -> anyhow::Result<Self> {
+        let Some(observer) = Observer::enter(realm)? else {
+            return Ok(Self::default());
+        };
+        Ok(Self {
+            scans: radar.then(|| observer.subscriber()).transpose()?,
+            samples: imu.then(|| observer.subscriber()).transpose()?,
+            health: Some(observer.subscriber()?),
+            begin_ns: observer.clock().now_ns(),
+            observer: Some(observer),
+        })
+    }
+
+    fn read(&mut self, now_ns: i64, seen: &mut Both) -> anyhow::Result<()> {
+        let Some(observer) = &self.observer else {
+            return Ok(());
+        };
+        let begin_ns = self.begin_ns;
+        if let Some(scans) = &mut self.scans {
+            observer.read(scans, |scan| {
+                let published_ns = scan.header().published_ns;
+                if published_ns > begin_ns {
+                    seen.radar.take(published_ns, scan);
+                }
+            })?;
+        }
+        if let (Some(samples), Some(of_imu)) = (&mut self.samples, &mut seen.imu) {
+            observer.read(samples, |sample| {
+                if sample.header().published_ns > begin_ns {
+                    of_imu
+                        .came
+                        .push((sample.header().published_ns, *sample.head));
+                }
+            })?;
+        }
+        if let Some(health) = &mut self.health {
+            observer.read(health, |word| {
+                let link = match text_of(&word.head.message) {
+                    "" => Link::Streaming,
+                    text => Link::Warning(text.to_owned()),
+                };
+                let counts = vec![Count::loss("lost since it started", word.head.lost)];
+                let silent =
+                    |last: Option<i64>| last.is_none_or(|at_ns| now_ns - at_ns > 1_000_000_000);
+                let judge = |link: Link, last| match link {
+                    Link::Warning(text) if silent(last) => Link::Trouble(text),
+                    link => link,
+                };
+                match (text_of(&word.head.name), &mut seen.imu) {
+                    ("radar", _) if seen.radar.through_driver => {
+                        let last = seen.radar.came.last().map(|(at_ns, _)| *at_ns);
+                        (seen.radar.link, seen.radar.counts) = (judge(link, last), counts);
+                    }
+                    ("imu", Some(of_imu)) if of_imu.through_driver => {
+                        let last = of_imu.came.last().map(|(at_ns, _)| *at_ns);
+                        (of_imu.link, of_imu.counts) = (judge(link, last), counts);
+                    }
+                    _ => {}
+                }
+            })?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,198 @@
+//! Whether the radar's sweeps make sense.
+
+use super::look::{Seen, Sweep};
+use super::turning::{Panorama, Sense, sense};
+use crate::commands::doctor::finding::Finding;
+use randt_config::{Config, RadarSource};
+use randt_filter::check_sweep;
+use randt_messages::ImuSample;
+
+const ABOUT: &str = "radar";
+/// The rate may be off by so much of what the sensor file says.
+const RATE_TOLERANCE: f64 = 0.1;
+/// A sweep is published within this time after its end, ns: the last beams' way, and a moment of a busy machine.
+const DELAY_MAX_NS: i64 = 200_000_000;
+
+/// All that can be said of it alone.
+pub fn check(config: &Config, seen: &Seen<Sweep>) -> Vec<Finding> {
+    let mut found = vec![reached(config, seen)];
+    if seen.came.len() < 2 {
+        let mend = "wait, or see what the radar is set to; `randt doctor sensors --seconds 20` looks longer";
+        if seen.link.streams() {
+            found.push(Finding::bad(ABOUT, "no whole sweep came", mend));
+        }
+        return found;
+    }
+    found.push(rate(config, seen));
+    found.push(beams(config, seen));
+    found.push(stamps(seen));
+    found.push(losses(seen));
+    found
+}
+
+fn reached(config: &Config, seen: &Seen<Sweep>) -> Finding {
+    let address = &config.radar.address;
+    seen.reached(ABOUT, &format!("beams come from {address}"), &mend(config))
+}
+
+fn mend(config: &Config) -> String {
+    let address = &config.radar.address;
+    match config.radar.source {
+        RadarSource::Navtech => format!(
+            "is the radar on, its cable in, and {address} (radar.address) its own? ping it; ip address shows whether this host is in its network"
+        ),
+        RadarSource::BeamUdp => format!(
+            "does the bridge send to {address} (radar.address)? tcpdump -n udp shows what arrives; a firewall may drop it"
+        ),
+    }
+}
+
+fn rate(config: &Config, seen: &Seen<Sweep>) -> Finding {
+    let ends: Vec<i64> = seen
+        .came
+        .iter()
+        .map(|(_, sweep)| sweep.head.end_ns)
+        .collect();
+    let mut periods: Vec<i64> = ends.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    periods.sort_unstable();
+    let period_s = periods
+        .get(periods.len() / 2)
+        .map_or(0.0, |period| *period as f64 * 1e-9);
+    let expected_s = config.sensor.period_s;
+    let text = format!("{:.2} sweeps a second", 1.0 / period_s);
+    if (period_s / expected_s - 1.0).abs() < RATE_TOLERANCE {
+        Finding::ok(ABOUT, text)
+    } else {
+        let expected = format!("{text}; the sensor file says {:.2}", 1.0 / expected_s);
+        Finding::warn(
+            ABOUT,
+            expected,
+            format!("set sensor.period_s = {period_s:.3}, or the radar's speed"),
+        )
+    }
+}
+
+fn beams(config: &Config, seen: &Seen<Sweep>) -> Finding {
+    let Some((_, last)) = seen.came.last() else {
+        return Finding::ok(ABOUT, "no sweep");
+    };
+    let head = &last.head;
+    let text = format!(
+        "{} beams, {} returns a sweep, bins of {:.4} m",
+        head.beam_count, last.returns, head.range_resolution_m
+    );
+    match check_sweep(head, config) {
+        Err(error) => Finding::bad(
+            ABOUT,
+            format!("{text}: {error}"),
+            "give the radar's own sensor file to --sensor",
+        ),
+        Ok(()) if last.returns == 0 => Finding::bad(
+            ABOUT,
+            format!("{text}: nothing is above its floor"),
+            format!(
+                "does it transmit? sensor.keep_power is {}",
+                config.sensor.keep_power
+            ),
+        ),
+        Ok(()) => Finding::ok(ABOUT, text),
+    }
+}
+
+fn stamps(seen: &Seen<Sweep>) -> Finding {
+    let delays = seen
+        .came
+        .iter()
+        .map(|(at_ns, sweep)| at_ns - sweep.head.end_ns);
+    let (least, most) = (delays.clone().min().unwrap_or(0), delays.max().unwrap_or(0));
+    let rising = seen
+        .came
+        .windows(2)
+        .all(|pair| pair[0].1.head.end_ns < pair[1].1.head.end_ns);
+    let text = format!(
+        "sweeps are there {:.1} to {:.1} ms after their end",
+        least as f64 * 1e-6,
+        most as f64 * 1e-6
+    );
+    let mend = "randt top shows what the driver says; a radar with a clock of its own should get its time by PTP or NTP";
+    if !rising {
+        Finding::bad(ABOUT, "stamps do not rise", mend)
+    } else if least < 0 || most > DELAY_MAX_NS {
+        Finding::warn(ABOUT, text, mend)
+    } else {
+        Finding::ok(ABOUT, text)
+    }
+}
+
+fn losses(seen: &Seen<Sweep>) -> Finding {
+    let lost: u64 = seen
+        .came
+        .iter()
+        .map(|(_, sweep)| u64::from(sweep.head.beams_lost))
+        .sum();
+    let beams: u64 = seen
+        .came
+        .iter()
+        .map(|(_, sweep)| u64::from(sweep.head.beam_count))
+        .sum();
+    match lost {
+        0 => Finding::ok(ABOUT, format!("no beam of {beams} is missing")),
+        lost => Finding::warn(
+            ABOUT,
+            format!("{lost} beams of {} are missing", beams + lost),
+            "a wired link of its own; raise radar.receive_buffer_bytes and net.core.rmem_max",
+        ),
+    }
+}
+
+/// Whether it turns as the gyro does.
+pub fn check_sense(radar: &Seen<Sweep>, imu: &Seen<ImuSample>) -> Finding {
+    const ABOUT: &str = "rotation";
+    let mut heading = vec![(i64::MIN, 0.0)];
+    let mut last: Option<&ImuSample> = None;
+    for (_, sample) in &imu.came {
+        let stamp_ns = sample.header.stamp_ns;
+        let step_s = last.map_or(0.0, |last| (stamp_ns - last.header.stamp_ns) as f64 * 1e-9);
+        let (_, turned) = heading.last().copied().unwrap_or_default();
+        heading.push((stamp_ns, turned + sample.rate_rad_s[2] * step_s));
+        last = Some(sample);
+    }
+    let sweeps: Vec<Panorama> = radar
+        .came
+        .iter()
+        .map(|(_, sweep)| sweep.panorama.clone())
+        .collect();
+    let at = |stamp_ns: i64| {
+        let after = heading.partition_point(|(at_ns, _)| *at_ns <= stamp_ns);
+        heading
+            .get(after.saturating_sub(1))
+            .map_or(0.0, |(_, turned)| *turned)
+    };
+    let percent = |share: f64| {
+        format!(
+            "the radar turns by {:.0} % of what the gyro says",
+            share * 100.0
+        )
+    };
+    match sense(&sweeps, at) {
+        Sense::Agrees(share) => Finding::ok(ABOUT, percent(share)),
+        Sense::TooLittle(turned) => Finding::warn(
+            ABOUT,
+            format!(
+                "not known: the robot turned by {:.0} degrees only",
+                turned.to_degrees()
+            ),
+            "turn the robot by hand or drive a curve while this runs, with --seconds 20",
+        ),
+        Sense::Opposed(share) => Finding::bad(
+            ABOUT,
+            format!("{}: they turn against each other", percent(share)),
+            "one of them is mirrored or upside down: see imu.rate_axes, robot.imu_roll_rad and the bridge's azimuths",
+        ),
+        Sense::Unclear(share) => Finding::warn(
+            ABOUT,
+            percent(share),
+            "look in a room with walls nearby, and turn slowly; is the gyro's unit right?",
+        ),
+    }
+}
