@@ -69,11 +69,13 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-filter",
             "randt-mapper",
             "randt-odometry",
+            "randt-recorder",
             "randt-stage",
         ],
     ),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
+    ("foxglove", &["randt-recorder"]),
     ("iceoryx2", &["randt-stage"]),
     ("indicatif", &["randt"]),
     ("lz4_flex", &["randt-readers"]),
@@ -84,7 +86,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("png", &["randt-readers"]),
     ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),
-    ("rustix", &["randt", "randt-stage"]),
+    ("rustix", &["randt", "randt-recorder", "randt-stage"]),
     ("toml", &["randt-config"]),
     ("wide", &["randt-ndt"]),
 ];
@@ -245,7 +247,12 @@ fn dependencies_are_as_agreed() {
 /// Whoever computes offline builds neither shared memory nor the process shell.
 #[test]
 fn the_libraries_do_without_the_process_shell() {
-    for package in ["randt-filter", "randt-odometry", "randt-mapper"] {
+    for package in [
+        "randt-filter",
+        "randt-odometry",
+        "randt-mapper",
+        "randt-recorder",
+    ] {
         let output = Command::new(env!("CARGO"))
             .args(["tree", "--locked", "--offline", "--package", package])
             .args([

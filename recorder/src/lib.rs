@@ -23,7 +23,7 @@ pub use disk::Disk;
 pub use drops::Drops;
 pub use metadata::{
     CLOCK_METADATA, CONFIG_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA,
-    channels, of_configuration, of_machine, says,
+    of_configuration, of_machine, says,
 };
 pub use queue::{BUDGET, Queue};
 pub use raw::Raw;

@@ -3,11 +3,8 @@
 use crate::wellknown;
 use randt_config::{Config, Loaded};
 use randt_geometry::Quaternion;
-use randt_log::{Channel, ROBOT_METADATA, Robot};
-use randt_messages::{
-    ImuSampleTopic, Keyframe, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid,
-    OdometryStateTopic, RadarPoints, RadarScan, SensorKind, StageHealthTopic, Topic,
-};
+use randt_log::{Channel, ROBOT_METADATA, Robot, channels};
+use randt_messages::SensorKind;
 use std::collections::BTreeMap;
 use std::fs;
 
@@ -24,35 +21,12 @@ pub const CLOCK_METADATA: &str = "randt/clock";
 
 type Says = BTreeMap<String, String>;
 
-macro_rules! topics {
-    ($($topic:ty),+ $(,)?) => {
-        /// Every topic of ours that a log may hold, with its channel.
-        pub fn channels() -> Vec<Channel> {
-            vec![$(Channel::of::<$topic>()),+]
-        }
-
-        /// The channel of a topic; one that nobody knows has no schema.
-        pub(crate) fn channel_of(topic: &str) -> Channel {
-            match topic {
-                $(name if name == <$topic>::NAME => Channel::of::<$topic>(),)+
-                other => wellknown::channel(other).unwrap_or_default(),
-            }
-        }
-    };
+/// The channel of a topic, of ours or for viewers; one that nobody knows has no schema.
+pub(crate) fn channel_of(topic: &str) -> Channel {
+    let ours = randt_log::channel_of(topic);
+    ours.or_else(|| wellknown::channel(topic))
+        .unwrap_or_default()
 }
-
-topics!(
-    RadarScan,
-    ImuSampleTopic,
-    RadarPoints,
-    OdometryStateTopic,
-    Keyframe,
-    MapperCorrection,
-    MapperGraph,
-    MapperGrid,
-    StageHealthTopic,
-    LogDropTopic,
-);
 
 /// What follows from the configuration: how to read the log again. It is the same in every file of a run.
 pub fn of_configuration(loaded: &Loaded) -> Vec<(&'static str, Says)> {

@@ -43,9 +43,8 @@ impl OpenLog {
             synced_ns: now_ns,
             seen: Vec::new(),
         };
-        viewer.begin(now_ns, &mut log.seen);
-        log.write_seen()?;
-        log.end_chunk(now_ns, sink)?;
+        viewer.begin();
+        log.append(sink)?;
         sink.sync()?;
         Ok(log)
     }

@@ -79,7 +79,7 @@ impl Inputs {
                 queue.missed(tap.topic(), missed, clock.now_ns());
             }
         }
-        self.batch.sort_by_key(|raw| raw.label.published_ns);
+        self.batch.sort_by_key(|raw| raw.label.time_ns);
         queue.push(self.batch.drain(..), clock.now_ns());
         Ok(())
     }

@@ -90,7 +90,7 @@ impl Queue {
         self.lock().drops.take()
     }
 
-    /// All messages that were dropped or missed.
+    /// All messages that were dropped.
     pub fn lost(&self) -> u64 {
         self.lock().drops.total()
     }

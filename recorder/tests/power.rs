@@ -26,7 +26,7 @@ fn drive(sink: &Faulty, seconds: i64) -> (Vec<(i64, Raw)>, Option<i64>) {
     while now_ns < BEGIN_NS + seconds * S && off_ns.is_none() {
         now_ns += TICK_NS;
         for raw in drive.until(now_ns) {
-            all.push((raw.label.stamp_ns, raw.clone()));
+            all.push((raw.label.time_ns, raw.clone()));
             recorder.push(raw, now_ns);
         }
         recorder.tick(now_ns);

@@ -7,6 +7,9 @@ use randt_messages::{Message, Topic};
 const ENCODING: &str = "randt";
 const SCHEMA_ENCODING: &str = "randt-layout";
 
+/// Where the stamp stands: every head begins with a header.
+const STAMP: usize = core::mem::offset_of!(randt_messages::Header, stamp_ns);
+
 /// A topic as a log declares it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Channel {
@@ -48,10 +51,8 @@ impl Channel {
 pub struct Label {
     /// Low half of the message's sequence number.
     pub sequence: u32,
-    /// The message's stamp.
-    pub stamp_ns: i64,
     /// When it was published; its stamp where nobody knows.
-    pub published_ns: i64,
+    pub time_ns: i64,
 }
 
 impl Label {
@@ -60,8 +61,7 @@ impl Label {
         Self {
             // MCAP has 32 bits for it; the message itself holds all 64.
             sequence: header.sequence as u32,
-            stamp_ns: header.stamp_ns,
-            published_ns: match header.published_ns {
+            time_ns: match header.published_ns {
                 0 => header.stamp_ns,
                 known => known,
             },
@@ -76,10 +76,8 @@ pub struct Entry<'a> {
     pub channel: &'a Channel,
     /// Low half of the message's sequence number.
     pub sequence: u32,
-    /// The message's stamp.
-    pub stamp_ns: i64,
     /// When it was published; its stamp where nobody knew.
-    pub published_ns: i64,
+    pub time_ns: i64,
     /// Where the record or chunk that holds it begins in the file.
     pub offset: u64,
     /// The message's bytes as they were on the bus.
@@ -89,12 +87,20 @@ pub struct Entry<'a> {
 }
 
 impl Entry<'_> {
+    /// The message's own stamp; where only its own program finds it, when it was published.
+    pub fn stamp_ns(&self) -> i64 {
+        let stamp = self.bytes.get(STAMP..).and_then(|rest| rest.first_chunk());
+        match stamp {
+            Some(stamp) if self.channel.is_ours() => i64::from_le_bytes(*stamp),
+            _ => self.time_ns,
+        }
+    }
+
     /// What the log says of the message beside its bytes.
     pub fn label(&self) -> Label {
         Label {
             sequence: self.sequence,
-            stamp_ns: self.stamp_ns,
-            published_ns: self.published_ns,
+            time_ns: self.time_ns,
         }
     }
 

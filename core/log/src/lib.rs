@@ -35,6 +35,8 @@ mod lengths;
 mod reader;
 mod robot;
 mod stream;
+mod sums;
+mod topics;
 mod writer;
 
 pub use copy::copy;
@@ -47,4 +49,6 @@ pub use lengths::lengths_fit;
 pub use reader::LogReader;
 pub use robot::{ROBOT_METADATA, Robot};
 pub use stream::LogStream;
+pub use sums::check_sums;
+pub use topics::{channel_of, channels};
 pub use writer::{ChannelId, Compression, LogWriter, Options};

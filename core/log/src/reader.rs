@@ -360,8 +360,7 @@ impl<R: Read + Seek> LogReader<R> {
         Some(Entry {
             channel,
             sequence: u32::from_le_bytes(*header.get(2..)?.first_chunk()?),
-            stamp_ns: i64::from_le_bytes(*header.get(6..)?.first_chunk()?),
-            published_ns: i64::from_le_bytes(*header.get(14..)?.first_chunk()?),
+            time_ns: i64::from_le_bytes(*header.get(6..)?.first_chunk()?),
             offset,
             bytes,
             path: &self.path,

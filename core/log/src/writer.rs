@@ -27,6 +27,8 @@ pub struct Options {
     pub level: u32,
     /// A chunk ends when it has more bytes than this, before compression.
     pub chunk_bytes: u64,
+    /// What MCAP calls a profile: whose conventions the log follows.
+    pub profile: &'static str,
     /// Program and version that writes, for whoever finds a layout that he does not know.
     pub written_by: String,
 }
@@ -38,6 +40,7 @@ impl Default for Options {
             level: 0,
             // MCAP's own default.
             chunk_bytes: 1 << 20,
+            profile: "randt",
             written_by: concat!("randt-log ", env!("CARGO_PKG_VERSION")).to_owned(),
         }
     }
@@ -78,7 +81,7 @@ impl<W: Write + Seek> LogWriter<W> {
             Compression::Zstd => Some(mcap::Compression::Zstd),
         };
         let created = mcap::WriteOptions::new()
-            .profile("randt")
+            .profile(options.profile)
             .library(options.written_by)
             .compression(compression)
             .compression_level(options.level)
@@ -151,12 +154,12 @@ impl<W: Write + Seek> LogWriter<W> {
         bytes: &[u8],
     ) -> Result<(), Error> {
         // MCAP has no negative times.
-        let time = |ns| u64::try_from(ns).unwrap_or(0);
+        let time = u64::try_from(label.time_ns).unwrap_or(0);
         let record = MessageHeader {
             channel_id: channel.0,
             sequence: label.sequence,
-            log_time: time(label.stamp_ns),
-            publish_time: time(label.published_ns),
+            log_time: time,
+            publish_time: time,
         };
         let result = self.inner.write_to_known_channel(&record, bytes);
         self.check(result)

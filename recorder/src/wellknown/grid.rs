@@ -44,7 +44,7 @@ impl Tiles {
     }
 
     /// The whole grid, where it is time to show it.
-    pub(super) fn due(&mut self, now_ns: i64) -> Option<Grid> {
+    pub(super) fn due(&mut self, now_ns: i64, stamp_ns: i64) -> Option<Grid> {
         let extent = self.extent()?;
         let paced_ns = extent.bytes().saturating_mul(1_000_000_000) / BYTES_PER_SECOND;
         let pause_ns = match self.has_changed {
@@ -60,7 +60,7 @@ impl Tiles {
         }
         self.drawn_ns = Some(now_ns);
         self.has_changed = false;
-        Some(self.draw(&extent, now_ns))
+        Some(self.draw(&extent, stamp_ns))
     }
 
     fn extent(&self) -> Option<Extent> {
@@ -77,7 +77,7 @@ impl Tiles {
         (extent.bytes() <= BYTES_MAX).then_some(extent)
     }
 
-    fn draw(&self, extent: &Extent, now_ns: i64) -> Grid {
+    fn draw(&self, extent: &Extent, stamp_ns: i64) -> Grid {
         let width = extent.columns * TILE_CELLS;
         let mut data = vec![0; width * extent.rows * TILE_CELLS * STRIDE];
         for ((row, column), cells) in &self.tiles {
@@ -93,7 +93,7 @@ impl Tiles {
         let tile_m = self.cell_m * TILE_CELLS as f64;
         let corner = [extent.column, extent.row].map(|tiles| f64::from(tiles) * tile_m);
         Grid {
-            timestamp: timestamp(now_ns),
+            timestamp: timestamp(stamp_ns),
             frame_id: MAP.to_owned(),
             pose: Some(pose_of([corner[0], corner[1], 0.0])),
             column_count: width as u32,
@@ -161,10 +161,10 @@ mod tests {
     #[test]
     fn tiles_lie_where_they_belong() {
         let mut tiles = Tiles::default();
-        assert!(tiles.due(0).is_none());
+        assert!(tiles.due(0, 0).is_none());
         tiles.take(tile(-1, 2, 100));
         tiles.take(tile(0, 1, 0));
-        let grid = tiles.due(0).unwrap();
+        let grid = tiles.due(0, 0).unwrap();
         assert_eq!(grid.column_count, 128);
         let corner = grid.pose.unwrap().position.unwrap();
         assert!((corner.x - 6.4).abs() < 1e-12 && (corner.y + 6.4).abs() < 1e-12);
@@ -180,11 +180,11 @@ mod tests {
         let mut tiles = Tiles::default();
         let s = 1_000_000_000;
         tiles.take(tile(0, 0, 0));
-        assert!(tiles.due(0).is_some() && tiles.due(10 * s).is_none());
+        assert!(tiles.due(0, 0).is_some() && tiles.due(10 * s, 0).is_none());
         tiles.take(tile(0, 0, 50));
-        assert!(tiles.due(s).is_none() && tiles.due(2 * s).is_some());
-        assert!(tiles.due(61 * s).is_none() && tiles.due(62 * s).is_some());
+        assert!(tiles.due(s, 0).is_none() && tiles.due(2 * s, 0).is_some());
+        assert!(tiles.due(61 * s, 0).is_none() && tiles.due(62 * s, 0).is_some());
         tiles.begin_anew();
-        assert!(tiles.due(63 * s).is_some());
+        assert!(tiles.due(63 * s, 0).is_some());
     }
 }

@@ -13,9 +13,10 @@ use foxglove::messages::{Pose, Quaternion, Timestamp, Vector3};
 use grid::Tiles;
 use randt_config::Robot;
 use randt_geometry::elementary::sin_cos;
-use randt_log::{Channel, Label};
+use randt_log::Channel;
 use randt_messages::{
-    Correction, MapperCorrection, MapperGrid, Message, OdometryStateTopic, RadarPoints, Topic,
+    Correction, MapperCorrection, MapperGrid, Message, OdometryState, OdometryStateTopic,
+    RadarPoints, Topic,
 };
 
 /// Frames of REP-105, as viewers see them.
@@ -75,40 +76,24 @@ impl Viewer {
         }
     }
 
-    /// What a new file needs, so that it can be looked at alone.
-    pub fn begin(&mut self, now_ns: i64, out: &mut Vec<Raw>) {
-        let mut transforms = transform::mounting(&self.robot, now_ns);
-        let correction = self.correction.iter();
-        transforms.extend(correction.map(|c| transform::of_correction(c, now_ns)));
-        out.extend(message(TRANSFORMS, now_ns, &transform::all(transforms)));
+    /// A new file begins: it shall show everything by itself.
+    pub fn begin(&mut self) {
         self.tiles.begin_anew();
-        self.draw(now_ns, out);
     }
 
     /// What a message of ours becomes.
     pub fn see(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
-        let stamp_ns = raw.label.stamp_ns;
         if raw.topic == OdometryStateTopic::NAME {
             let Some(state) = Message::<OdometryStateTopic>::from_bytes(&raw.bytes) else {
                 return;
             };
-            out.extend(message(POSE, stamp_ns, &pose::of_state(&state.head)));
-            // With every state, because viewers take a transform for the pose between its neighbours in time.
-            let mut transforms = vec![transform::of_state(&state.head)];
-            let correction = self.correction.iter();
-            transforms.extend(correction.map(|c| transform::of_correction(c, stamp_ns)));
-            out.extend(message(TRANSFORMS, stamp_ns, &transform::all(transforms)));
-            self.draw(stamp_ns, out);
+            self.see_state(&state.head, raw, out);
         } else if raw.topic == MapperCorrection::NAME {
             let read = Message::<MapperCorrection>::from_bytes(&raw.bytes);
             self.correction = read.map(|message| *message.head).or(self.correction);
         } else if raw.topic == RadarPoints::NAME {
             if let Some(points) = Message::<RadarPoints>::from_bytes(&raw.bytes) {
-                out.extend(message(
-                    POINTS,
-                    stamp_ns,
-                    &cloud::of_points(points.as_ref()),
-                ));
+                out.extend(message(POINTS, raw, &cloud::of_points(points.as_ref())));
             }
         } else if raw.topic == MapperGrid::NAME
             && let Some(tile) = Message::<MapperGrid>::from_bytes(&raw.bytes)
@@ -117,26 +102,27 @@ impl Viewer {
         }
     }
 
-    /// The grid, where it is due. Its stamp is that of the newest data, as the transforms' are.
-    fn draw(&mut self, now_ns: i64, out: &mut Vec<Raw>) {
-        if let Some(grid) = self.tiles.due(now_ns) {
-            out.extend(message(GRID, now_ns, &grid));
-        }
+    fn see_state(&mut self, state: &OdometryState, raw: &Raw, out: &mut Vec<Raw>) {
+        let stamp_ns = state.header.stamp_ns;
+        out.extend(message(POSE, raw, &pose::of_state(state)));
+        // All of them with every state: whatever part of a log is looked at, the frames are known.
+        let mut transforms = transform::mounting(&self.robot, stamp_ns);
+        transforms.push(transform::of_state(state));
+        let correction = self.correction.iter();
+        transforms.extend(correction.map(|c| transform::of_correction(c, stamp_ns)));
+        out.extend(message(TRANSFORMS, raw, &transform::all(transforms)));
+        let grid = self.tiles.due(raw.label.time_ns, stamp_ns);
+        out.extend(grid.and_then(|grid| message(GRID, raw, &grid)));
     }
 }
 
-/// A message for viewers; one that cannot be encoded does not exist.
-fn message<T: Encode>(topic: &'static str, stamp_ns: i64, content: &T) -> Option<Raw> {
+/// A message for viewers, recorded with the one that it was made of; one that cannot be encoded does not exist.
+fn message<T: Encode>(topic: &'static str, of: &Raw, content: &T) -> Option<Raw> {
     let mut bytes = Vec::with_capacity(content.encoded_len().unwrap_or_default());
     content.encode(&mut bytes).ok()?;
-    let label = Label {
-        sequence: 0,
-        stamp_ns,
-        published_ns: stamp_ns,
-    };
     Some(Raw {
         topic,
-        label,
+        label: of.label,
         bytes,
     })
 }
