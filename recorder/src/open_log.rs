@@ -15,6 +15,8 @@ pub(crate) struct OpenLog {
     synced_ns: i64,
     /// What viewers see of a message.
     seen: Vec<Raw>,
+    /// Topics that are not recorded.
+    leave_out: Vec<String>,
 }
 
 impl OpenLog {
@@ -22,9 +24,9 @@ impl OpenLog {
     pub fn begin(
         name: String,
         options: Options,
+        leave_out: Vec<String>,
         metadata: Metadata,
         now_ns: i64,
-        viewer: &mut Viewer,
         sink: &mut impl Sink,
     ) -> io::Result<Self> {
         let mut stream = LogStream::new(&name, options).map_err(io::Error::other)?;
@@ -42,8 +44,8 @@ impl OpenLog {
             chunk_ns: now_ns,
             synced_ns: now_ns,
             seen: Vec::new(),
+            leave_out,
         };
-        viewer.begin();
         log.append(sink)?;
         sink.sync()?;
         Ok(log)
@@ -81,7 +83,9 @@ impl OpenLog {
         viewer: &mut Viewer,
         sink: &mut impl Sink,
     ) -> io::Result<()> {
-        self.put(raw)?;
+        if !self.leave_out.iter().any(|topic| topic == raw.topic) {
+            self.put(raw)?;
+        }
         viewer.see(raw, &mut self.seen);
         self.write_seen()?;
         self.append(sink)

@@ -30,6 +30,8 @@ pub struct Settings {
     pub file_max_ns: i64,
     /// A chunk ends at this age.
     pub chunk_ns: i64,
+    /// Topics that are not recorded; viewers see what is made of them all the same.
+    pub leave_out: Vec<String>,
     /// Chunks.
     pub log: Options,
 }
@@ -207,7 +209,9 @@ impl<S: Sink> Recorder<S> {
         metadata.push(("randt/file", says([("part", part), ("begun_ns", begun_ns)])));
         let log = self.settings.log.clone();
         let (viewer, sink) = (&mut self.viewer, &mut self.sink);
-        let mut file = OpenLog::begin(name, log, metadata, now_ns, viewer, sink)?;
+        let leave_out = self.settings.leave_out.clone();
+        let mut file = OpenLog::begin(name, log, leave_out, metadata, now_ns, sink)?;
+        viewer.begin();
         for raw in &self.unsynced {
             file.write(raw, viewer, sink)?;
         }

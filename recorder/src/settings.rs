@@ -14,6 +14,11 @@ impl Settings {
             file_max_bytes: (record.file_max_mb * 1e6) as u64,
             file_max_ns: ns(record.file_max_s),
             chunk_ns: ns(record.chunk_s),
+            leave_out: record
+                .leave_out
+                .split_whitespace()
+                .map(str::to_owned)
+                .collect(),
             log: Options {
                 compression: Compression::Zstd,
                 level: record.zstd_level,

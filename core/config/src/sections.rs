@@ -317,7 +317,10 @@ section! {
         /// Messages are compressed together for so long, s: what a killed recorder loses. A power cut costs up to a second,
         /// because the disk is asked to keep what it has that often.
         pub chunk_s: f64 = 0.5 => Within(0.05, 1.0),
-        /// Level of the compression (zstd). Higher ones gain a few per cent and cost much.
-        pub zstd_level: u32 = 3 => Within(1.0, 19.0),
+        /// Level of the compression (zstd). 3 leaves 3 % more on the disk, 19 a tenth less at thirty times the work.
+        pub zstd_level: u32 = 5 => Within(1.0, 19.0),
+        /// Names of topics that are not recorded, separated by blanks, such as "radar/points/v1 odometry/keyframe/v1": what
+        /// the pipeline computes it computes again from radar/scan and imu/sample.
+        pub leave_out: String = String::new(),
     }
 }

@@ -6,9 +6,11 @@ use foxglove::messages::{PackedElementField, PointCloud};
 use randt_geometry::elementary::sin_cos;
 use randt_messages::{MessageRef, RadarPoints};
 
-/// Coordinates are whole numbers of this, m, a quarter of an iSDR-C's range bin: digits that say nothing would double what
-/// the cloud takes on the disk.
-const GRAIN_M: f64 = 1.0 / 256.0;
+/// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that nobody sees would double what the
+/// cloud takes on the disk.
+const GRAIN_M: f64 = 1.0 / 64.0;
+/// The same for intensities, in the sensor's unit.
+const GRAIN: f64 = 1.0 / 4.0;
 
 /// The returns in the radar's frame, each where its beam saw it: motion during the sweep is not removed.
 pub(super) fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
@@ -23,9 +25,9 @@ pub(super) fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
             continue;
         };
         let range_m = f64::from(point.range_m);
-        data.extend(coarse(range_m * cosine).to_le_bytes());
-        data.extend(coarse(range_m * sine).to_le_bytes());
-        data.extend(point.intensity.to_le_bytes());
+        data.extend(coarse(range_m * cosine, GRAIN_M).to_le_bytes());
+        data.extend(coarse(range_m * sine, GRAIN_M).to_le_bytes());
+        data.extend(coarse(f64::from(point.intensity), GRAIN).to_le_bytes());
     }
     PointCloud {
         timestamp: timestamp(message.head.header.stamp_ns),
@@ -48,8 +50,8 @@ pub(super) fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
 /// x, y, intensity.
 const STRIDE: usize = 12;
 
-fn coarse(value_m: f64) -> f32 {
-    ((value_m / GRAIN_M).round() * GRAIN_M) as f32
+fn coarse(value: f64, grain: f64) -> f32 {
+    ((value / grain).round() * grain) as f32
 }
 
 #[cfg(test)]
@@ -67,7 +69,7 @@ mod tests {
         };
         let at = |beam, range_m| Return {
             range_m,
-            intensity: 9.5,
+            intensity: 9.6,
             beam,
             bin: 0,
         };
@@ -80,6 +82,6 @@ mod tests {
             .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
             .collect();
         assert_eq!(cloud.point_stride, 12);
-        assert_eq!(values, [2.0, 0.0, 9.5, 0.0, 3.003_906_2, 9.5]);
+        assert_eq!(values, [2.0, 0.0, 9.5, 0.0, 3.0, 9.5]);
     }
 }

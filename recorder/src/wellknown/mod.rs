@@ -32,6 +32,9 @@ const TRANSFORMS: &str = "view/transforms";
 const POINTS: &str = "view/points";
 const GRID: &str = "view/grid";
 
+/// A cloud is shown once a second, give or take a sweep: each takes as much as its scan does.
+const CLOUD_PERIOD_NS: i64 = 950_000_000;
+
 /// The channel of a topic for viewers; `None` for any other.
 pub fn channel(topic: &str) -> Option<Channel> {
     use foxglove::messages::{FrameTransforms, Grid, PointCloud, PoseInFrame};
@@ -62,6 +65,7 @@ fn channel_of<T: Encode>(topic: &str) -> Channel {
 #[derive(Debug)]
 pub struct Viewer {
     robot: Robot,
+    cloud_ns: Option<i64>,
     correction: Option<Correction>,
     tiles: Tiles,
 }
@@ -71,6 +75,7 @@ impl Viewer {
     pub fn new(robot: Robot) -> Self {
         Self {
             robot,
+            cloud_ns: None,
             correction: None,
             tiles: Tiles::default(),
         }
@@ -92,13 +97,23 @@ impl Viewer {
             let read = Message::<MapperCorrection>::from_bytes(&raw.bytes);
             self.correction = read.map(|message| *message.head).or(self.correction);
         } else if raw.topic == RadarPoints::NAME {
-            if let Some(points) = Message::<RadarPoints>::from_bytes(&raw.bytes) {
-                out.extend(message(POINTS, raw, &cloud::of_points(points.as_ref())));
-            }
+            self.see_points(raw, out);
         } else if raw.topic == MapperGrid::NAME
             && let Some(tile) = Message::<MapperGrid>::from_bytes(&raw.bytes)
         {
             self.tiles.take(tile);
+        }
+    }
+
+    fn see_points(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
+        let now_ns = raw.label.time_ns;
+        let is_early = |last_ns: i64| (0..CLOUD_PERIOD_NS).contains(&(now_ns - last_ns));
+        if self.cloud_ns.is_some_and(is_early) {
+            return;
+        }
+        if let Some(points) = Message::<RadarPoints>::from_bytes(&raw.bytes) {
+            self.cloud_ns = Some(now_ns);
+            out.extend(message(POINTS, raw, &cloud::of_points(points.as_ref())));
         }
     }
 
