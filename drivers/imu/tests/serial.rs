@@ -148,6 +148,7 @@ fn silence_is_noticed_and_its_end_too() {
         let begin = Instant::now();
         let _emulated = drive.serial(protocol, &["silence@3+3"]);
         let mut driven = Driven::new(&drive.config(source));
+        driven.until_samples(1);
         driven.until_text("no sample for over 0.5 s");
         let noticed = begin.elapsed().as_secs_f64();
         assert!((3.4..5.0).contains(&noticed), "{noticed}");

@@ -195,6 +195,7 @@ fn a_server_that_hangs_is_left_and_found_again() {
     let begin = Instant::now();
     let (_emulated, address) = serve(&drive, any_port(), &["silence@2+8"]);
     let mut driven = Driven::new(&config(address));
+    driven.until_samples(1);
     driven.until_text("sends no sample for over 0.5 s");
     driven.until_text("is gone; waiting for it");
     driven.until("back", |driven| driven.imu.link().streams());
