@@ -70,12 +70,17 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-imu",
             "randt-mapper",
             "randt-odometry",
+<<<<<<< HEAD
             "randt-radar",
+=======
+            "randt-recorder",
+>>>>>>> main
             "randt-stage",
         ],
     ),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
+    ("foxglove", &["randt-recorder"]),
     ("iceoryx2", &["randt-stage"]),
     ("indicatif", &["randt"]),
     ("libloading", &["randt-imu"]),
@@ -95,10 +100,13 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-emulator",
             "randt-imu",
             "randt-radar",
+<<<<<<< HEAD
+=======
+            "randt-recorder",
+>>>>>>> main
             "randt-stage",
         ],
     ),
-    ("serialport", &["randt-imu"]),
     ("toml", &["randt-config"]),
     ("wide", &["randt-ndt"]),
 ];
@@ -259,7 +267,12 @@ fn dependencies_are_as_agreed() {
 /// Whoever computes offline builds neither shared memory nor the process shell.
 #[test]
 fn the_libraries_do_without_the_process_shell() {
-    for package in ["randt-filter", "randt-odometry", "randt-mapper"] {
+    for package in [
+        "randt-filter",
+        "randt-odometry",
+        "randt-mapper",
+        "randt-recorder",
+    ] {
         let output = Command::new(env!("CARGO"))
             .args(["tree", "--locked", "--offline", "--package", package])
             .args([
