@@ -70,11 +70,8 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-imu",
             "randt-mapper",
             "randt-odometry",
-<<<<<<< HEAD
             "randt-radar",
-=======
             "randt-recorder",
->>>>>>> main
             "randt-stage",
         ],
     ),
@@ -100,10 +97,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-emulator",
             "randt-imu",
             "randt-radar",
-<<<<<<< HEAD
-=======
             "randt-recorder",
->>>>>>> main
             "randt-stage",
         ],
     ),
