@@ -70,25 +70,36 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-imu",
             "randt-mapper",
             "randt-odometry",
+            "randt-radar",
+            "randt-recorder",
             "randt-stage",
         ],
     ),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
+    ("foxglove", &["randt-recorder"]),
     ("iceoryx2", &["randt-stage"]),
     ("indicatif", &["randt"]),
     ("libloading", &["randt-imu"]),
     ("lz4_flex", &["randt-readers"]),
     ("mcap", &["randt-log", "randt-readers"]),
     ("memmap2", &["randt-stage"]),
+    ("nix", &["randt-radar"]),
     ("plotters", &["randt-evaluation"]),
     ("postcard", &["randt-mapper"]),
-    ("png", &["randt-readers"]),
+    ("png", &["randt-radar", "randt-readers"]),
     ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),
     (
         "rustix",
-        &["randt", "randt-emulator", "randt-imu", "randt-stage"],
+        &[
+            "randt",
+            "randt-emulator",
+            "randt-imu",
+            "randt-radar",
+            "randt-recorder",
+            "randt-stage",
+        ],
     ),
     ("toml", &["randt-config"]),
     ("wide", &["randt-ndt"]),
@@ -250,7 +261,12 @@ fn dependencies_are_as_agreed() {
 /// Whoever computes offline builds neither shared memory nor the process shell.
 #[test]
 fn the_libraries_do_without_the_process_shell() {
-    for package in ["randt-filter", "randt-odometry", "randt-mapper"] {
+    for package in [
+        "randt-filter",
+        "randt-odometry",
+        "randt-mapper",
+        "randt-recorder",
+    ] {
         let output = Command::new(env!("CARGO"))
             .args(["tree", "--locked", "--offline", "--package", package])
             .args([

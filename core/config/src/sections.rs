@@ -298,10 +298,29 @@ section! {
 }
 
 section! {
-    /// What is recorded beside the log.
+    /// What is recorded, and where.
     pub struct Record {
         /// Folder for every sweep of a Navtech with all its bins, as polar images in the Oxford data set's format, which
         /// `randt run` reads: for researchers, some 4 MB a second. Empty: none.
         pub dense: String = String::new(),
+        /// Folder of the logs; a relative one is below the folder that the recorder was started in.
+        pub folder: String = "randt-logs".to_owned(),
+        /// Recording stops where less than this would be left on the disk, GB of 10^9 bytes, and goes on when there is more:
+        /// the map's journal and the system need room too.
+        pub free_min_gb: f64 = 2.0 => NotNegative,
+        /// Delete the oldest finished log in the folder instead of stopping there.
+        pub delete_oldest: bool = false,
+        /// A log ends and the next one begins at this size, MB: small enough to be copied over a radio link.
+        pub file_max_mb: f64 = 512.0 => Positive,
+        /// ... or at this age, s.
+        pub file_max_s: f64 = 1800.0 => Positive,
+        /// Messages are compressed together for so long, s: what a killed recorder loses. A power cut costs up to a second,
+        /// because the disk is asked to keep what it has that often.
+        pub chunk_s: f64 = 0.5 => Within(0.05, 1.0),
+        /// Level of the compression (zstd). 3 leaves 3 % more on the disk, 19 a tenth less at thirty times the work.
+        pub zstd_level: u32 = 5 => Within(1.0, 19.0),
+        /// Names of topics that are not recorded, separated by blanks, such as "radar/points/v1 odometry/keyframe/v1": what
+        /// the pipeline computes it computes again from radar/scan and imu/sample.
+        pub leave_out: String = String::new(),
     }
 }

@@ -83,6 +83,11 @@ impl Chunk {
         Ok(None)
     }
 
+    /// Whether the file ends inside it.
+    pub(crate) fn is_cut(&self) -> bool {
+        self.cut
+    }
+
     /// The chunk's memory, for the next one.
     pub(crate) fn into_memory(self) -> Vec<u8> {
         self.input

@@ -1,19 +1,72 @@
 //! One message of a log, still in the reader's memory.
 
-use crate::Error;
+use crate::{Error, describe};
 use randt_messages::{Message, Topic};
 
+/// How our messages are serialised, and how their schema is written.
+const ENCODING: &str = "randt";
+const SCHEMA_ENCODING: &str = "randt-layout";
+
+/// Where the stamp stands: every head begins with a header.
+const STAMP: usize = core::mem::offset_of!(randt_messages::Header, stamp_ns);
+
 /// A topic as a log declares it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Channel {
     /// Name with version.
     pub topic: String,
     /// Type name with layout hash; empty where the log has none.
     pub type_name: String,
-    /// How its messages are serialised: `randt` in our logs, `cdr` or `ros1` in ROS bags.
+    /// How its messages are serialised: `randt` for ours, `protobuf` for viewers, `cdr` or `ros1` in ROS bags.
     pub message_encoding: String,
+    /// How the schema is written: `randt-layout`, `protobuf`, `ros2msg`; empty where there is none.
+    pub schema_encoding: String,
+    /// What a message holds, for readers that do not know.
+    pub schema: Vec<u8>,
     /// Messages read so far.
     pub messages: u64,
+}
+
+impl Channel {
+    /// The channel of one of our topics.
+    pub fn of<T: Topic>() -> Self {
+        Self {
+            topic: T::NAME.to_owned(),
+            type_name: T::TYPE_NAME.to_owned(),
+            message_encoding: ENCODING.to_owned(),
+            schema_encoding: SCHEMA_ENCODING.to_owned(),
+            schema: describe::<T>().into_bytes(),
+            messages: 0,
+        }
+    }
+
+    /// Whether its messages are serialised as they are on our bus.
+    pub fn is_ours(&self) -> bool {
+        self.message_encoding == ENCODING
+    }
+}
+
+/// What a log says of a message beside its bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Label {
+    /// Low half of the message's sequence number.
+    pub sequence: u32,
+    /// When it was published; its stamp where nobody knows.
+    pub time_ns: i64,
+}
+
+impl Label {
+    /// The label of one of our messages.
+    pub fn of(header: &randt_messages::Header) -> Self {
+        Self {
+            // MCAP has 32 bits for it; the message itself holds all 64.
+            sequence: header.sequence as u32,
+            time_ns: match header.published_ns {
+                0 => header.stamp_ns,
+                known => known,
+            },
+        }
+    }
 }
 
 /// One message, borrowed from the reader.
@@ -23,8 +76,8 @@ pub struct Entry<'a> {
     pub channel: &'a Channel,
     /// Low half of the message's sequence number.
     pub sequence: u32,
-    /// The message's stamp.
-    pub stamp_ns: i64,
+    /// When it was published; its stamp where nobody knew.
+    pub time_ns: i64,
     /// Where the record or chunk that holds it begins in the file.
     pub offset: u64,
     /// The message's bytes as they were on the bus.
@@ -34,6 +87,23 @@ pub struct Entry<'a> {
 }
 
 impl Entry<'_> {
+    /// The message's own stamp; where only its own program finds it, when it was published.
+    pub fn stamp_ns(&self) -> i64 {
+        let stamp = self.bytes.get(STAMP..).and_then(|rest| rest.first_chunk());
+        match stamp {
+            Some(stamp) if self.channel.is_ours() => i64::from_le_bytes(*stamp),
+            _ => self.time_ns,
+        }
+    }
+
+    /// What the log says of the message beside its bytes.
+    pub fn label(&self) -> Label {
+        Label {
+            sequence: self.sequence,
+            time_ns: self.time_ns,
+        }
+    }
+
     /// The message, `None` where it is of another topic.
     pub fn decode<T: Topic>(&self) -> Result<Option<Message<T>>, Error> {
         if self.channel.topic != T::NAME {

@@ -70,6 +70,11 @@ impl LogFile {
         self.writer.write(message)
     }
 
+    /// What writes into it, for channels of any encoding.
+    pub fn writer(&mut self) -> &mut LogWriter<impl std::io::Write + std::io::Seek + use<>> {
+        &mut self.writer
+    }
+
     /// Ends the log, brings it to the disk and gives it its name. Returns its size in bytes.
     pub fn finish(self) -> Result<u64, Error> {
         let Self {

@@ -25,6 +25,7 @@
 //! ```
 
 mod chunk;
+mod copy;
 mod damage;
 mod description;
 mod entry;
@@ -33,14 +34,21 @@ mod file;
 mod lengths;
 mod reader;
 mod robot;
+mod stream;
+mod sums;
+mod topics;
 mod writer;
 
+pub use copy::copy;
 pub use damage::{Damage, DamageKind};
 pub use description::describe;
-pub use entry::{Channel, Entry};
+pub use entry::{Channel, Entry, Label};
 pub use error::Error;
 pub use file::LogFile;
 pub use lengths::lengths_fit;
 pub use reader::LogReader;
 pub use robot::{ROBOT_METADATA, Robot};
-pub use writer::{Compression, LogWriter, Options};
+pub use stream::LogStream;
+pub use sums::check_sums;
+pub use topics::{channel_of, channels};
+pub use writer::{ChannelId, Compression, LogWriter, Options};

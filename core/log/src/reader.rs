@@ -26,11 +26,15 @@ pub struct LogReader<R> {
     spare: Vec<u8>,
     written_by: String,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
-    schemas: BTreeMap<u16, String>,
+    schemas: BTreeMap<u16, Schema>,
     channels: BTreeMap<u16, Channel>,
     damage: Vec<Damage>,
+    whole_chunks_only: bool,
     ended: bool,
 }
+
+/// Name, encoding and text of a schema.
+type Schema = (String, String, Vec<u8>);
 
 impl LogReader<BufReader<File>> {
     /// Opens a file.
@@ -59,10 +63,19 @@ impl<R: Read + Seek> LogReader<R> {
             schemas: BTreeMap::new(),
             channels: BTreeMap::new(),
             damage: Vec::new(),
+            whole_chunks_only: false,
             ended: false,
         };
         reader.begin()?;
         Ok(reader)
+    }
+
+    /// From now on a chunk that is cut gives nothing: what it holds has no checksum.
+    pub fn whole_chunks_only(&mut self) {
+        self.whole_chunks_only = true;
+        if self.chunk.as_ref().is_some_and(|(_, chunk)| chunk.is_cut()) {
+            self.chunk = None;
+        }
     }
 
     /// The next message, `None` at the end. An error is the operating system's and ends the reading.
@@ -93,6 +106,11 @@ impl<R: Read + Seek> LogReader<R> {
     /// A metadata record by name, as far as the file was read: all that stand before the first message.
     pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
         self.metadata.get(name)
+    }
+
+    /// All metadata records, as far as the file was read.
+    pub fn all_metadata(&self) -> &BTreeMap<String, BTreeMap<String, String>> {
+        &self.metadata
     }
 
     /// The robot that the log was recorded on; nothing known where the log does not say.
@@ -305,22 +323,26 @@ impl<R: Read + Seek> LogReader<R> {
             Ok(Record::Metadata(record)) => {
                 self.metadata.insert(record.name, record.metadata);
             }
-            Ok(Record::Schema { header, .. }) => {
-                self.schemas.insert(header.id, header.name);
+            Ok(Record::Schema { header, data }) => {
+                let schema = (header.name, header.encoding, data.into_owned());
+                self.schemas.insert(header.id, schema);
             }
             Ok(Record::Channel(record)) => {
-                let type_name = self
-                    .schemas
-                    .get(&record.schema_id)
-                    .cloned()
-                    .unwrap_or_default();
+                // Every chunk may declare it again.
+                if self.channels.contains_key(&record.id) {
+                    return;
+                }
+                let schema = self.schemas.get(&record.schema_id).cloned();
+                let (type_name, schema_encoding, schema) = schema.unwrap_or_default();
                 let channel = Channel {
                     topic: record.topic,
                     type_name,
                     message_encoding: record.message_encoding,
+                    schema_encoding,
+                    schema,
                     messages: 0,
                 };
-                self.channels.entry(record.id).or_insert(channel);
+                self.channels.insert(record.id, channel);
             }
             Ok(_) => {}
             Err(error) => {
@@ -338,7 +360,7 @@ impl<R: Read + Seek> LogReader<R> {
         Some(Entry {
             channel,
             sequence: u32::from_le_bytes(*header.get(2..)?.first_chunk()?),
-            stamp_ns: i64::from_le_bytes(*header.get(6..)?.first_chunk()?),
+            time_ns: i64::from_le_bytes(*header.get(6..)?.first_chunk()?),
             offset,
             bytes,
             path: &self.path,

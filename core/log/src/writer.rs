@@ -1,6 +1,6 @@
 //! Writes a log into anything that can seek.
 
-use crate::{Error, description::describe};
+use crate::{Channel, Error, Label};
 use mcap::records::{MessageHeader, Metadata};
 use randt_messages::{MessageRef, Topic};
 use std::collections::BTreeMap;
@@ -23,6 +23,12 @@ pub enum Compression {
 pub struct Options {
     /// Compression of chunks.
     pub compression: Compression,
+    /// Level of the compression; 0 leaves it to the library.
+    pub level: u32,
+    /// A chunk ends when it has more bytes than this, before compression.
+    pub chunk_bytes: u64,
+    /// What MCAP calls a profile: whose conventions the log follows.
+    pub profile: &'static str,
     /// Program and version that writes, for whoever finds a layout that he does not know.
     pub written_by: String,
 }
@@ -31,6 +37,10 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             compression: Compression::default(),
+            level: 0,
+            // MCAP's own default.
+            chunk_bytes: 1 << 20,
+            profile: "randt",
             written_by: concat!("randt-log ", env!("CARGO_PKG_VERSION")).to_owned(),
         }
     }
@@ -43,13 +53,27 @@ pub struct LogWriter<W: Write + Seek> {
     path: String,
     inner: mcap::Writer<W>,
     // A handful of topics: a list is the quickest map.
-    channels: Vec<(&'static str, u16)>,
+    channels: Vec<(&'static str, ChannelId)>,
     bytes: Vec<u8>,
 }
+
+/// A channel that a log has declared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChannelId(u16);
 
 impl<W: Write + Seek> LogWriter<W> {
     /// Begins a log; `path` is named in errors.
     pub fn new(sink: W, path: impl Into<String>, options: Options) -> Result<Self, Error> {
+        Self::with(sink, path, options, false)
+    }
+
+    /// The same; `append_only`: chunks are put together in memory, and nothing that was written is ever changed.
+    pub(crate) fn with(
+        sink: W,
+        path: impl Into<String>,
+        options: Options,
+        append_only: bool,
+    ) -> Result<Self, Error> {
         let path = path.into();
         let compression = match options.compression {
             Compression::None => None,
@@ -57,9 +81,12 @@ impl<W: Write + Seek> LogWriter<W> {
             Compression::Zstd => Some(mcap::Compression::Zstd),
         };
         let created = mcap::WriteOptions::new()
-            .profile("randt")
+            .profile(options.profile)
             .library(options.written_by)
             .compression(compression)
+            .compression_level(options.level)
+            .chunk_size(Some(options.chunk_bytes))
+            .disable_seeking(append_only)
             // No threads: the same bytes on every machine, and a recorder that stays on its core.
             .compression_threads(0)
             .create(sink);
@@ -94,20 +121,47 @@ impl<W: Write + Seek> LogWriter<W> {
 
     /// Writes a message.
     pub fn write<T: Topic>(&mut self, message: MessageRef<'_, T>) -> Result<(), Error> {
-        let channel_id = self.channel::<T>()?;
-        let header = message.header();
-        // MCAP has no negative times.
-        let time_ns = u64::try_from(header.stamp_ns).unwrap_or(0);
-        let record = MessageHeader {
-            channel_id,
-            // MCAP has 32 bits for it; the message itself holds all 64.
-            sequence: header.sequence as u32,
-            log_time: time_ns,
-            publish_time: time_ns,
+        let channel = self.channel::<T>()?;
+        let mut bytes = std::mem::take(&mut self.bytes);
+        bytes.clear();
+        message.write_bytes(&mut bytes);
+        let result = self.write_bytes(channel, Label::of(message.header()), &bytes);
+        self.bytes = bytes;
+        result
+    }
+
+    /// Declares a channel of any encoding; the same one twice is one.
+    pub fn declare(&mut self, channel: &Channel) -> Result<ChannelId, Error> {
+        let schema = match channel.schema_encoding.as_str() {
+            "" => Ok(0),
+            encoding => self
+                .inner
+                .add_schema(&channel.type_name, encoding, &channel.schema),
         };
-        self.bytes.clear();
-        message.write_bytes(&mut self.bytes);
-        let result = self.inner.write_to_known_channel(&record, &self.bytes);
+        let added = schema.and_then(|schema| {
+            let encoding = &channel.message_encoding;
+            self.inner
+                .add_channel(schema, &channel.topic, encoding, &BTreeMap::new())
+        });
+        added.map(ChannelId).map_err(|cause| self.failed(cause))
+    }
+
+    /// Writes a message that is bytes already.
+    pub fn write_bytes(
+        &mut self,
+        channel: ChannelId,
+        label: Label,
+        bytes: &[u8],
+    ) -> Result<(), Error> {
+        // MCAP has no negative times.
+        let time = u64::try_from(label.time_ns).unwrap_or(0);
+        let record = MessageHeader {
+            channel_id: channel.0,
+            sequence: label.sequence,
+            log_time: time,
+            publish_time: time,
+        };
+        let result = self.inner.write_to_known_channel(&record, bytes);
         self.check(result)
     }
 
@@ -131,25 +185,13 @@ impl<W: Write + Seek> LogWriter<W> {
         }
     }
 
-    fn channel<T: Topic>(&mut self) -> Result<u16, Error> {
+    fn channel<T: Topic>(&mut self) -> Result<ChannelId, Error> {
         if let Some((_, id)) = self.channels.iter().find(|(name, _)| *name == T::NAME) {
             return Ok(*id);
         }
-        let schema = describe::<T>();
-        let added = self
-            .inner
-            .add_schema(T::TYPE_NAME, "randt-layout", schema.as_bytes())
-            .and_then(|id| {
-                self.inner
-                    .add_channel(id, T::NAME, "randt", &BTreeMap::new())
-            });
-        match added {
-            Ok(id) => {
-                self.channels.push((T::NAME, id));
-                Ok(id)
-            }
-            Err(cause) => Err(self.failed(cause)),
-        }
+        let id = self.declare(&Channel::of::<T>())?;
+        self.channels.push((T::NAME, id));
+        Ok(id)
     }
 
     fn check(&self, result: mcap::McapResult<()>) -> Result<(), Error> {

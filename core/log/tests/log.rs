@@ -40,6 +40,7 @@ fn log(count: u64, returns: usize, compression: Compression) -> Vec<u8> {
     let options = Options {
         compression,
         written_by: "test 1".to_owned(),
+        ..Options::default()
     };
     let mut writer = LogWriter::new(Cursor::new(Vec::new()), "t", options).unwrap();
     writer
@@ -92,7 +93,7 @@ fn what_is_written_is_read_in_its_order() {
         for sequence in 0..10 {
             let entry = reader.next_entry().unwrap().unwrap();
             assert_eq!(
-                entry.stamp_ns,
+                entry.time_ns,
                 1_700_000_000_000_000_000 + 200_000_000 * sequence as i64
             );
             assert_eq!(
@@ -334,4 +335,48 @@ proptest! {
             }
         }
     }
+}
+
+#[test]
+fn every_flipped_byte_is_found() {
+    let bytes = log(4, 40, Compression::Zstd);
+    let found = |bytes: &[u8]| {
+        let sums = randt_log::check_sums(bytes).unwrap();
+        let Ok(mut reader) = LogReader::new(Cursor::new(bytes), "t") else {
+            return true;
+        };
+        while reader.next_entry().unwrap().is_some() {}
+        !sums.is_empty() || !reader.damage().is_empty()
+    };
+    assert!(!found(&bytes));
+    for at in 0..bytes.len() {
+        let mut flipped = bytes.clone();
+        flipped[at] ^= 0x10;
+        assert!(found(&flipped), "byte {at} of {}", bytes.len());
+        assert!(found(&bytes[..at]), "cut at {at}");
+    }
+}
+
+#[test]
+fn a_copy_has_the_same_messages() {
+    let bytes = log(6, 40, Compression::Lz4);
+    let mut reader = LogReader::new(Cursor::new(&bytes), "t").unwrap();
+    let mut writer = LogWriter::new(Cursor::new(Vec::new()), "c", Options::default()).unwrap();
+    let kept = randt_log::copy(&mut reader, &mut writer, |entry| entry.sequence > 2).unwrap();
+    assert_eq!(kept, 6);
+    let copy = writer.finish().unwrap().into_inner();
+    let mut first = LogReader::new(Cursor::new(&copy), "c").unwrap();
+    assert!(first.metadata(randt_log::ROBOT_METADATA).is_some());
+    let mut second = LogReader::new(Cursor::new(&bytes), "t").unwrap();
+    while let Some(entry) = second.next_entry().unwrap() {
+        if entry.sequence > 2 {
+            let same = first.next_entry().unwrap().unwrap();
+            assert_eq!(
+                (same.channel.schema.clone(), same.bytes),
+                (entry.channel.schema.clone(), entry.bytes)
+            );
+            assert_eq!(same.label(), entry.label());
+        }
+    }
+    assert!(first.next_entry().unwrap().is_none());
 }

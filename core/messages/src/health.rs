@@ -2,8 +2,8 @@
 
 use crate::{Header, plain, topic};
 
-/// Most ports of a stage that are reported.
-pub const HEALTH_PORTS: usize = 8;
+/// Most ports of a stage that are reported: the recorder reads every topic.
+pub const HEALTH_PORTS: usize = 12;
 
 /// What a stage does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -21,6 +21,7 @@
 //! ```
 
 mod checkpoint;
+mod drop;
 pub mod health;
 mod imu;
 mod keyframe;
@@ -32,6 +33,7 @@ mod topic;
 mod truth;
 
 pub use checkpoint::PoseRecord;
+pub use drop::{DropCause, LogDrop, LogDropTopic};
 pub use health::{HEALTH_PORTS, PortHealth, StageHealth, StageHealthTopic, StageState};
 pub use imu::{ImuSample, ImuSampleTopic};
 pub use keyframe::{Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint};

@@ -36,6 +36,11 @@ impl Clock {
         }
     }
 
+    /// What is added to the time since the boot, ns.
+    pub fn anchor_ns(&self) -> i64 {
+        self.anchor_ns
+    }
+
     /// Now, ns.
     pub fn now_ns(&self) -> i64 {
         nanoseconds(ClockId::Boottime) + self.anchor_ns

@@ -73,6 +73,11 @@ impl<T: Topic> Subscriber<T> {
         }
     }
 
+    /// Messages that were missed so far.
+    pub fn missed(&self) -> u64 {
+        self.counters.health().lost
+    }
+
     /// Continues the count of what is missed after a message that this stage had before it was restarted.
     pub fn continue_after(&mut self, epoch: u64, sequence: u64) {
         self.last = Some((epoch, sequence));

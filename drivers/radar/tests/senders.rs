@@ -18,13 +18,14 @@ fn docs(name: &str) -> PathBuf {
 }
 
 /// Starts a sender and takes its sweeps.
-fn listen(start: impl FnOnce(&str) -> Child) {
+fn listen(ip: &str, start: impl FnOnce(&str) -> Child) {
     let port = {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.local_addr().unwrap().port()
     };
     let mut config = Config::default();
-    config.radar.address = format!("127.0.0.1:{port}");
+    config.radar.address = format!("{ip}:{port}");
+    config.radar.interface = "127.0.0.1".to_owned();
     config.radar.receive_buffer_bytes = 100_000;
     let mut radar = Radar::new(&config).unwrap();
     let now_ns = || {
@@ -72,7 +73,7 @@ fn the_sender_in_c() {
         .status()
         .expect("cc");
     assert!(compiled.success());
-    listen(|port| {
+    listen("127.0.0.1", |port| {
         let mut command = Command::new(&program);
         command.args(["127.0.0.1", port, SWEEPS]);
         command.spawn().unwrap()
@@ -82,11 +83,37 @@ fn the_sender_in_c() {
 
 #[test]
 fn the_sender_in_python() {
-    listen(|port| {
+    listen("127.0.0.1", |port| {
         let mut command = Command::new("python3");
         command
             .arg(docs("sender.py"))
             .args(["127.0.0.1", port, SWEEPS]);
         command.spawn().expect("python3")
+    });
+}
+
+/// The same to a group, on the loopback interface.
+#[test]
+fn a_group_is_joined() {
+    const PROGRAM: &str = "
+import socket, sys
+sys.path.insert(0, sys.argv.pop(1))
+import sender
+plain = socket.socket
+def on_loopback(*kind):
+    out = plain(*kind)
+    out.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton('127.0.0.1'))
+    return out
+socket.socket = on_loopback
+sender.main()
+";
+    const GROUP: &str = "239.255.77.7";
+    listen(GROUP, |port| {
+        let mut command = Command::new("python3");
+        command.args(["-B", "-c", PROGRAM]).arg(docs(""));
+        command
+            .args([GROUP, port, SWEEPS])
+            .spawn()
+            .expect("python3")
     });
 }

@@ -1,8 +1,8 @@
 //! One kind of message of a log, in order, over and over where that is wanted.
 
 use crate::Error;
-use randt_log::LogReader;
-use randt_messages::{Message, Topic};
+use randt_log::{Entry, LogReader};
+use randt_messages::{ImuSampleTopic, Message, RadarScan, Topic};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -32,7 +32,9 @@ impl<T: Topic> Recording<T> {
             let Some(entry) = reader.next_entry()? else {
                 break None;
             };
-            first_ns.get_or_insert(entry.stamp_ns);
+            if is_measured(&entry) {
+                first_ns.get_or_insert(entry.stamp_ns());
+            }
             if let Some(message) = entry.decode::<T>()? {
                 break Some(message);
             }
@@ -72,8 +74,10 @@ impl<T: Topic> Recording<T> {
 
     fn read(&mut self) -> Result<Option<Message<T>>, Error> {
         while let Some(entry) = self.reader.next_entry()? {
-            // Of all topics, so that two emulators of one log begin again at the same time.
-            self.last_ns = self.last_ns.max(entry.stamp_ns);
+            // Of both sensors, so that two emulators of one log begin again at the same time.
+            if is_measured(&entry) {
+                self.last_ns = self.last_ns.max(entry.stamp_ns());
+            }
             if let Some(message) = entry.decode::<T>()? {
                 return Ok(Some(message));
             }
@@ -92,6 +96,11 @@ impl<T: Topic> Recording<T> {
         self.next = self.read()?;
         Ok(())
     }
+}
+
+/// Whether a message has the log's own time; what stages said meanwhile may have another clock's.
+fn is_measured(entry: &Entry<'_>) -> bool {
+    [RadarScan::NAME, ImuSampleTopic::NAME].contains(&entry.channel.topic.as_str())
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use crate::merge::InOrder;
 use crate::oxford::OxfordFolder;
 use crate::ros::{Recording, RosSource};
 use crate::{Error, Options, Source, ros1, ros2};
-use randt_log::LogReader;
+use randt_log::{LogReader, ROBOT_METADATA};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -57,11 +57,14 @@ fn ros_source(
     Ok(Box::new(InOrder::new(source)))
 }
 
-/// Whether an MCAP file is our own log; also where it has no message.
+/// Whether an MCAP file is our own log; also where it has no message, or a viewer's first.
 fn is_ours(path: &Path) -> Result<bool, Error> {
     let mut reader = LogReader::open(path)?;
+    if reader.metadata(ROBOT_METADATA).is_some() {
+        return Ok(true);
+    }
     let first = reader.next_entry()?;
-    Ok(first.is_none_or(|entry| entry.channel.message_encoding == "randt"))
+    Ok(first.is_none_or(|entry| entry.channel.is_ours()))
 }
 
 fn first_bytes(path: &Path) -> Result<Vec<u8>, Error> {

@@ -10,7 +10,9 @@ mod eval;
 mod graph;
 mod import;
 mod imu;
+mod log;
 mod play;
+mod record;
 mod register;
 mod run;
 mod simulate;
@@ -37,6 +39,10 @@ pub enum Command {
     Up(up::Arguments),
     /// Publish a recording to the pipeline as the drivers would
     Play(play::Arguments),
+    /// Record every topic of the pipeline until Ctrl-C
+    Record(record::Arguments),
+    /// Look into a log, check it, recover it, cut it, export it
+    Log(log::Arguments),
     /// Stand in for sensors that are not there, in their own protocols
     Emulate(emulate::Arguments),
     /// Watch the pipeline: stages, topics, latency, pose and map
@@ -68,6 +74,8 @@ impl Command {
             Self::Import(arguments) => import::run(arguments),
             Self::Up(arguments) => up::run(arguments),
             Self::Play(arguments) => play::run(arguments),
+            Self::Record(arguments) => record::run(&arguments),
+            Self::Log(arguments) => log::run(arguments),
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),

@@ -154,7 +154,7 @@ impl Recording for McapBag {
                 .iter()
                 .position(same)
                 .unwrap_or(self.channels.len()),
-            arrival_ns: entry.stamp_ns,
+            arrival_ns: entry.time_ns,
             offset: entry.offset,
             bytes: entry.bytes,
         }))

@@ -1,0 +1,167 @@
+//! The sink that is a folder on a disk.
+
+use crate::Sink;
+use rustix::fs::{CWD, RenameFlags, renameat_with, statvfs};
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// How names of logs end, finished and not.
+const ENDING: &str = "mcap";
+const ACTIVE: &str = ".active";
+
+/// A folder of logs. It is made where it is missing, again and again.
+#[derive(Debug)]
+pub struct Disk {
+    folder: PathBuf,
+    file: Option<OpenFile>,
+}
+
+#[derive(Debug)]
+struct OpenFile {
+    file: File,
+    active: PathBuf,
+    path: PathBuf,
+}
+
+impl Disk {
+    /// A folder, which need not be there yet.
+    pub fn new(folder: &Path) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            file: None,
+        }
+    }
+
+    fn open_file(&mut self) -> io::Result<&mut OpenFile> {
+        self.file.as_mut().ok_or(io::ErrorKind::NotFound.into())
+    }
+
+    /// New names outlive a power cut only with their folder.
+    fn sync_folder(&self) -> io::Result<()> {
+        File::open(&self.folder)?.sync_all()
+    }
+}
+
+impl OpenFile {
+    /// Whether it is still found under its name: writing to a deleted file fails nowhere.
+    fn is_there(&self) -> io::Result<()> {
+        let (ours, found) = (self.file.metadata()?, fs::metadata(&self.active)?);
+        if (ours.dev(), ours.ino()) == (found.dev(), found.ino()) {
+            Ok(())
+        } else {
+            Err(io::Error::new(
+                io::ErrorKind::NotFound,
+                format!("{}: is another file now", self.active.display()),
+            ))
+        }
+    }
+}
+
+impl Sink for Disk {
+    fn create(&mut self, name: &str) -> io::Result<()> {
+        fs::create_dir_all(&self.folder)?;
+        let path = self.folder.join(name);
+        if path.exists() {
+            return Err(io::ErrorKind::AlreadyExists.into());
+        }
+        let mut active = OsString::from(&path);
+        active.push(ACTIVE);
+        let active = PathBuf::from(active);
+        let file = File::options().write(true).create_new(true).open(&active)?;
+        self.sync_folder()?;
+        self.file = Some(OpenFile { file, active, path });
+        Ok(())
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.open_file()?.file.write_all(bytes)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        let open = self.open_file()?;
+        open.file.sync_data()?;
+        open.is_there()
+    }
+
+    fn finish(&mut self) -> io::Result<()> {
+        let open = self.open_file()?;
+        open.file.sync_all()?;
+        open.is_there()?;
+        renameat_with(CWD, &open.active, CWD, &open.path, RenameFlags::NOREPLACE)?;
+        self.file = None;
+        self.sync_folder()
+    }
+
+    fn abandon(&mut self) {
+        self.file = None;
+    }
+
+    fn discard(&mut self) {
+        if let Some(open) = self.file.take() {
+            // Best effort: the disk is failing.
+            let _ = fs::remove_file(&open.active);
+        }
+    }
+
+    fn free_bytes(&mut self) -> io::Result<u64> {
+        fs::create_dir_all(&self.folder)?;
+        let room = statvfs(&self.folder)?;
+        Ok(room.f_bavail.saturating_mul(room.f_frsize))
+    }
+
+    fn delete_oldest(&mut self) -> io::Result<Option<String>> {
+        let ours = |path: &PathBuf| path.extension().is_some_and(|ending| ending == ENDING);
+        let found = fs::read_dir(&self.folder)?.flatten();
+        // Names are dates.
+        let oldest = found.map(|entry| entry.path()).filter(ours).min();
+        let Some(path) = oldest else {
+            return Ok(None);
+        };
+        fs::remove_file(&path)?;
+        Ok(Some(path.display().to_string()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_gets_its_name_when_it_is_finished_and_overwrites_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let logs = folder.path().join("a/b");
+        let mut disk = Disk::new(&logs);
+        disk.create("1.mcap").unwrap();
+        disk.append(b"abc").unwrap();
+        disk.sync().unwrap();
+        assert!(logs.join("1.mcap.active").is_file() && !logs.join("1.mcap").exists());
+        disk.finish().unwrap();
+        assert_eq!(fs::read(logs.join("1.mcap")).unwrap(), b"abc");
+        let taken = disk.create("1.mcap").unwrap_err();
+        assert_eq!(taken.kind(), io::ErrorKind::AlreadyExists);
+        assert!(disk.free_bytes().unwrap() > 0);
+        assert!(disk.delete_oldest().unwrap().is_some());
+        assert!(disk.delete_oldest().unwrap().is_none());
+    }
+
+    #[test]
+    fn a_file_whose_folder_was_removed_does_not_pass_for_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let logs = folder.path().join("logs");
+        let mut disk = Disk::new(&logs);
+        disk.create("1.mcap").unwrap();
+        fs::remove_dir_all(&logs).unwrap();
+        disk.append(b"abc").unwrap();
+        assert!(disk.sync().is_err() && disk.finish().is_err());
+        disk.abandon();
+        disk.create("0.mcap").unwrap();
+        disk.discard();
+        assert_eq!(fs::read_dir(&logs).unwrap().count(), 0);
+        disk.create("1.mcap").unwrap();
+        disk.finish().unwrap();
+        assert!(logs.join("1.mcap").is_file());
+    }
+}

@@ -1,0 +1,69 @@
+//! What was not recorded: counted by topic and cause until it can be written.
+
+use randt_messages::{DropCause, Header, LogDrop, health::fixed_text};
+
+/// Drops that no log tells of yet.
+#[derive(Debug, Default)]
+pub struct Drops {
+    waiting: Vec<Drop>,
+    total: u64,
+}
+
+#[derive(Debug)]
+struct Drop {
+    topic: &'static str,
+    cause: DropCause,
+    count: u64,
+    begin_ns: i64,
+    end_ns: i64,
+}
+
+impl Drops {
+    /// Counts messages of a topic that were not recorded.
+    pub fn note(&mut self, topic: &'static str, cause: DropCause, count: u64, now_ns: i64) {
+        if cause != DropCause::Missed {
+            self.total += count;
+        }
+        let same = |drop: &&mut Drop| drop.topic == topic && drop.cause == cause;
+        match self.waiting.iter_mut().find(same) {
+            Some(drop) => {
+                drop.count += count;
+                drop.end_ns = now_ns;
+            }
+            None => self.waiting.push(Drop {
+                topic,
+                cause,
+                count,
+                begin_ns: now_ns,
+                end_ns: now_ns,
+            }),
+        }
+    }
+
+    /// All messages that were ever dropped here; those that were missed the ports count.
+    pub fn total(&self) -> u64 {
+        self.total
+    }
+
+    /// What is to be written; it then counts as told.
+    pub fn take(&mut self) -> Vec<LogDrop> {
+        self.waiting.drain(..).map(|drop| drop.message()).collect()
+    }
+}
+
+impl Drop {
+    fn message(&self) -> LogDrop {
+        LogDrop {
+            header: Header {
+                stamp_ns: self.end_ns,
+                ..Header::default()
+            },
+            begin_ns: self.begin_ns,
+            end_ns: self.end_ns,
+            count: self.count,
+            topic: fixed_text(self.topic),
+            cause: self.cause as u32,
+            reserved: 0,
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! The recorder: every topic into MCAP files, on a disk that may stall, fill up, break or vanish.
+//!
+//! Responsible for that nothing older than about a second is ever lost, that what is not recorded is counted, and that no
+//! disk ever holds the pipeline up: the stage's thread copies messages into a [`Queue`], a thread of its own brings them
+//! to the disk. Not responsible for the container (`randt-log`).
+
+mod date;
+mod disk;
+mod drops;
+mod metadata;
+mod open_log;
+#[cfg(feature = "process")]
+pub mod process;
+mod queue;
+mod raw;
+mod recorder;
+mod settings;
+mod sink;
+pub mod wellknown;
+mod worker;
+
+pub use disk::Disk;
+pub use drops::Drops;
+pub use metadata::{
+    CLOCK_METADATA, CONFIG_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA,
+    of_configuration, of_machine, says,
+};
+pub use queue::{BUDGET, Queue};
+pub use raw::Raw;
+pub use recorder::{Metadata, Preamble, Recorder, SYNC_NS, Settings, Trouble};
+pub use sink::Sink;
+pub use worker::{Condition, Worker};

@@ -1,0 +1,124 @@
+//! What a log says of itself at its beginning, and how its channels are declared.
+
+use crate::wellknown;
+use randt_config::{Config, Loaded};
+use randt_geometry::Quaternion;
+use randt_log::{Channel, ROBOT_METADATA, Robot, channels};
+use randt_messages::SensorKind;
+use std::collections::BTreeMap;
+use std::fs;
+
+/// Names of the metadata records beside [`ROBOT_METADATA`].
+pub const CONFIG_METADATA: &str = "randt/config";
+/// Who wrote what: stages and their versions.
+pub const VERSIONS_METADATA: &str = "randt/versions";
+/// Type name of every topic.
+pub const LAYOUTS_METADATA: &str = "randt/layouts";
+/// The machine.
+pub const MACHINE_METADATA: &str = "randt/machine";
+/// How stamps become dates.
+pub const CLOCK_METADATA: &str = "randt/clock";
+
+type Says = BTreeMap<String, String>;
+
+/// The channel of a topic, of ours or for viewers; one that nobody knows has no schema.
+pub(crate) fn channel_of(topic: &str) -> Channel {
+    let ours = randt_log::channel_of(topic);
+    ours.or_else(|| wellknown::channel(topic))
+        .unwrap_or_default()
+}
+
+/// What follows from the configuration: how to read the log again. It is the same in every file of a run.
+pub fn of_configuration(loaded: &Loaded) -> Vec<(&'static str, Says)> {
+    let layouts = channels().into_iter();
+    vec![
+        (ROBOT_METADATA, robot(&loaded.config).to_metadata()),
+        (CONFIG_METADATA, says([("toml", loaded.to_toml())])),
+        (
+            LAYOUTS_METADATA,
+            layouts.map(|c| (c.topic, c.type_name)).collect(),
+        ),
+    ]
+}
+
+/// The machine: for whoever wonders why a run was slow.
+pub fn of_machine() -> (&'static str, Says) {
+    let line = |path: &str| {
+        let text = fs::read_to_string(path).unwrap_or_default();
+        text.trim().to_owned()
+    };
+    let processors = std::thread::available_parallelism().map_or(0, usize::from);
+    let cpuinfo = line("/proc/cpuinfo");
+    let model = cpuinfo
+        .lines()
+        .find_map(|line| line.strip_prefix("model name")?.split_once(": "))
+        .map_or("", |(_, model)| model);
+    let says = says([
+        ("host", line("/proc/sys/kernel/hostname")),
+        ("system", std::env::consts::OS.to_owned()),
+        ("architecture", std::env::consts::ARCH.to_owned()),
+        ("kernel", line("/proc/sys/kernel/osrelease")),
+        ("boot_id", line("/proc/sys/kernel/random/boot_id")),
+        ("processor", model.to_owned()),
+        ("processors", processors.to_string()),
+    ]);
+    (MACHINE_METADATA, says)
+}
+
+/// Pairs as a record.
+pub fn says<const N: usize>(pairs: [(&str, String); N]) -> Says {
+    pairs.map(|(key, value)| (key.to_owned(), value)).into()
+}
+
+/// The robot as `randt run LOG` looks for it.
+fn robot(config: &Config) -> Robot {
+    let robot = &config.robot;
+    let kinds = [SensorKind::IsdrC, SensorKind::NavtechCts];
+    let kind = kinds
+        .into_iter()
+        .find(|kind| kind.name() == Some(config.sensor.name.as_str()));
+    let imu =
+        Quaternion::from_roll_pitch_yaw(robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
+    Robot {
+        sensor: kind.unwrap_or(SensorKind::Unknown),
+        radar: Some([robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad]),
+        imu: Some(imu.to_array()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_config::Selection;
+
+    #[test]
+    fn every_topic_of_the_bus_has_its_channel() {
+        let known = channels();
+        for qos in randt_stage::TOPICS {
+            let channel = known.iter().find(|c| c.topic == qos.topic).unwrap();
+            assert_eq!(channel.type_name, qos.type_name);
+            assert_eq!(&channel_of(qos.topic), channel);
+        }
+    }
+
+    #[test]
+    fn the_mounting_reads_back() {
+        let set = vec![
+            "robot.radar_x_m=0.3".to_owned(),
+            "robot.imu_roll_rad=3.0".to_owned(),
+        ];
+        let selection = Selection {
+            set,
+            ..Selection::default()
+        };
+        let loaded = Config::load(&selection).unwrap();
+        let records = of_configuration(&loaded);
+        let robot = Robot::from_metadata(&records[0].1, "x").unwrap();
+        assert_eq!(robot.sensor, SensorKind::IsdrC);
+        assert_eq!(robot.radar, Some([0.3, 0.0, 0.0]));
+        let [w, x, y, z] = robot.imu.unwrap();
+        let (roll, ..) = Quaternion::new(w, x, y, z).roll_pitch_yaw();
+        assert!((roll - 3.0).abs() < 1e-12);
+        assert!(records[1].1["toml"].contains("radar_x_m = 0.3"));
+    }
+}

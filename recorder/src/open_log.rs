@@ -1,0 +1,141 @@
+//! The file that is being written.
+
+use crate::{Raw, Sink, metadata::channel_of, recorder::Metadata, wellknown::Viewer};
+use randt_log::{ChannelId, LogStream, Options};
+use std::io;
+
+/// A log on its way into a sink.
+pub(crate) struct OpenLog {
+    name: String,
+    stream: LogStream,
+    channels: Vec<(&'static str, ChannelId)>,
+    bytes: u64,
+    begun_ns: i64,
+    chunk_ns: i64,
+    synced_ns: i64,
+    /// What viewers see of a message.
+    seen: Vec<Raw>,
+    /// Topics that are not recorded.
+    leave_out: Vec<String>,
+}
+
+impl OpenLog {
+    /// Begins it with what it must say of itself, on the disk before the first message.
+    pub fn begin(
+        name: String,
+        options: Options,
+        leave_out: Vec<String>,
+        metadata: Metadata,
+        now_ns: i64,
+        sink: &mut impl Sink,
+    ) -> io::Result<Self> {
+        let mut stream = LogStream::new(&name, options).map_err(io::Error::other)?;
+        for (record, says) in metadata {
+            stream
+                .write_metadata(record, says)
+                .map_err(io::Error::other)?;
+        }
+        let mut log = Self {
+            name,
+            stream,
+            channels: Vec::new(),
+            bytes: 0,
+            begun_ns: now_ns,
+            chunk_ns: now_ns,
+            synced_ns: now_ns,
+            seen: Vec::new(),
+            leave_out,
+        };
+        log.append(sink)?;
+        sink.sync()?;
+        Ok(log)
+    }
+
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    pub fn is_older(&self, now_ns: i64, than_ns: i64) -> bool {
+        now_ns - self.begun_ns >= than_ns
+    }
+
+    pub fn is_chunk_due(&self, now_ns: i64, after_ns: i64) -> bool {
+        now_ns - self.chunk_ns >= after_ns
+    }
+
+    pub fn is_sync_due(&self, now_ns: i64, after_ns: i64) -> bool {
+        now_ns - self.synced_ns >= after_ns
+    }
+
+    /// Notes that all of it is on the disk.
+    pub fn synced(&mut self, now_ns: i64) {
+        self.synced_ns = now_ns;
+    }
+
+    /// Adds a message and what viewers see of it; goes to the sink where a chunk is full.
+    pub fn write(
+        &mut self,
+        raw: &Raw,
+        viewer: &mut Viewer,
+        sink: &mut impl Sink,
+    ) -> io::Result<()> {
+        if !self.leave_out.iter().any(|topic| topic == raw.topic) {
+            self.put(raw)?;
+        }
+        viewer.see(raw, &mut self.seen);
+        self.write_seen()?;
+        self.append(sink)
+    }
+
+    fn write_seen(&mut self) -> io::Result<()> {
+        let mut seen = std::mem::take(&mut self.seen);
+        for raw in seen.drain(..) {
+            self.put(&raw)?;
+        }
+        self.seen = seen;
+        Ok(())
+    }
+
+    fn put(&mut self, raw: &Raw) -> io::Result<()> {
+        let channel = self.channel(raw.topic)?;
+        let written = self.stream.write_bytes(channel, raw.label, &raw.bytes);
+        written.map_err(io::Error::other)
+    }
+
+    /// Ends the chunk and gives it to the sink.
+    pub fn end_chunk(&mut self, now_ns: i64, sink: &mut impl Sink) -> io::Result<()> {
+        self.chunk_ns = now_ns;
+        self.stream.flush().map_err(io::Error::other)?;
+        self.append(sink)
+    }
+
+    /// Ends the log.
+    pub fn finish(self, sink: &mut impl Sink) -> io::Result<()> {
+        let last = self.stream.finish().map_err(io::Error::other)?;
+        sink.append(&last)?;
+        sink.finish()
+    }
+
+    fn append(&mut self, sink: &mut impl Sink) -> io::Result<()> {
+        let bytes = self.stream.take();
+        if bytes.is_empty() {
+            return Ok(());
+        }
+        self.bytes += bytes.len() as u64;
+        sink.append(&bytes)
+    }
+
+    fn channel(&mut self, topic: &'static str) -> io::Result<ChannelId> {
+        if let Some((_, id)) = self.channels.iter().find(|(name, _)| *name == topic) {
+            return Ok(*id);
+        }
+        let id = self.stream.declare(&channel_of(topic));
+        let id = id.map_err(io::Error::other)?;
+        self.channels.push((topic, id));
+        Ok(id)
+    }
+}

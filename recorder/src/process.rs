@@ -1,0 +1,138 @@
+//! What makes the recorder a stage: all topics, read as they come.
+//!
+//! Only with the feature `process`.
+
+use crate::{
+    CLOCK_METADATA, Preamble, Queue, Raw, VERSIONS_METADATA, of_configuration, of_machine, says,
+};
+use randt_config::Loaded;
+use randt_messages::{
+    ImuSampleTopic, Keyframe, MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic,
+    RadarPoints, RadarScan, StageHealthTopic, Topic,
+};
+use randt_stage::{Clock, Error, Realm, Registry, Stage, Subscriber, Wakes};
+use std::collections::BTreeMap;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// One topic on its way into the queue.
+trait Tap {
+    /// Copies what has come; gives how many messages were missed since it was last asked.
+    fn drain(&mut self, into: &mut Vec<Raw>) -> Result<u64, Error>;
+    fn topic(&self) -> &'static str;
+    fn wakes(&self) -> &dyn Wakes;
+}
+
+struct Reader<T: Topic> {
+    subscriber: Subscriber<T>,
+    missed: u64,
+}
+
+impl<T: Topic> Tap for Reader<T> {
+    fn drain(&mut self, into: &mut Vec<Raw>) -> Result<u64, Error> {
+        while let Some(received) = self.subscriber.receive()? {
+            into.push(Raw::of(received.message()));
+        }
+        let before = std::mem::replace(&mut self.missed, self.subscriber.missed());
+        Ok(self.missed - before)
+    }
+
+    fn topic(&self) -> &'static str {
+        T::NAME
+    }
+
+    fn wakes(&self) -> &dyn Wakes {
+        &self.subscriber
+    }
+}
+
+/// All topics.
+pub struct Inputs {
+    taps: Vec<Box<dyn Tap>>,
+    batch: Vec<Raw>,
+}
+
+impl Inputs {
+    /// Begins to read them; whoever writes hands over what is in reach: what a recorder that was killed did not bring to
+    /// the disk is recorded again.
+    pub fn open(stage: &mut Stage) -> Result<Self, Error> {
+        Ok(Self {
+            taps: vec![
+                reader::<RadarScan>(stage)?,
+                reader::<ImuSampleTopic>(stage)?,
+                reader::<RadarPoints>(stage)?,
+                reader::<OdometryStateTopic>(stage)?,
+                reader::<Keyframe>(stage)?,
+                reader::<MapperCorrection>(stage)?,
+                reader::<MapperGraph>(stage)?,
+                reader::<MapperGrid>(stage)?,
+                reader::<StageHealthTopic>(stage)?,
+            ],
+            batch: Vec::new(),
+        })
+    }
+
+    /// Takes all that has come to the queue, in the order in which it was published.
+    pub fn drain(&mut self, queue: &Queue, clock: Clock) -> Result<(), Error> {
+        for tap in &mut self.taps {
+            let missed = tap.drain(&mut self.batch)?;
+            if missed > 0 {
+                queue.missed(tap.topic(), missed, clock.now_ns());
+            }
+        }
+        self.batch.sort_by_key(|raw| raw.label.time_ns);
+        queue.push(self.batch.drain(..), clock.now_ns());
+        Ok(())
+    }
+
+    /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250 times a second.
+    pub fn wakes(&self) -> Vec<&dyn Wakes> {
+        let slow = self
+            .taps
+            .iter()
+            .filter(|tap| tap.topic() != ImuSampleTopic::NAME);
+        slow.map(|tap| tap.wakes()).collect()
+    }
+
+    /// Names of the topics.
+    pub fn topics(&self) -> impl Iterator<Item = &'static str> {
+        self.taps.iter().map(|tap| tap.topic())
+    }
+}
+
+fn reader<T: Topic>(stage: &mut Stage) -> Result<Box<dyn Tap>, Error> {
+    let subscriber = stage.subscriber::<T>()?;
+    let missed = 0;
+    Ok(Box::new(Reader { subscriber, missed }))
+}
+
+/// What every file says at its beginning.
+pub fn preamble(loaded: &Loaded, realm: &Realm, clock: Clock) -> Preamble {
+    let mut fixed = of_configuration(loaded);
+    fixed.push(of_machine());
+    let realm = realm.clone();
+    Box::new(move || {
+        let mut records = fixed.clone();
+        records.push((VERSIONS_METADATA, versions(&realm)));
+        records.push((CLOCK_METADATA, of_clock(clock)));
+        records
+    })
+}
+
+/// Every stage that runs, with its build; this one among them.
+fn versions(realm: &Realm) -> BTreeMap<String, String> {
+    let living = Registry::all(realm).into_iter().filter(|(_, lives)| *lives);
+    living
+        .map(|(entry, _)| (entry.name, entry.version))
+        .collect()
+}
+
+/// The pipeline's clock and the date: stamps are the time since the boot plus the anchor.
+fn of_clock(clock: Clock) -> BTreeMap<String, String> {
+    let date = SystemTime::now().duration_since(UNIX_EPOCH);
+    let date_ns = date.map_or(0, |since| since.as_nanos());
+    says([
+        ("anchor_ns", clock.anchor_ns().to_string()),
+        ("now_ns", clock.now_ns().to_string()),
+        ("date_ns", date_ns.to_string()),
+    ])
+}

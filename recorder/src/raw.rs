@@ -1,0 +1,36 @@
+//! One message as it goes into the log.
+
+use randt_log::Label;
+use randt_messages::{MessageRef, Topic};
+
+/// A message's bytes, copied from the bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Raw {
+    /// Name of its topic.
+    pub topic: &'static str,
+    /// Sequence number and times.
+    pub label: Label,
+    /// As they were on the bus.
+    pub bytes: Vec<u8>,
+}
+
+/// What a message takes in memory beside its bytes.
+const BESIDE: usize = size_of::<Raw>() + 16;
+
+impl Raw {
+    /// Copies a message.
+    pub fn of<T: Topic>(message: MessageRef<'_, T>) -> Self {
+        let mut bytes = Vec::with_capacity(size_of::<T::Head>() + size_of_val(message.items));
+        message.write_bytes(&mut bytes);
+        Self {
+            topic: T::NAME,
+            label: Label::of(message.header()),
+            bytes,
+        }
+    }
+
+    /// Bytes of memory that it takes.
+    pub fn size(&self) -> usize {
+        self.bytes.len() + BESIDE
+    }
+}

@@ -1,0 +1,280 @@
+//! What becomes of messages on their way into files: chunks, syncs, rotation, and what to do when the disk fails.
+//!
+//! Responsible for that nothing older than a second or so is lost, whatever happens, and that a file is complete by
+//! itself. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
+
+use crate::{Raw, Sink, date::name_of, metadata::says, open_log::OpenLog, wellknown::Viewer};
+use randt_log::Options;
+use randt_messages::{DropCause, LogDrop, LogDropTopic, MessageRef};
+use std::collections::BTreeMap;
+use std::io;
+
+/// After a failure the disk is tried again so often.
+const RETRY_NS: i64 = 1_000_000_000;
+/// What was recorded is brought onto the disk so often: with the pauses before and the disk's own time, nothing older than
+/// 1.5 s is ever lost.
+pub const SYNC_NS: i64 = 800_000_000;
+/// Files that begin in the same second have a number; more than this are no accident.
+const NAMES_MAX: u32 = 1000;
+
+/// How it records.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Room that is left on the disk.
+    pub free_min_bytes: u64,
+    /// Whether the oldest log goes where there is less.
+    pub delete_oldest: bool,
+    /// A file ends at this size ...
+    pub file_max_bytes: u64,
+    /// ... or age.
+    pub file_max_ns: i64,
+    /// A chunk ends at this age.
+    pub chunk_ns: i64,
+    /// Topics that are not recorded; viewers see what is made of them all the same.
+    pub leave_out: Vec<String>,
+    /// Chunks.
+    pub log: Options,
+}
+
+/// Records that stand at the beginning of every file: name, and what it says.
+pub type Metadata = Vec<(&'static str, BTreeMap<String, String>)>;
+
+/// Asked at each beginning of a file: what is true then.
+pub type Preamble = Box<dyn FnMut() -> Metadata + Send>;
+
+/// Why nothing is recorded at the moment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Trouble {
+    /// As drops tell it.
+    pub cause: DropCause,
+    /// For people.
+    pub text: String,
+}
+
+/// Takes messages and writes files.
+pub struct Recorder<S> {
+    sink: S,
+    settings: Settings,
+    preamble: Preamble,
+    viewer: Viewer,
+    file: Option<OpenLog>,
+    /// Messages that a power cut would still take away; they are written again where the disk fails.
+    unsynced: Vec<Raw>,
+    trouble: Option<Trouble>,
+    retry_ns: i64,
+    files: u64,
+}
+
+impl<S: Sink> Recorder<S> {
+    /// Nothing is opened before the first [`Recorder::tick`].
+    pub fn new(sink: S, settings: Settings, preamble: Preamble, viewer: Viewer) -> Self {
+        Self {
+            sink,
+            settings,
+            preamble,
+            viewer,
+            file: None,
+            unsynced: Vec::new(),
+            trouble: None,
+            retry_ns: i64::MIN,
+            files: 0,
+        }
+    }
+
+    /// Whether a file is open: where none is, messages had better wait.
+    pub fn is_recording(&self) -> bool {
+        self.file.is_some()
+    }
+
+    /// Why nothing is recorded at the moment.
+    pub fn trouble(&self) -> Option<&Trouble> {
+        self.trouble.as_ref()
+    }
+
+    /// Name of the file that is being written.
+    pub fn file(&self) -> Option<&str> {
+        self.file.as_ref().map(OpenLog::name)
+    }
+
+    /// The sink, for tests.
+    pub fn sink(&mut self) -> &mut S {
+        &mut self.sink
+    }
+
+    /// Records a message.
+    pub fn push(&mut self, raw: Raw, now_ns: i64) {
+        let written = match &mut self.file {
+            Some(file) => file.write(&raw, &mut self.viewer, &mut self.sink),
+            None => Ok(()),
+        };
+        self.unsynced.push(raw);
+        self.check(written, now_ns);
+    }
+
+    /// Records what was not.
+    pub fn push_drops(&mut self, drops: &[LogDrop], now_ns: i64) {
+        for head in drops {
+            let message = MessageRef::<LogDropTopic> { head, items: &[] };
+            self.push(Raw::of(message), now_ns);
+        }
+    }
+
+    /// Does what is due: call it a few times a second.
+    pub fn tick(&mut self, now_ns: i64) {
+        if self.file.is_none() && now_ns >= self.retry_ns {
+            self.open(now_ns);
+        }
+        let Some(file) = &mut self.file else {
+            return;
+        };
+        let done = if file.is_older(now_ns, self.settings.file_max_ns)
+            || file.bytes() >= self.settings.file_max_bytes
+        {
+            self.rotate(now_ns)
+        } else if file.is_sync_due(now_ns, SYNC_NS) {
+            self.sync(now_ns)
+        } else if file.is_chunk_due(now_ns, self.settings.chunk_ns) {
+            file.end_chunk(now_ns, &mut self.sink)
+        } else {
+            Ok(())
+        };
+        self.check(done, now_ns);
+    }
+
+    /// Ends the file.
+    pub fn finish(&mut self, now_ns: i64) {
+        // Where that fails the last second goes into another one, which must be ended too.
+        for _ in 0..2 {
+            if let Some(file) = self.file.take() {
+                let done = file.finish(&mut self.sink);
+                if done.is_ok() {
+                    self.unsynced.clear();
+                }
+                self.check(done, now_ns);
+            }
+        }
+    }
+
+    fn sync(&mut self, now_ns: i64) -> io::Result<()> {
+        let Some(file) = &mut self.file else {
+            return Ok(());
+        };
+        file.end_chunk(now_ns, &mut self.sink)?;
+        self.sink.sync()?;
+        file.synced(now_ns);
+        self.unsynced.clear();
+        if !self.has_room()? {
+            self.finish(now_ns);
+            self.stop_for_room(now_ns);
+        }
+        Ok(())
+    }
+
+    fn rotate(&mut self, now_ns: i64) -> io::Result<()> {
+        if let Some(file) = self.file.take() {
+            file.finish(&mut self.sink)?;
+            self.unsynced.clear();
+        }
+        self.open(now_ns);
+        Ok(())
+    }
+
+    /// Begins a file with what no other one surely has.
+    fn open(&mut self, now_ns: i64) {
+        match self.try_open(now_ns) {
+            Ok(true) => self.trouble = None,
+            Ok(false) => self.stop_for_room(now_ns),
+            Err(cause) => self.fail(&cause, now_ns),
+        }
+    }
+
+    fn try_open(&mut self, now_ns: i64) -> io::Result<bool> {
+        if !self.has_room()? {
+            return Ok(false);
+        }
+        let name = self.create(now_ns)?;
+        let begun = self.begin(name, now_ns);
+        if begun.is_err() {
+            // A disk that fails for hours shall not be strewn with beginnings.
+            self.sink.discard();
+        }
+        self.file = Some(begun?);
+        self.files += 1;
+        Ok(true)
+    }
+
+    fn begin(&mut self, name: String, now_ns: i64) -> io::Result<OpenLog> {
+        let mut metadata = (self.preamble)();
+        let (part, begun_ns) = (self.files.to_string(), now_ns.to_string());
+        metadata.push(("randt/file", says([("part", part), ("begun_ns", begun_ns)])));
+        let log = self.settings.log.clone();
+        let (viewer, sink) = (&mut self.viewer, &mut self.sink);
+        let leave_out = self.settings.leave_out.clone();
+        let mut file = OpenLog::begin(name, log, leave_out, metadata, now_ns, sink)?;
+        viewer.begin();
+        for raw in &self.unsynced {
+            file.write(raw, viewer, sink)?;
+        }
+        Ok(file)
+    }
+
+    fn create(&mut self, now_ns: i64) -> io::Result<String> {
+        let date = name_of(now_ns);
+        for number in 0..NAMES_MAX {
+            let name = match number {
+                0 => format!("{date}.mcap"),
+                _ => format!("{date}-{number}.mcap"),
+            };
+            match self.sink.create(&name) {
+                Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists => {}
+                created => return created.map(|()| name),
+            }
+        }
+        Err(io::Error::other(format!("{NAMES_MAX} logs of {date}")))
+    }
+
+    /// Whether there is room, after old logs have made some where they may.
+    fn has_room(&mut self) -> io::Result<bool> {
+        while self.sink.free_bytes()? < self.settings.free_min_bytes {
+            if !self.settings.delete_oldest || self.sink.delete_oldest()?.is_none() {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn stop_for_room(&mut self, now_ns: i64) {
+        let floor_gb = self.settings.free_min_bytes as f64 * 1e-9;
+        self.retry_ns = now_ns + RETRY_NS;
+        self.trouble = Some(Trouble {
+            cause: DropCause::Full,
+            text: format!("not recording: less than {floor_gb} GB left on the disk"),
+        });
+    }
+
+    fn check(&mut self, done: io::Result<()>, now_ns: i64) {
+        if let Err(cause) = done {
+            self.fail(&cause, now_ns);
+            // At once into another file; if that fails too, later.
+            self.open(now_ns);
+        }
+    }
+
+    fn fail(&mut self, cause: &io::Error, now_ns: i64) {
+        self.sink.abandon();
+        self.file = None;
+        self.retry_ns = now_ns + RETRY_NS;
+        let full = matches!(
+            cause.kind(),
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
+        );
+        self.trouble = Some(Trouble {
+            cause: if full {
+                DropCause::Full
+            } else {
+                DropCause::Failed
+            },
+            text: format!("not recording: {cause}"),
+        });
+    }
+}

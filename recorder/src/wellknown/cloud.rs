@@ -1,0 +1,87 @@
+//! `PointCloud`: the filtered returns.
+
+use super::{RADAR, pose_of, timestamp};
+use foxglove::messages::packed_element_field::NumericType;
+use foxglove::messages::{PackedElementField, PointCloud};
+use randt_geometry::elementary::sin_cos;
+use randt_messages::{MessageRef, RadarPoints};
+
+/// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that nobody sees would double what the
+/// cloud takes on the disk.
+const GRAIN_M: f64 = 1.0 / 64.0;
+/// The same for intensities, in the sensor's unit.
+const GRAIN: f64 = 1.0 / 4.0;
+
+/// The returns in the radar's frame, each where its beam saw it: motion during the sweep is not removed.
+pub(super) fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
+    let beams = message.head.sweep.beams();
+    let directions: Vec<_> = beams
+        .iter()
+        .map(|beam| sin_cos(f64::from(beam.azimuth_rad)))
+        .collect();
+    let mut data = Vec::with_capacity(message.items.len() * STRIDE);
+    for point in message.items {
+        let Some((sine, cosine)) = directions.get(usize::from(point.beam)) else {
+            continue;
+        };
+        let range_m = f64::from(point.range_m);
+        data.extend(coarse(range_m * cosine, GRAIN_M).to_le_bytes());
+        data.extend(coarse(range_m * sine, GRAIN_M).to_le_bytes());
+        data.extend(coarse(f64::from(point.intensity), GRAIN).to_le_bytes());
+    }
+    PointCloud {
+        timestamp: timestamp(message.head.header.stamp_ns),
+        frame_id: RADAR.to_owned(),
+        pose: Some(pose_of([0.0; 3])),
+        point_stride: STRIDE as u32,
+        fields: ["x", "y", "intensity"]
+            .iter()
+            .zip(0..)
+            .map(|(name, place)| PackedElementField {
+                name: (*name).to_owned(),
+                offset: 4 * place,
+                r#type: NumericType::Float32 as i32,
+            })
+            .collect(),
+        data: data.into(),
+    }
+}
+
+/// x, y, intensity.
+const STRIDE: usize = 12;
+
+fn coarse(value: f64, grain: f64) -> f32 {
+    ((value / grain).round() * grain) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_messages::{Beam, Message, Return};
+
+    #[test]
+    fn returns_lie_in_their_beams_direction() {
+        let mut points = Message::<RadarPoints>::default();
+        points.head.sweep.beam_count = 2;
+        points.head.sweep.beams[1] = Beam {
+            azimuth_rad: core::f32::consts::FRAC_PI_2,
+            ..Beam::default()
+        };
+        let at = |beam, range_m| Return {
+            range_m,
+            intensity: 9.6,
+            beam,
+            bin: 0,
+        };
+        // One that no beam has is left out.
+        points.items = vec![at(0, 2.0), at(1, 3.003), at(7, 1.0)];
+        let cloud = of_points(points.as_ref());
+        let values: Vec<f32> = cloud
+            .data
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            .collect();
+        assert_eq!(cloud.point_stride, 12);
+        assert_eq!(values, [2.0, 0.0, 9.5, 0.0, 3.0, 9.5]);
+    }
+}

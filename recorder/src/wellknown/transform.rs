@@ -1,0 +1,82 @@
+//! `FrameTransforms`: how the frames lie in each other.
+
+use super::{BASE_LINK, IMU, MAP, ODOM, RADAR, rotation, timestamp, vector};
+use foxglove::messages::{FrameTransform, FrameTransforms, Quaternion};
+use randt_config::Robot;
+use randt_messages::{Correction, OdometryState};
+
+/// Several as one message.
+pub(super) fn all(transforms: Vec<FrameTransform>) -> FrameTransforms {
+    FrameTransforms { transforms }
+}
+
+/// `odom` to `base_link`.
+pub(super) fn of_state(state: &OdometryState) -> FrameTransform {
+    planar(ODOM, BASE_LINK, state.pose, state.header.stamp_ns)
+}
+
+/// `map` to `odom`, as it holds at an instant.
+pub(super) fn of_correction(correction: &Correction, stamp_ns: i64) -> FrameTransform {
+    planar(MAP, ODOM, correction.pose, stamp_ns)
+}
+
+/// The sensors in `base_link`.
+pub(super) fn mounting(robot: &Robot, stamp_ns: i64) -> Vec<FrameTransform> {
+    let radar = [robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad];
+    let [w, x, y, z] = randt_geometry::Quaternion::from_roll_pitch_yaw(
+        robot.imu_roll_rad,
+        robot.imu_pitch_rad,
+        robot.imu_yaw_rad,
+    )
+    .to_array();
+    let mut imu = planar(BASE_LINK, IMU, [0.0; 3], stamp_ns);
+    imu.rotation = Some(Quaternion { x, y, z, w });
+    vec![planar(BASE_LINK, RADAR, radar, stamp_ns), imu]
+}
+
+fn planar(
+    parent: &str,
+    child: &str,
+    [x_m, y_m, yaw_rad]: [f64; 3],
+    stamp_ns: i64,
+) -> FrameTransform {
+    FrameTransform {
+        timestamp: timestamp(stamp_ns),
+        parent_frame_id: parent.to_owned(),
+        child_frame_id: child.to_owned(),
+        translation: Some(vector(x_m, y_m)),
+        rotation: Some(rotation(yaw_rad)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_frames_are_those_of_rep_105() {
+        let robot = Robot {
+            radar_x_m: 0.25,
+            ..Robot::default()
+        };
+        let mut found = mounting(&robot, 5);
+        found.push(of_state(&OdometryState::default()));
+        found.push(of_correction(&Correction::default(), 5));
+        let tree: Vec<_> = found
+            .iter()
+            .map(|t| (t.parent_frame_id.as_str(), t.child_frame_id.as_str()))
+            .collect();
+        let under_base = |child| (BASE_LINK, child);
+        assert_eq!(
+            tree,
+            [
+                under_base(RADAR),
+                under_base(IMU),
+                (ODOM, BASE_LINK),
+                (MAP, ODOM)
+            ]
+        );
+        assert_eq!(found[0].translation.unwrap().x, 0.25);
+        assert_eq!(found[1].rotation.unwrap().w, 1.0);
+    }
+}

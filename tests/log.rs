@@ -1,0 +1,167 @@
+//! `randt log`: what it says of logs, what it finds wrong, and that what it writes reads back.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use randt_messages::{ImuSample, Message, RadarScan};
+use randt_readers::{Event, Options, Source};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use support::pipeline::log;
+use support::{Ended, ended, names, randt, run};
+
+fn log_command(action: &str, file: &Path, more: &[&str]) -> Ended {
+    let mut command = randt(&["log", action]);
+    command.arg(file).args(more);
+    ended(command)
+}
+
+fn info(file: &Path) -> Value {
+    let ended = log_command("info", file, &["--json"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    serde_json::from_str(&ended.stdout).unwrap()
+}
+
+/// All scans and samples of a recording of any format.
+fn content(path: &Path) -> (Vec<Message<RadarScan>>, Vec<ImuSample>, Box<dyn Source>) {
+    let mut source = randt_readers::open(path, &Options::default()).unwrap();
+    let (mut scans, mut samples) = (Vec::new(), Vec::new());
+    while let Some(event) = source.next_event().unwrap() {
+        match event {
+            Event::Scan(scan) => scans.push(scan),
+            Event::Imu(sample) => samples.push(sample),
+            Event::Truth(_) => {}
+        }
+    }
+    (scans, samples, source)
+}
+
+#[test]
+fn bags_of_both_kinds_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 30);
+    let (scans, samples, original) = content(&input);
+    for (format, name) in [("ros1", "drive.bag"), ("ros2", "drive")] {
+        let bag = folder.path().join(name);
+        let out = bag.display().to_string();
+        let ended = log_command("export", &input, &["--to", format, "--out", &out]);
+        assert_eq!(ended.code, Some(0), "{format}: {}", ended.stderr);
+        let again = log_command("export", &input, &["--to", format, "--out", &out]);
+        assert_eq!(
+            again.code,
+            Some(1),
+            "{format}: nothing is overwritten silently"
+        );
+        let (bag_scans, bag_samples, source) = content(&bag);
+        assert_eq!(source.counters(), [], "{format}");
+        assert_eq!(source.info().sensor, original.info().sensor, "{format}");
+        // A mounting goes through sines and back.
+        let (found, expected) = (source.info().extrinsics, original.info().extrinsics);
+        let off = found
+            .radar
+            .unwrap()
+            .between(&expected.radar.unwrap_or_default());
+        assert!(
+            off.translation().norm() < 1e-9 && off.yaw_rad.abs() < 1e-9,
+            "{format}"
+        );
+        assert_eq!(bag_samples.len(), samples.len(), "{format}");
+        for (bag, original) in bag_samples.iter().zip(&samples) {
+            assert_eq!(bag.header.stamp_ns, original.header.stamp_ns);
+            assert_eq!(bag.rate_rad_s, original.rate_rad_s);
+            assert_eq!(bag.acceleration_m_s2, original.acceleration_m_s2);
+        }
+        assert_eq!(bag_scans.len(), scans.len(), "{format}");
+        for (bag, original) in bag_scans.iter().zip(&scans) {
+            assert_eq!(bag.head.header.stamp_ns, original.head.header.stamp_ns);
+            assert_eq!(bag.items.len(), original.items.len(), "{format}");
+            for (a, b) in bag.items.iter().zip(&original.items) {
+                assert!((a.range_m - b.range_m).abs() < 1e-4, "{a:?} {b:?}");
+                assert_eq!(a.intensity, b.intensity);
+            }
+        }
+        let computed = run(&bag, &folder.path().join(format!("run-{format}")), &[]);
+        assert_eq!(computed.code, Some(0), "{format}: {}", computed.stderr);
+    }
+}
+
+#[test]
+fn tables_and_trajectories_have_every_message() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 20);
+    let topics = info(&input)["topics"].clone();
+    let messages = |topic: &str| topics[topic]["messages"].as_u64().unwrap() as usize;
+    let ended = log_command("export", &input, &["--to", "csv", "--items"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let tables = input.with_extension("csv");
+    let lines = |name: &str| {
+        fs::read_to_string(tables.join(name))
+            .unwrap()
+            .lines()
+            .count()
+            - 1
+    };
+    assert_eq!(lines("imu_sample_v1.csv"), messages("imu/sample/v1"));
+    assert_eq!(lines("radar_scan_v1.csv"), 20);
+    let (scans, ..) = content(&input);
+    let returns: usize = scans.iter().map(|scan| scan.items.len()).sum();
+    assert_eq!(lines("radar_scan_v1.items.csv"), returns);
+    let ended = log_command("export", &input, &["--to", "tum"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let folder = input.with_extension("tum");
+    assert_eq!(
+        names(&folder),
+        ["truth.tum"],
+        "a simulated log has the truth alone"
+    );
+    assert_eq!(
+        support::tum(&folder.join("truth.tum")).len(),
+        messages("truth/pose/v1")
+    );
+}
+
+#[test]
+fn a_cut_log_has_its_span_and_a_damaged_one_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 25);
+    let part = folder.path().join("part.mcap");
+    let out = part.display().to_string();
+    let span = ["--from", "1", "--to", "3", "--out", &out];
+    let ended = log_command("cut", &input, &span);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let found = info(&part);
+    assert_eq!(found["metadata"], info(&input)["metadata"]);
+    let samples = found["topics"]["imu/sample/v1"]["messages"]
+        .as_u64()
+        .unwrap();
+    assert!((495..=505).contains(&samples), "{samples}");
+    assert_eq!(log_command("cut", &input, &span).code, Some(1), "it exists");
+
+    assert_eq!(log_command("check", &part, &[]).code, Some(0));
+    let mut bytes = fs::read(&part).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    let damaged = folder.path().join("damaged.mcap");
+    fs::write(&damaged, &bytes).unwrap();
+    let checked = log_command("check", &damaged, &[]);
+    assert_eq!(checked.code, Some(3), "{}", checked.stdout);
+    assert!(checked.stdout.contains("damaged"), "{}", checked.stdout);
+    // Half a file, as a copy that was broken off leaves it.
+    fs::write(&damaged, &bytes[..middle]).unwrap();
+    assert_eq!(log_command("check", &damaged, &[]).code, Some(3));
+    let recovered = log_command("recover", &damaged, &[]);
+    assert_eq!(recovered.code, Some(0), "{}", recovered.stderr);
+    let whole = folder.path().join("damaged.recovered.mcap");
+    assert_eq!(log_command("check", &whole, &[]).code, Some(0));
+    let text = log_command("info", &whole, &[]).stdout;
+    assert!(
+        text.contains("radar/scan/v1") && text.contains("randt/robot"),
+        "{text}"
+    );
+}

@@ -1,0 +1,336 @@
+//! `randt-recorder` as a process: what it records of a running pipeline, what it leaves when it is killed, what it does
+//! when its folder is gone, and that all of it can be read and computed again.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use randt_log::LogReader;
+use randt_messages::{ImuSampleTopic, RadarScan, Topic};
+use randt_stage::Clock;
+use rustix::process::Signal;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::{Duration, Instant};
+use support::pipeline::{Pipeline, log, until};
+use support::stages::program;
+use support::{Random, ended, names, randt, run};
+
+/// The recorder of a pipeline, into a folder.
+fn record(pipeline: &mut Pipeline, folder: &Path, more: &[&str]) -> u32 {
+    let mut command = Command::new(program("recorder"));
+    pipeline.enter(&mut command);
+    command.arg("--out").arg(folder).args(more);
+    pipeline.start("recorder", command)
+}
+
+/// The stages that compute.
+fn compute(pipeline: &mut Pipeline, folder: &Path) {
+    let mut mapper = Command::new(program("mapper"));
+    pipeline.enter(&mut mapper);
+    mapper.arg("--journal").arg(folder.join("map.journal"));
+    pipeline.start("mapper", mapper);
+    pipeline.stage("odometry");
+    pipeline.stage("filter");
+}
+
+/// What `randt log info` says.
+fn info(file: &Path) -> Value {
+    let mut command = randt(&["log", "info", "--json"]);
+    command.arg(file);
+    let ended = ended(command);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    serde_json::from_str(&ended.stdout).unwrap()
+}
+
+/// What the recorder says of itself: state and message.
+fn state(pipeline: &Pipeline) -> (String, String) {
+    let ended = pipeline.randt(&["top", "--once", "--json"]);
+    let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let stages = figures["stages"].as_array().unwrap();
+    let recorder = stages.iter().find(|stage| stage["name"] == "recorder");
+    let text = |key: &str| recorder.unwrap()[key].as_str().unwrap_or("").to_owned();
+    (text("state"), text("message"))
+}
+
+/// Logs in a folder, finished or not, in the order of time.
+fn logs(folder: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<_> = names(folder).iter().map(|name| folder.join(name)).collect();
+    // Of one second: NAME, NAME-1, NAME-2 ...
+    files.sort_by_key(|path| {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let stem = name.split('.').next().unwrap().to_owned();
+        let (date, number) = stem
+            .split_once("Z-")
+            .unwrap_or((stem.trim_end_matches('Z'), "0"));
+        (date.to_owned(), number.parse::<u32>().unwrap())
+    });
+    files
+}
+
+/// Scans and samples of a file's whole chunks: epoch and number, with when they were published.
+fn published(file: &Path) -> BTreeMap<(&'static str, u64, u64), i64> {
+    let mut reader = LogReader::open(file).unwrap();
+    reader.whole_chunks_only();
+    let mut found = BTreeMap::new();
+    while let Some(entry) = reader.next_entry().unwrap() {
+        let (topic, header) = if let Some(scan) = entry.decode::<RadarScan>().unwrap() {
+            (RadarScan::NAME, scan.head.header)
+        } else if let Some(sample) = entry.decode::<ImuSampleTopic>().unwrap() {
+            (ImuSampleTopic::NAME, sample.head.header)
+        } else {
+            continue;
+        };
+        found.insert((topic, header.epoch, header.sequence), header.published_ns);
+    }
+    found
+}
+
+#[test]
+fn a_run_is_recorded_whole_and_computes_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 50);
+    let out = folder.path().join("logs");
+    let mut pipeline = Pipeline::new("recorder");
+    compute(&mut pipeline, folder.path());
+    let set = ["--set", "record.file_max_s=6"];
+    let recorder = record(&mut pipeline, &out, &set);
+    let play = pipeline.play(&input, &["--stay"]);
+    // Ten seconds of drive, and a moment for the rest.
+    std::thread::sleep(Duration::from_secs(12));
+    pipeline.end(recorder, Signal::TERM);
+    pipeline.end(play, Signal::TERM);
+    let files = logs(&out);
+    assert!(files.len() >= 2, "{files:?}: each is 6 s long");
+    let mut counts: BTreeMap<String, u64> = BTreeMap::new();
+    for file in &files {
+        assert_eq!(file.extension().unwrap(), "mcap", "{file:?} is finished");
+        let mut check = randt(&["log", "check"]);
+        check.arg(file);
+        let checked = ended(check);
+        assert_eq!(checked.code, Some(0), "{}", checked.stdout);
+        let info = info(file);
+        for name in [
+            "config", "robot", "versions", "layouts", "machine", "clock", "file",
+        ] {
+            assert!(
+                info["metadata"][format!("randt/{name}")].is_object(),
+                "{name} in {file:?}"
+            );
+        }
+        assert_eq!(info["missing"].as_array().unwrap().len(), 0, "{info}");
+        for (topic, found) in info["topics"].as_object().unwrap() {
+            *counts.entry(topic.clone()).or_default() += found["messages"].as_u64().unwrap();
+        }
+    }
+    let original = info(&input);
+    for topic in [RadarScan::NAME, ImuSampleTopic::NAME] {
+        let expected = original["topics"][topic]["messages"].as_u64().unwrap();
+        assert_eq!(counts[topic], expected, "{topic}");
+    }
+    for topic in [
+        "radar/points/v1",
+        "odometry/state/v1",
+        "odometry/keyframe/v1",
+        "mapper/graph/v1",
+        "mapper/grid/v1",
+        "stage/health/v1",
+        "view/pose",
+        "view/transforms",
+        "view/points",
+        "view/grid",
+    ] {
+        assert!(
+            counts.get(topic).is_some_and(|count| *count > 0),
+            "{topic}: {counts:?}"
+        );
+    }
+    // The first file alone is a drive.
+    let computed = run(&files[0], &folder.path().join("run"), &[]);
+    assert_eq!(computed.code, Some(0), "{}", computed.stderr);
+    python(&files);
+}
+
+/// Reads files by Python's mcap package and the official protobuf schemas.
+fn python(files: &[PathBuf]) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let venv = root.join("target/python-logs");
+    let python = venv.join("bin/python");
+    let mut ready = Command::new(&python);
+    ready.args([
+        "-c",
+        "import mcap, mcap_protobuf, foxglove_schemas_protobuf",
+    ]);
+    if !ready.output().is_ok_and(|output| output.status.success()) {
+        // Where there is no network a developer goes without; CI does not.
+        let made = Command::new("python3")
+            .args(["-m", "venv"])
+            .arg(&venv)
+            .output();
+        let mut install = Command::new(&python);
+        install.args(["-m", "pip", "install", "--quiet", "mcap==1.6.0"]);
+        install.args([
+            "mcap-protobuf-support==0.6.0",
+            "foxglove-schemas-protobuf==0.4.0",
+        ]);
+        let installed = made.and_then(|_| install.output());
+        let good = installed
+            .as_ref()
+            .is_ok_and(|output| output.status.success());
+        if !good && std::env::var("CI").as_deref() != Ok("true") {
+            println!("skipped: {installed:?}");
+            return;
+        }
+        assert!(good, "{installed:?}");
+    }
+    let mut read = Command::new(&python);
+    read.arg(root.join("tests/support/read_logs.py"))
+        .args(files);
+    let output = read.output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    println!("{}", text(&output.stdout));
+    assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+#[test]
+fn killed_fifty_times_it_never_loses_more_than_the_last_second() {
+    const LOST_MAX_NS: i64 = 1_500_000_000;
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 40);
+    let out = folder.path().join("logs");
+    let mut pipeline = Pipeline::new("recorder-kills");
+    pipeline.play(&input, &["--loop"]);
+    let clock = Clock::of(pipeline.realm()).unwrap();
+    let seed = 50;
+    println!("seed {seed}");
+    let mut random = Random(seed);
+    let mut lives = Vec::new();
+    for _ in 0..50 {
+        let recorder = record(&mut pipeline, &out, &[]);
+        let begin_ns = clock.now_ns();
+        std::thread::sleep(Duration::from_millis(random.below(2600) as u64));
+        let end_ns = clock.now_ns();
+        pipeline.end(recorder, Signal::KILL);
+        lives.push((begin_ns, end_ns, logs(&out).len()));
+    }
+    let files = logs(&out);
+    let contents: Vec<_> = files.iter().map(|file| published(file)).collect();
+    // What a recorder that was killed did not write the next one found on the bus.
+    let all: BTreeMap<_, _> = contents.iter().flatten().map(|(k, v)| (*k, *v)).collect();
+    let (mut worst_ns, mut judged) = (0, 0);
+    for (life, (begin_ns, end_ns, count)) in lives.iter().enumerate() {
+        let there = &contents[..*count];
+        let of_life = all
+            .iter()
+            .filter(|(_, at_ns)| (*begin_ns..=*end_ns).contains(at_ns));
+        for (key, at_ns) in of_life {
+            judged += 1;
+            if !there.iter().any(|file| file.contains_key(key)) {
+                let age_ns = end_ns - at_ns;
+                worst_ns = worst_ns.max(age_ns);
+                assert!(
+                    age_ns <= LOST_MAX_NS,
+                    "life {life}: {key:?} was {age_ns} ns old"
+                );
+            }
+        }
+    }
+    println!(
+        "{judged} messages; the oldest that a kill lost: {:.3} s",
+        worst_ns as f64 * 1e-9
+    );
+    assert!(judged > 5000, "{judged}");
+    // A file that a kill left recovers to a whole one.
+    let cut = files
+        .iter()
+        .rev()
+        .find(|file| fs::metadata(file).unwrap().len() > 200_000);
+    let cut = cut.expect("some of them recorded a second");
+    let mut recover = randt(&["log", "recover"]);
+    recover.arg(cut);
+    let recovered = ended(recover);
+    assert_eq!(recovered.code, Some(0), "{}", recovered.stderr);
+    let whole = cut.with_extension("");
+    assert_eq!(published(&whole), published(cut));
+    let mut again = randt(&["log", "recover"]);
+    again.arg(cut);
+    assert_eq!(
+        ended(again).code,
+        Some(1),
+        "nothing is overwritten silently"
+    );
+    let computed = run(&whole, &folder.path().join("run"), &[]);
+    assert_eq!(computed.code, Some(0), "{}", computed.stderr);
+}
+
+#[test]
+fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 40);
+    let out = folder.path().join("logs");
+    fs::write(&out, "a file").unwrap();
+    let mut pipeline = Pipeline::new("recorder-folder");
+    compute(&mut pipeline, folder.path());
+    record(&mut pipeline, &out, &[]);
+    pipeline.play(&input, &["--loop"]);
+    let (said, why) = state(&pipeline);
+    assert_eq!(said, "degraded", "{why}");
+    assert!(why.contains("not recording"), "{why}");
+    fs::remove_file(&out).unwrap();
+    until("recording begins", || !names(&out).is_empty());
+    assert_eq!(state(&pipeline).0, "running");
+    // Gone while it records: it makes it anew.
+    fs::remove_dir_all(&out).unwrap();
+    until("recording goes on", || !names(&out).is_empty());
+    let begin = Instant::now();
+    until("it is well again", || {
+        state(&pipeline).0 == "running" || begin.elapsed().as_secs() > 8
+    });
+    // Everybody else went on meanwhile.
+    let ended = pipeline.randt(&["top", "--once", "--json"]);
+    let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
+    for stage in figures["stages"].as_array().unwrap() {
+        let name = stage["name"].as_str().unwrap();
+        assert!(stage["state"] == "running", "{name}: {stage}");
+        assert_eq!(stage["restarts"], 0, "{name}: {stage}");
+    }
+    let states = figures["topics"].as_array().unwrap().iter();
+    let states = states.filter(|topic| topic["name"] == "odometry/state/v1");
+    assert!(
+        states
+            .clone()
+            .all(|topic| topic["rate_hz"].as_f64().unwrap() > 4.0)
+    );
+    assert_eq!(states.count(), 1);
+}
+
+#[test]
+fn below_the_floor_it_is_red_and_mapping_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 40);
+    let out = folder.path().join("logs");
+    let mut pipeline = Pipeline::new("recorder-floor");
+    compute(&mut pipeline, folder.path());
+    record(
+        &mut pipeline,
+        &out,
+        &["--set", "record.free_min_gb=1000000"],
+    );
+    pipeline.play(&input, &["--loop"]);
+    let (said, why) = state(&pipeline);
+    assert_eq!(said, "degraded");
+    assert!(why.contains("less than 1000000 GB"), "{why}");
+    assert!(names(&out).is_empty());
+    let ended = pipeline.randt(&["top", "--once", "--json"]);
+    let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
+    let mapper = figures["stages"].as_array().unwrap().iter();
+    let mapper = mapper.filter(|stage| stage["name"] == "mapper");
+    assert!(mapper.clone().all(|stage| stage["state"] == "running"));
+}

@@ -1,0 +1,69 @@
+//! `randt log`: what can be done with a log, one file an action.
+
+mod check;
+mod cut;
+mod export;
+mod info;
+mod recover;
+
+use crate::exit::Outcome;
+use crate::output::may_write;
+use anyhow::Context;
+use randt_log::{Compression, Entry, LogFile, LogReader, Options, copy};
+use std::io::{Read, Seek};
+use std::path::Path;
+
+/// Arguments of `randt log`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+/// What to do.
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Say what is in a log: topics, rates, span, what it says of itself, what is missing
+    Info(info::Arguments),
+    /// Read every byte and every checksum; exit code 3 where something is damaged
+    Check(check::Arguments),
+    /// Make a whole log of one that was cut: by a power cut, a kill, a half copy
+    Recover(recover::Arguments),
+    /// Make a log of a part of another
+    Cut(cut::Arguments),
+    /// Write a log in another format: CSV, TUM, ROS 1 bag, ROS 2 bag
+    Export(export::Arguments),
+}
+
+/// Does it.
+pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    match arguments.action {
+        Action::Info(arguments) => info::run(&arguments),
+        Action::Check(arguments) => check::run(&arguments),
+        Action::Recover(arguments) => recover::run(&arguments),
+        Action::Cut(arguments) => cut::run(&arguments),
+        Action::Export(arguments) => export::run(&arguments),
+    }
+}
+
+/// Writes a log anew with the messages that are wanted; gives how many there are and the file's size.
+fn write_copy<R: Read + Seek>(
+    reader: &mut LogReader<R>,
+    to: &Path,
+    force: bool,
+    keep: impl FnMut(&Entry<'_>) -> bool,
+) -> anyhow::Result<(u64, u64)> {
+    may_write(to, force)?;
+    let options = Options {
+        compression: Compression::Zstd,
+        // Whoever does not know the layout looks for its program.
+        written_by: reader.written_by().to_owned(),
+        ..Options::default()
+    };
+    let mut file = LogFile::create(to, options)?;
+    let messages = copy(reader, file.writer(), keep)?;
+    let size = file
+        .finish()
+        .with_context(|| format!("{}: cannot be finished", to.display()))?;
+    Ok((messages, size))
+}

@@ -1,0 +1,88 @@
+//! `randt log export`: a log in another format.
+
+mod csv;
+mod layout;
+mod ros;
+mod ros1;
+mod ros2;
+mod tum;
+
+use crate::exit::Outcome;
+use crate::output::print;
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use randt_log::{Damage, LogReader};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `randt log export`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The log
+    file: PathBuf,
+    /// The format
+    #[arg(long, value_name = "FORMAT")]
+    to: Format,
+    /// What is written: a folder for csv, tum and ros2, a file for ros1; if not given, named after the log, beside it
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    /// csv: also the items of messages (returns, points, cells), in files of their own
+    #[arg(long)]
+    items: bool,
+    /// Overwrite what exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// What a log can become.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Format {
+    /// A table a topic, with every number of every message
+    Csv,
+    /// Trajectories: odometry, the same as corrected by the map, the truth where there is one
+    Tum,
+    /// A ROS 1 bag: PointCloud2, Imu, Odometry and transforms
+    Ros1,
+    /// A ROS 2 bag in MCAP, as a folder: the same
+    Ros2,
+}
+
+/// Exports.
+pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let mut reader = LogReader::open(&arguments.file)?;
+    let out = arguments.out.clone();
+    let ending = match arguments.to {
+        Format::Csv => "csv",
+        Format::Tum => "tum",
+        Format::Ros1 => "bag",
+        Format::Ros2 => "ros2",
+    };
+    let out = out.unwrap_or_else(|| arguments.file.with_extension(ending));
+    if out.exists() && !arguments.force {
+        bail!("{}: exists already; --force overwrites it", out.display());
+    }
+    let text = match arguments.to {
+        Format::Csv => csv::export(&mut reader, &folder(&out)?, arguments.items),
+        Format::Tum => tum::export(&mut reader, &folder(&out)?),
+        Format::Ros1 => ros1::export(&mut reader, &out),
+        Format::Ros2 => ros2::export(&mut reader, &folder(&out)?),
+    }?;
+    print(&format!("{}: {text}\n", out.display()))?;
+    Ok(outcome(reader.damage()))
+}
+
+fn folder(path: &Path) -> anyhow::Result<PathBuf> {
+    fs::create_dir_all(path).with_context(|| path.display().to_string())?;
+    Ok(path.to_owned())
+}
+
+/// Tells the damage.
+fn outcome(damage: &[Damage]) -> Outcome {
+    for damage in damage {
+        eprintln!("  stepped over: {}", damage.first);
+    }
+    match damage {
+        [] => Outcome::Good,
+        _ => Outcome::DataLost,
+    }
+}

@@ -1,0 +1,116 @@
+//! A table a topic: one row a message, one column a number.
+
+use super::layout::{Column, Layout};
+use crate::units::count;
+use anyhow::Context;
+use randt_log::{Entry, LogReader};
+use std::fs::File;
+use std::io::{BufWriter, Read, Seek, Write};
+use std::path::Path;
+
+/// Writes `TOPIC.csv` and, with `items`, `TOPIC.items.csv` into a folder. Topics that are not ours are left out.
+pub fn export<R: Read + Seek>(
+    reader: &mut LogReader<R>,
+    folder: &Path,
+    items: bool,
+) -> anyhow::Result<String> {
+    let mut tables: Vec<Table> = Vec::new();
+    let mut rows = 0;
+    while let Some(entry) = reader.next_entry()? {
+        if !entry.channel.is_ours() {
+            continue;
+        }
+        let name = &entry.channel.topic;
+        let found = tables.iter().position(|table| table.topic == *name);
+        let place = match found {
+            Some(place) => place,
+            None => {
+                let table = Table::begin(folder, &entry, items);
+                tables.push(table.with_context(|| format!("topic {name}"))?);
+                tables.len() - 1
+            }
+        };
+        if let Some(table) = tables.get_mut(place) {
+            table.add(&entry).with_context(|| format!("topic {name}"))?;
+            rows += 1;
+        }
+    }
+    for table in &mut tables {
+        table.flush()?;
+    }
+    let tables = tables.len() as u64;
+    Ok(format!(
+        "{} of {}",
+        count(rows, "row", "rows"),
+        count(tables, "table", "tables")
+    ))
+}
+
+struct Table {
+    topic: String,
+    layout: Layout,
+    messages: BufWriter<File>,
+    items: Option<BufWriter<File>>,
+}
+
+impl Table {
+    fn begin(folder: &Path, entry: &Entry<'_>, items: bool) -> anyhow::Result<Self> {
+        let channel = entry.channel;
+        let layout = Layout::parse(&String::from_utf8_lossy(&channel.schema))?;
+        // `radar/scan/v1` becomes `radar_scan_v1`.
+        let stem = channel.topic.replace('/', "_");
+        let create = |name: String| {
+            let path = folder.join(name);
+            let file = File::create(&path).with_context(|| path.display().to_string());
+            file.map(BufWriter::new)
+        };
+        let mut messages = create(format!("{stem}.csv"))?;
+        let names = |columns: &[Column]| {
+            let names: Vec<_> = columns.iter().map(|column| column.name.as_str()).collect();
+            names.join(",")
+        };
+        let has_items = layout.item_bytes > 0;
+        let count = if has_items { ",items" } else { "" };
+        writeln!(messages, "{}{count}", names(&layout.head))?;
+        let mut items = match has_items && items {
+            true => Some(create(format!("{stem}.items.csv"))?),
+            false => None,
+        };
+        if let Some(items) = &mut items {
+            writeln!(items, "sequence,time_ns,{}", names(&layout.item))?;
+        }
+        Ok(Self {
+            topic: channel.topic.clone(),
+            layout,
+            messages,
+            items,
+        })
+    }
+
+    fn add(&mut self, entry: &Entry<'_>) -> anyhow::Result<()> {
+        let layout = &self.layout;
+        let row = |columns: &[Column], bytes: &[u8]| {
+            let cells: Vec<_> = columns.iter().map(|column| column.text(bytes)).collect();
+            cells.join(",")
+        };
+        let split = layout.head_bytes.min(entry.bytes.len());
+        let (head, rest) = entry.bytes.split_at(split);
+        write!(self.messages, "{}", row(&layout.head, head))?;
+        if let Some(items) = rest.len().checked_div(layout.item_bytes) {
+            write!(self.messages, ",{items}")?;
+        }
+        writeln!(self.messages)?;
+        if let Some(items) = &mut self.items {
+            for item in rest.chunks_exact(layout.item_bytes) {
+                let (number, time_ns) = (entry.sequence, entry.time_ns);
+                writeln!(items, "{number},{time_ns},{}", row(&layout.item, item))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.messages.flush()?;
+        self.items.iter_mut().try_for_each(BufWriter::flush)
+    }
+}
