@@ -203,10 +203,11 @@ fn python(files: &[PathBuf]) {
 fn killed_fifty_times_it_never_loses_more_than_the_last_second() {
     const LOST_MAX_NS: i64 = 1_500_000_000;
     let folder = tempfile::tempdir().unwrap();
-    let input = log(folder.path(), 40);
+    // Without a jump in it, for as long as the kills take.
+    let input = log(folder.path(), 420);
     let out = folder.path().join("logs");
     let mut pipeline = Pipeline::new("rk");
-    pipeline.play(&input, &["--loop"]);
+    pipeline.play(&input, &["--stay"]);
     let clock = Clock::of(pipeline.realm()).unwrap();
     let seed = 50;
     println!("seed {seed}");
@@ -275,13 +276,13 @@ fn killed_fifty_times_it_never_loses_more_than_the_last_second() {
 #[test]
 fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let input = log(folder.path(), 40);
+    let input = log(folder.path(), 200);
     let out = folder.path().join("logs");
     fs::write(&out, "a file").unwrap();
     let mut pipeline = Pipeline::new("rd");
     compute(&mut pipeline, folder.path());
     record(&mut pipeline, &out, &[]);
-    pipeline.play(&input, &["--loop"]);
+    pipeline.play(&input, &["--stay"]);
     let (said, why) = state(&pipeline);
     assert_eq!(said, "degraded", "{why}");
     assert!(why.contains("not recording"), "{why}");
@@ -307,11 +308,10 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     let states: Vec<_> = topics
         .filter(|topic| topic["name"] == "odometry/state/v1")
         .collect();
-    // Where the log begins again odometry waits a little.
     let [state] = states.as_slice() else {
         panic!("no states: {figures}");
     };
-    assert!(state["rate_hz"].as_f64().unwrap() > 2.0, "{state}");
+    assert!(state["rate_hz"].as_f64().unwrap() > 4.0, "{state}");
     assert_eq!(state["lost"], 0, "{state}");
 }
 
