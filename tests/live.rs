@@ -71,7 +71,7 @@ impl Drive {
 
 fn first_stamp_ns(log: &Path) -> i64 {
     let mut reader = randt_log::LogReader::open(log).unwrap();
-    reader.next_entry().unwrap().unwrap().stamp_ns
+    reader.next_entry().unwrap().unwrap().stamp_ns()
 }
 
 fn ate_m(out: &Path, truth: &Path) -> f64 {

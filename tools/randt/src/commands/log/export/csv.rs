@@ -96,8 +96,8 @@ impl Table {
         let split = layout.head_bytes.min(entry.bytes.len());
         let (head, rest) = entry.bytes.split_at(split);
         write!(self.messages, "{}", row(&layout.head, head))?;
-        if layout.item_bytes > 0 {
-            write!(self.messages, ",{}", rest.len() / layout.item_bytes)?;
+        if let Some(items) = rest.len().checked_div(layout.item_bytes) {
+            write!(self.messages, ",{items}")?;
         }
         writeln!(self.messages)?;
         if let Some(items) = &mut self.items {
