@@ -75,7 +75,7 @@ fn first_stamp_ns(log: &Path) -> i64 {
 }
 
 fn ate_m(out: &Path, truth: &Path) -> f64 {
-    figures(out, "trajectory.tum", truth)["ate_m"]
+    figures(out, "trajectory.tum", truth)["ate_rmse_m"]
         .as_f64()
         .unwrap()
 }
@@ -122,8 +122,9 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
     let drive = Drive::new(folder.path(), scans);
     let sensors = Sensors::new(folder.path(), radar, imu);
     let own = Pipeline::new("live");
-    let mut command = own.command(&["up", "--robot"]);
+    let mut command = own.command(&["up"]);
     command
+        .arg("--robot")
         .arg(sensors.robot())
         .arg("--out")
         .arg(at("up"))
@@ -172,8 +173,9 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
             early as f64 * 1e-6,
             late as f64 * 1e-6
         );
-        // The mapper's grows with the map, the supervisor's with the trajectory.
-        if !["mapper", "up"].contains(&name.as_str()) {
+        // The mapper's grows with the map, the supervisor's with the trajectory; and in an eighth of a short drive the
+        // histories on the bus are not full yet.
+        if scans >= 600 && !["mapper", "up"].contains(&name.as_str()) {
             assert!(late as f64 <= 1.1 * early as f64, "{name} grows");
         }
     }

@@ -155,8 +155,8 @@ fn a_radar_may_be_absent_gone_or_something_else() {
 
 /// What `randt doctor sensors` prints, and its exit code.
 fn doctor(pipeline: &Pipeline, robot: &Path, more: &[&str]) -> (Option<i32>, String) {
-    let mut command = pipeline.command(&["doctor", "sensors", "--robot"]);
-    command.arg(robot).args(more);
+    let mut command = pipeline.command(&["doctor", "sensors"]);
+    command.arg("--robot").arg(robot).args(more);
     let ended = support::ended(command);
     println!("{}", ended.stdout);
     (ended.code, ended.stdout)

@@ -32,6 +32,18 @@ pub fn copy(from: MessageRef<'_, RadarPoints>, to: &mut Message<RadarPoints>) {
         .extend_from_slice(&from.items[..from.items.len().min(RadarPoints::MAX_ITEMS)]);
 }
 
+/// Makes all stamps of a sweep earlier by so much.
+pub fn earlier(scan: &mut Message<RadarPoints>, by_ns: i64) {
+    let head = &mut *scan.head;
+    head.header.stamp_ns = head.header.stamp_ns.saturating_sub(by_ns);
+    head.sweep.begin_ns = head.sweep.begin_ns.saturating_sub(by_ns);
+    head.sweep.end_ns = head.sweep.end_ns.saturating_sub(by_ns);
+    let count = head.sweep.beams().len();
+    for beam in head.sweep.beams.iter_mut().take(count) {
+        beam.stamp_ns = beam.stamp_ns.saturating_sub(by_ns);
+    }
+}
+
 /// Saves a scan.
 pub fn save(scan: &Message<RadarPoints>, out: &mut Writer<'_>) {
     let used = BEFORE_BEAMS + size_of_val(scan.head.sweep.beams());

@@ -13,7 +13,7 @@ use randt_messages::{ImuUse, Keyframe, Message, MessageRef, OdometryState, Radar
 use randt_odometry::{Counters, Odometry, Sink};
 use randt_simulator::{Event, Robot, Simulation, World};
 use std::sync::LazyLock;
-use support::config;
+use support::{Input, config, inputs, shift_scan};
 
 /// Standstill ends here, as the simulated driver has it; 5 sweeps a second.
 const STANDING_SCANS: usize = 12;
@@ -372,4 +372,26 @@ fn the_wait_for_a_late_imu_is_bounded_and_told() {
     let told = outcome.imu_use(ImuUse::Late) + outcome.imu_use(ImuUse::None);
     assert!(told >= 65, "{told} of 70 told");
     assert!(error_m(&outcome.states, &truth(&DRIVE)) < 0.15);
+}
+
+#[test]
+fn a_radar_whose_lateness_is_known_is_not_late() {
+    let late_ns = 100_000_000;
+    let outcome = |radar_late_s: f64, shifted_ns: i64| {
+        let mut config = config();
+        config.odometry.radar_late_s = radar_late_s;
+        let mut odometry = Odometry::new(&config, true);
+        let mut outcome = support::Outcome::default();
+        for mut input in inputs(40) {
+            if let Input::Points(scan) = &mut input {
+                shift_scan(scan, shifted_ns);
+            }
+            input.push(&mut odometry, &mut outcome);
+        }
+        odometry.finish(&mut outcome);
+        outcome
+    };
+    let plain = outcome(0.0, 0);
+    assert!(outcome(0.1, late_ns).bytes == plain.bytes);
+    assert!(outcome(0.0, late_ns).bytes != plain.bytes);
 }

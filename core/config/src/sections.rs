@@ -82,6 +82,8 @@ section! {
         pub gyro_bias_walk: f64 = 0.00003 => Positive,
         /// Standard deviation of the gyro's bias at the start, rad/s (before a standstill was seen).
         pub gyro_bias_sigma_rad_s: f64 = 0.01 => Positive,
+        /// How late the radar's stamps are against the IMU's, s: taken off them. `randt calibrate time` finds it.
+        pub radar_late_s: f64 = 0.0 => Within(-1.0, 1.0),
         /// Longest wait for an IMU sample at or after a sweep's end, s of data time.
         pub imu_wait_max_s: f64 = 0.1 => NotNegative,
         /// A gap between sweeps above this opens a new odometry frame, s.

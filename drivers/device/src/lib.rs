@@ -24,4 +24,4 @@ mod link;
 
 pub use backoff::Backoff;
 pub use clock::DeviceClock;
-pub use link::{Count, Link};
+pub use link::{Count, Interruptions, Link};

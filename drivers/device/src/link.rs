@@ -29,6 +29,26 @@ impl Link {
     }
 }
 
+/// How often data stopped coming.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Interruptions {
+    streamed: bool,
+    count: u64,
+}
+
+impl Interruptions {
+    /// Looks how it is now.
+    pub fn see(&mut self, link: &Link) {
+        self.count += u64::from(self.streamed && !link.streams());
+        self.streamed = link.streams();
+    }
+
+    /// Its counter.
+    pub fn count(&self) -> Count {
+        Count::event("interruptions", self.count)
+    }
+}
+
 /// A counter with its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Count {
@@ -57,5 +77,29 @@ impl Count {
             value,
             loss: true,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interruption_counts_once_however_long_it_lasts() {
+        let mut interruptions = Interruptions::default();
+        let trouble = Link::Trouble("silent".to_owned());
+        let warning = Link::Warning("slow".to_owned());
+        let links = [
+            &Link::Starting,
+            &trouble,
+            &Link::Streaming,
+            &warning,
+            &trouble,
+            &trouble,
+            &warning,
+            &trouble,
+        ];
+        links.into_iter().for_each(|link| interruptions.see(link));
+        assert_eq!(interruptions.count().value, 2);
     }
 }

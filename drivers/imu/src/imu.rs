@@ -8,9 +8,10 @@ use crate::source::{Source, source};
 use crate::upright::Upright;
 use crate::{Axes, Error, Reading};
 use randt_config::Config;
-use randt_device::{Count, DeviceClock, Link};
+use randt_device::{Count, DeviceClock, Interruptions, Link};
 use randt_messages::ImuSample;
 use std::os::fd::BorrowedFd;
+use std::time::Instant;
 
 /// An IMU.
 #[derive(Debug)]
@@ -24,6 +25,7 @@ pub struct Imu {
     upright: Upright,
     readings: Vec<Reading>,
     link: Link,
+    interruptions: Interruptions,
     reconnects: u64,
     /// When the driver began or the last sample came.
     heard_ns: Option<i64>,
@@ -47,6 +49,7 @@ impl Imu {
             upright: Upright::new(&config.robot),
             readings: Vec::new(),
             link: Link::Starting,
+            interruptions: Interruptions::default(),
             reconnects: 0,
             heard_ns: None,
             stamp_ns: i64::MIN,
@@ -73,11 +76,23 @@ impl Imu {
         due_ns
     }
 
-    /// Gives the samples that came until `now_ns`, and does what is due. Stamps rise strictly.
+    /// Gives the samples that came, and does what is due. Stamps rise strictly.
     pub fn poll(&mut self, now_ns: i64, sink: &mut dyn FnMut(&ImuSample)) {
-        self.heard_ns.get_or_insert(now_ns);
+        let begin = Instant::now();
+        let clock = || {
+            let since_ns = i64::try_from(begin.elapsed().as_nanos()).unwrap_or_default();
+            now_ns.saturating_add(since_ns)
+        };
+        self.poll_by(&clock, sink);
+    }
+
+    /// The same by a clock, which is read as soon as something has come. With the time from before it a program that was
+    /// interrupted in between would take a sample to have arrived before it was measured.
+    pub fn poll_by(&mut self, clock: &dyn Fn() -> i64, sink: &mut dyn FnMut(&ImuSample)) {
+        self.heard_ns.get_or_insert_with(clock);
         let mut readings = std::mem::take(&mut self.readings);
-        self.source.poll(now_ns, &mut readings);
+        self.source.poll(clock, &mut readings);
+        let now_ns = clock();
         if self.source.reconnects() != self.reconnects {
             self.reconnects = self.source.reconnects();
             self.sequence.restart();
@@ -146,6 +161,7 @@ impl Imu {
         } else {
             Link::Streaming
         };
+        self.interruptions.see(&self.link);
     }
 
     /// How long it is silent, in doublings: each text that is new is a line in the journal.
@@ -181,6 +197,7 @@ impl Imu {
             Count::loss("samples_lost", self.sequence.lost()),
             Count::event("samples_doubled", self.doubled),
             Count::loss("unknown_values", self.unknown),
+            self.interruptions.count(),
             Count::event("reconnects", self.reconnects),
             Count::event("clock_resets", self.clock.restarts()),
         ];

@@ -31,7 +31,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     stage.running()?;
     loop {
         let mut failed = None;
-        imu.poll(stage.clock().now_ns(), &mut |head| {
+        imu.poll_by(&|| stage.clock().now_ns(), &mut |head| {
             let sent = samples.publish(MessageRef { head, items: &[] });
             failed = failed.take().or(sent.err());
         });

@@ -1,9 +1,16 @@
 //! An open serial port.
 //!
 //! Responsible for opening, for saying in plain words why that fails, and for bytes. Not responsible for when.
+//!
+//! By rustix, and not by the crate serialport: that one is under the MPL, brings second versions of two crates, and its
+//! port cannot be slept on without unsafe code. What is left to do here is a dozen settings.
 
-use rustix::fs::OFlags;
-use serialport::{ClearBuffer, SerialPort, TTYPort};
+use rustix::fs::{FlockOperation, OFlags, flock};
+use rustix::io::Errno;
+use rustix::termios::{
+    ControlModes, OptionalActions, QueueSelector, ioctl_tiocexcl, isatty, tcflush, tcgetattr,
+    tcsetattr,
+};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -13,13 +20,10 @@ use std::path::Path;
 /// Bytes that the kernel keeps for a reader: N_TTY_BUF_SIZE. It drops what comes beyond them.
 pub(crate) const KERNEL_BUFFER: usize = 4096;
 
-/// A serial port, open, raw, at its speed, ours alone.
+/// A serial port, open, raw, at its speed, ours alone. Reads and writes do not wait.
 #[derive(Debug)]
 pub(crate) struct Port {
-    /// Reads and writes without waiting. serialport's own descriptor cannot be slept on without unsafe code.
     bytes: File,
-    /// Has set the port up, and keeps others away from it.
-    _settings: TTYPort,
 }
 
 impl Port {
@@ -51,19 +55,11 @@ impl Port {
             .custom_flags(flags.bits() as i32)
             .open(path)
             .map_err(|error| told(&error))?;
-        if !rustix::termios::isatty(&bytes) {
+        if !isatty(&bytes) {
             return Err(say("is another device, not a serial port"));
         }
-        let name = path.to_string_lossy();
-        let settings = serialport::new(name, baud).open_native();
-        let settings = settings.map_err(|error| say(&settings_failed(&error)))?;
-        // What lies there was measured nobody knows when.
-        let cleared = settings.clear(ClearBuffer::Input);
-        cleared.map_err(|error| say(&settings_failed(&error)))?;
-        Ok(Self {
-            bytes,
-            _settings: settings,
-        })
+        set_up(&bytes, baud).map_err(|error| told(&error.into()))?;
+        Ok(Self { bytes })
     }
 
     /// Reads what is there; none where nothing is. An end is an error: the device is gone.
@@ -107,10 +103,17 @@ fn plain(error: &io::Error) -> String {
     }
 }
 
-fn settings_failed(error: &serialport::Error) -> String {
-    match error.kind() {
-        serialport::ErrorKind::NoDevice => "another program has it open".to_owned(),
-        serialport::ErrorKind::Io(kind) => plain(&kind.into()),
-        _ => format!("cannot be set up: {error}; trying again"),
-    }
+/// Ours alone, eight bits, no parity, one stop bit, no flow control, nothing translated, empty.
+fn set_up(port: &File, baud: u32) -> Result<(), Errno> {
+    // The one keeps out who may not open it any more, the other who may all the same: root, if he asks.
+    ioctl_tiocexcl(port)?;
+    flock(port, FlockOperation::NonBlockingLockExclusive).map_err(|_| Errno::BUSY)?;
+    let mut settings = tcgetattr(port)?;
+    settings.make_raw();
+    settings.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
+    settings.control_modes -= ControlModes::CSTOPB | ControlModes::CRTSCTS;
+    settings.set_speed(baud)?;
+    tcsetattr(port, OptionalActions::Now, &settings)?;
+    // What lies there was measured nobody knows when.
+    tcflush(port, QueueSelector::IFlush)
 }

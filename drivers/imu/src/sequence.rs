@@ -4,21 +4,20 @@ use crate::Reading;
 
 /// A longer step than this is a device that was away, ns.
 const AWAY_NS: i64 = 10_000_000_000;
-/// How slowly the usual interval follows: it is a running mean to which no step counts more than an interval, so that
-/// lost readings hardly move it.
-const SLOWNESS: f64 = 64.0;
-/// Readings after which the usual interval is known.
-const KNOWN_AFTER: u64 = 250;
+/// The interval is looked at after so many readings: a quarter of a second.
+const LOOKED_AT: usize = 64;
+/// A change below this share is no change: stamps have a grain, and a text that wavers is of no use.
+const SAME: f64 = 0.02;
 /// The device may be off its rate by this share: quartzes are not, dividers are.
 const TOLERANCE: f64 = 0.1;
 
 /// Counts lost readings by the device's own number, or else by its time.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Sequence {
     last: Option<Reading>,
+    steps_ns: Vec<i64>,
     usual_ns: f64,
     asked_ns: i64,
-    seen: u64,
     lost: u64,
 }
 
@@ -40,13 +39,12 @@ impl Sequence {
     /// Takes the next reading of a device that agreed to this interval.
     pub(crate) fn push(&mut self, reading: &Reading, interval_ns: i64) {
         if interval_ns != self.asked_ns {
-            (self.asked_ns, self.usual_ns, self.seen) = (interval_ns, interval_ns as f64, 0);
+            (self.asked_ns, self.usual_ns) = (interval_ns, interval_ns as f64);
+            self.steps_ns.clear();
         }
-        let last = self.last.replace(*reading);
-        let Some(last) = last else {
+        let Some(last) = self.last.replace(*reading) else {
             return;
         };
-        self.seen += 1;
         let step_ns = reading
             .device_ns
             .zip(last.device_ns)
@@ -63,9 +61,29 @@ impl Sequence {
             self.lost += ((steps + 0.5) as u64).saturating_sub(1);
         }
         if let Some(step_ns) = step_ns {
-            let most = self.asked_ns as f64;
-            let off = step_ns as f64 - self.usual_ns;
-            self.usual_ns += off.clamp(-most, most) / SLOWNESS;
+            self.steps_ns.push(step_ns);
+            if self.steps_ns.len() == LOOKED_AT {
+                self.look();
+            }
+        }
+    }
+
+    /// The usual interval: the mean of the shorter steps, so that lost readings do not move it.
+    fn look(&mut self) {
+        self.steps_ns.sort_unstable();
+        let short_ns = self.steps_ns.get(LOOKED_AT / 4).copied().unwrap_or(1);
+        // Stamps with a grain are off by less, and a lost reading by more.
+        let near = |step_ns: &&i64| **step_ns < short_ns.saturating_mul(7) / 4;
+        let (mut sum_ns, mut count) = (0, 0);
+        for step_ns in self.steps_ns.iter().filter(near) {
+            (sum_ns, count) = (sum_ns + step_ns, count + 1);
+        }
+        self.steps_ns.clear();
+        if count > 0 {
+            let mean_ns = sum_ns as f64 / f64::from(count);
+            if (mean_ns / self.usual_ns - 1.0).abs() > SAME {
+                self.usual_ns = mean_ns;
+            }
         }
     }
 
@@ -77,9 +95,8 @@ impl Sequence {
     /// Readings a second as they come, and as they should, where these differ.
     pub(crate) fn wrong_rate(&self) -> Option<(f64, f64)> {
         let asked_ns = self.asked_ns as f64;
-        let known = self.seen > KNOWN_AFTER;
         let wrong = (self.usual_ns / asked_ns - 1.0).abs() > TOLERANCE;
-        (known && wrong).then(|| (1e9 / self.usual_ns, 1e9 / asked_ns))
+        wrong.then(|| (1e9 / self.usual_ns, 1e9 / asked_ns))
     }
 }
 
@@ -100,15 +117,23 @@ mod tests {
         let mut by_time = Sequence::default();
         let mut by_number = Sequence::default();
         for i in (0..2000_i64).filter(|i| !(500..507).contains(i) && *i != 900) {
-            // A millisecond's grain, as Phidgets have it.
-            by_time.push(
-                &at(Some(i * 4_000_000 + i % 2 * 1_000_000), None),
-                4_000_000,
-            );
+            // A millisecond's grain.
+            let device_ns = i * 4_000_000 + i % 2 * 1_000_000;
+            by_time.push(&at(Some(device_ns), None), 4_000_000);
             by_number.push(&at(None, Some((65_000 + i) as u16)), 4_000_000);
         }
         assert_eq!((by_time.lost(), by_number.lost()), (8, 8));
         assert_eq!(by_time.wrong_rate(), None);
+    }
+
+    #[test]
+    fn many_lost_readings_are_no_other_rate() {
+        let mut sequence = Sequence::default();
+        for i in (0..2000).filter(|i| i % 3 != 0) {
+            sequence.push(&at(Some(i * 4_000_000), None), 4_000_000);
+            assert_eq!(sequence.wrong_rate(), None);
+        }
+        assert_eq!(sequence.lost(), 666);
     }
 
     #[test]
@@ -130,6 +155,7 @@ mod tests {
         }
         let (is, asked) = sequence.wrong_rate().unwrap();
         assert!((is - 125.0).abs() < 1.0 && asked == 250.0, "{is}");
-        assert!(sequence.lost() < 50);
+        // Until it is known to be the rate.
+        assert_eq!(sequence.lost(), LOOKED_AT as u64);
     }
 }

@@ -78,7 +78,11 @@ impl Serial {
     }
 
     /// Whether the port is still good.
-    fn read(&mut self, now_ns: i64, readings: &mut Vec<Reading>) -> std::io::Result<()> {
+    fn read(
+        &mut self,
+        clock: &dyn Fn() -> i64,
+        readings: &mut Vec<Reading>,
+    ) -> std::io::Result<()> {
         let Some(port) = self.port.as_mut() else {
             return Ok(());
         };
@@ -91,8 +95,9 @@ impl Serial {
             // One byte is the kernel's own.
             self.overruns += u64::from(count + 1 >= KERNEL_BUFFER);
             let bytes = self.buffer.get(..count).unwrap_or_default();
-            self.protocol.take(bytes, now_ns, readings);
+            self.protocol.take(bytes, clock(), readings);
         }
+        let now_ns = clock();
         if readings.len() > before {
             self.heard_ns = now_ns;
             self.backoff.succeeded();
@@ -109,11 +114,12 @@ impl Source for Serial {
         self.port.as_ref().map(Port::descriptor)
     }
 
-    fn poll(&mut self, now_ns: i64, readings: &mut Vec<Reading>) {
+    fn poll(&mut self, clock: &dyn Fn() -> i64, readings: &mut Vec<Reading>) {
+        let now_ns = clock();
         if self.port.is_none() && self.backoff.is_due(now_ns) {
             self.open(now_ns);
         }
-        if let Err(error) = self.read(now_ns, readings) {
+        if let Err(error) = self.read(clock, readings) {
             self.gone(
                 now_ns,
                 format!("{}: unplugged ({error})", self.path.display()),

@@ -148,6 +148,7 @@ fn silence_is_noticed_and_its_end_too() {
         let begin = Instant::now();
         let _emulated = drive.serial(protocol, &["silence@3+3"]);
         let mut driven = Driven::new(&drive.config(source));
+        driven.until_samples(1);
         driven.until_text("no sample for over 0.5 s");
         let noticed = begin.elapsed().as_secs_f64();
         assert!((3.4..5.0).contains(&noticed), "{noticed}");
@@ -224,4 +225,32 @@ fn gravity_that_points_down_is_said() {
     driven.until_text("upside down: up is -z of the robot; set imu.acceleration_axes");
     assert!(driven.imu.link().streams());
     assert_eq!(driven.imu.is_upright(), Some(false));
+}
+
+#[test]
+fn a_fast_clock_is_known_and_does_not_pull_the_stamps_away() {
+    let drive = Drive::new();
+    let _emulated = drive.serial(SerialProtocol::Mip, &["skew@0+100"]);
+    let mut driven = Driven::new(&drive.config(ImuSource::Mip));
+    driven.until("skew", |driven| {
+        (driven.imu.skew() - 200e-6).abs() < 50e-6 && driven.samples.len() > 2500
+    });
+    assert_eq!(driven.count("clock_resets"), 0);
+    let last = driven.samples.last().unwrap();
+    let late_ns = last.arrival_ns - last.header.stamp_ns;
+    assert!(late_ns.abs() < 20_000_000, "{late_ns}");
+}
+
+#[test]
+fn a_port_that_somebody_else_has_is_said() {
+    let drive = Drive::new();
+    let _emulated = drive.serial(SerialProtocol::Mip, &[]);
+    let config = drive.config(ImuSource::Mip);
+    let mut first = Driven::new(&config);
+    first.until_samples(10);
+    let mut second = Driven::new(&config);
+    second.until_text("another program has it open");
+    drop(first);
+    second.until_samples(500);
+    assert_eq!(*second.imu.link(), Link::Streaming);
 }

@@ -195,6 +195,7 @@ fn a_server_that_hangs_is_left_and_found_again() {
     let begin = Instant::now();
     let (_emulated, address) = serve(&drive, any_port(), &["silence@2+8"]);
     let mut driven = Driven::new(&config(address));
+    driven.until_samples(1);
     driven.until_text("sends no sample for over 0.5 s");
     driven.until_text("is gone; waiting for it");
     driven.until("back", |driven| driven.imu.link().streams());
@@ -204,4 +205,19 @@ fn a_server_that_hangs_is_left_and_found_again() {
     driven.until_samples(1000);
     assert_even(&driven, before);
     assert_eq!(driven.count("reconnects"), 1);
+}
+
+#[test]
+fn a_device_that_is_not_there_is_waited_for_without_a_spin() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut usb = config(any_port());
+    usb.imu.server.clear();
+    usb.imu.device = "987654".to_owned();
+    let mut driven = Driven::new(&usb);
+    driven.until_text("no Phidget Spatial on USB; waiting for one");
+    let mut driven = Driven::new(&config("127.0.0.1:1".parse().unwrap()));
+    driven.until_text("no Phidget Spatial at 127.0.0.1:1; waiting for one");
+    let polls = driven.polls;
+    driven.go_on(Duration::from_secs(2));
+    assert!(driven.polls - polls < 40, "{}", driven.polls - polls);
 }

@@ -25,6 +25,7 @@ struct Counters {
     lost: u64,
     late: u64,
     doubled: u64,
+    reordered: u64,
     discarded: u64,
     before: u64,
     below_floor: u64,
@@ -128,7 +129,7 @@ impl Assembler {
     /// What comes next does not continue what was: gives what is collected, if it is half a sweep at least.
     pub fn restart(&mut self, whole: &mut dyn FnMut(&Sweep)) {
         while self.current.is_some() {
-            self.finish(None, whole);
+            self.finish(whole);
         }
         self.done = None;
         self.cut = None;
@@ -145,6 +146,7 @@ impl Assembler {
         tell(Count::loss("beams_lost", counters.lost));
         tell(Count::loss("beams_late", counters.late));
         tell(Count::event("beams_doubled", counters.doubled));
+        tell(Count::event("beams_reordered", counters.reordered));
         tell(Count::loss(
             "beams_of_less_than_half_a_sweep",
             counters.discarded,
@@ -251,17 +253,16 @@ impl Assembler {
                 *counter += 1;
                 return;
             }
-            let window = matches!(beam.place, Place::Numbered { .. });
             match current {
                 None => self.current = Some(self.open(beam, id)),
                 Some(now) if now == id => break,
-                Some(_) if window && self.next.is_none() => {
+                Some(_) if self.next.is_none() => {
                     let mut next = self.open(beam, id);
                     self.add(&mut next.sweep, beam, number);
                     self.next = Some(next);
                     return;
                 }
-                Some(_) => self.finish(Some(number), whole),
+                Some(_) => self.finish(whole),
             }
         }
         let Some(mut open) = self.current.take() else {
@@ -271,7 +272,7 @@ impl Assembler {
         let is_whole = self.is_whole(&open.sweep, beam);
         self.current = Some(open);
         if is_whole {
-            self.finish(None, whole);
+            self.finish(whole);
         }
     }
 
@@ -282,10 +283,13 @@ impl Assembler {
     }
 
     fn add(&mut self, sweep: &mut Sweep, beam: &RawBeam, number: i64) {
+        let reordered = sweep.is_past(number);
         if sweep.has(number) {
             self.counters.doubled += 1;
         } else if !sweep.add(beam, number) {
             self.counters.lost += 1;
+        } else if reordered {
+            self.counters.reordered += 1;
         }
     }
 
@@ -303,16 +307,21 @@ impl Assembler {
         all && at_end
     }
 
-    /// Gives the current sweep; `follower` is the number of a beam of a later one.
-    fn finish(&mut self, follower: Option<i64>, whole: &mut dyn FnMut(&Sweep)) {
+    /// Gives the current sweep.
+    fn finish(&mut self, whole: &mut dyn FnMut(&Sweep)) {
         let Some(Open { id, mut sweep }) = self.current.take() else {
             return;
         };
         self.current = self.next.take();
+        // A running counter's sweep has every number up to the next one's first.
+        let follower = self
+            .current
+            .as_ref()
+            .and_then(|open| open.sweep.slots().first());
         let end = match (self.running, follower) {
             (None, _) => (id + 1) * i64::from(self.beams),
-            (Some(_), Some(number)) => number,
-            (Some(last), None) => last.number + 1,
+            (Some(_), Some(first)) => first.number,
+            (Some(_), None) => sweep.newest() + 1,
         };
         let expected = end.saturating_sub(self.accounted).max(0);
         self.accounted = self.accounted.max(end);

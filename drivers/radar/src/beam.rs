@@ -62,6 +62,8 @@ pub struct RawBeam {
     pub echoes: Vec<Echo>,
     /// Echoes at or below the floor, left out.
     pub dropped: u32,
+    /// All bins in 0.5 dB, where they are to be recorded.
+    pub powers: Vec<u8>,
 }
 
 impl Default for RawBeam {
@@ -74,6 +76,7 @@ impl Default for RawBeam {
             layout: BeamLayout::default(),
             echoes: Vec::new(),
             dropped: 0,
+            powers: Vec::new(),
         }
     }
 }

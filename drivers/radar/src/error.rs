@@ -28,6 +28,14 @@ pub enum Error {
         /// What was given.
         address: std::net::SocketAddr,
     },
+    /// Nothing can be recorded there.
+    #[error("record.dense {}: {source}", folder.display())]
+    Record {
+        /// The folder.
+        folder: std::path::PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
     /// The kernel refuses an epoll descriptor.
     #[error("nothing to wait on: {0}")]
     Poller(std::io::Error),

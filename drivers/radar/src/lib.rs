@@ -1,7 +1,7 @@
 //! A spinning radar's bytes to `radar/scan`.
 //!
 //! Responsible for protocols (Navtech's Colossus, our beam-udp), for joining beams to sweeps and for their times. The
-//! codecs, the assembler and the timing are pure; I/O is in `navtech/client.rs`, `beam_udp/socket.rs` and `poller.rs`.
+//! codecs, the assembler and the timing are pure; I/O is in `navtech/client.rs`, `beam_udp/socket.rs`, `poller.rs` and `recorder.rs`.
 //! Not responsible for what a sweep means: that is `filter`'s.
 //!
 //! The protocol of the indurad iSDR-C is not public. Nothing here speaks it: an iSDR-C is bridged to beam-udp
@@ -12,10 +12,12 @@ mod beam;
 pub mod beam_udp;
 mod bytes;
 mod decoder;
+mod dense;
 mod error;
 pub mod navtech;
 mod poller;
 mod radar;
+mod recorder;
 mod returns;
 mod source;
 mod sweep;
@@ -24,6 +26,7 @@ mod timing;
 pub use assembler::Assembler;
 pub use beam::{BeamLayout, Echo, Place, RawBeam};
 pub use decoder::BeamDecoder;
+pub use dense::{DenseRows, PolarImage};
 pub use error::Error;
 pub use poller::Poller;
 pub use radar::Radar;

@@ -2,11 +2,13 @@
 
 use crate::beam_udp::{BeamUdpDecoder, BeamUdpSocket, Listening};
 use crate::navtech::{NavtechClient, NavtechDecoder};
+use crate::recorder::Recorder;
 use crate::{Assembler, Error, Poller, RawBeam, Sink, Source, Sweep};
 use randt_config::{Config, RadarSource};
-use randt_device::{Count, Link};
+use randt_device::{Count, Interruptions, Link};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::os::fd::BorrowedFd;
+use std::path::Path;
 use std::sync::Arc;
 
 /// A spinning radar. It is never an error that it is not there: [`Radar::link`] says so, and it is tried for ever.
@@ -22,34 +24,58 @@ pub struct Radar {
     poller: Arc<Poller>,
     source: Box<dyn Source>,
     assembler: Assembler,
+    recorder: Option<Recorder>,
+    interruptions: Interruptions,
 }
 
 /// Beams on their way into sweeps.
 struct Joining<'a> {
     assembler: &'a mut Assembler,
+    recorder: Option<&'a mut Recorder>,
     whole: &'a mut dyn FnMut(&Sweep),
+}
+
+impl Joining<'_> {
+    fn join(&mut self, join: impl FnOnce(&mut Assembler, &mut dyn FnMut(&Sweep))) {
+        let (recorder, whole) = (&mut self.recorder, &mut self.whole);
+        join(self.assembler, &mut |sweep| {
+            // Who waits for the sweep goes first.
+            whole(sweep);
+            if let Some(recorder) = recorder {
+                recorder.sweep(sweep);
+            }
+        });
+    }
 }
 
 impl Sink for Joining<'_> {
     fn beam(&mut self, beam: &RawBeam) {
-        self.assembler.push(beam, self.whole);
+        if let Some(recorder) = &mut self.recorder {
+            recorder.beam(beam);
+        }
+        self.join(|assembler, whole| assembler.push(beam, whole));
     }
 
     fn restarted(&mut self) {
-        self.assembler.restart(self.whole);
+        self.join(Assembler::restart);
     }
 }
 
 impl Radar {
-    /// Reads section `radar`, `sensor.keep_power` and `sensor.period_s`. Opens nothing yet.
+    /// Reads section `radar`, `record.dense`, `sensor.keep_power` and `sensor.period_s`. Opens no socket yet.
     pub fn new(config: &Config) -> Result<Self, Error> {
         let poller = Arc::new(Poller::new()?);
         let silence_ns = nanoseconds(config.radar.silence_s);
         let keep_power = config.sensor.keep_power as f32;
+        let mut recorder = None;
         let source: Box<dyn Source> = match config.radar.source {
             RadarSource::Navtech => {
                 let address = address(&config.radar.address, "192.168.0.1:6317")?;
-                let decoder = NavtechDecoder::new(keep_power, config.radar.byte_order);
+                let mut decoder = NavtechDecoder::new(keep_power, config.radar.byte_order);
+                if !config.record.dense.is_empty() {
+                    decoder.keep_all();
+                    recorder = Some(Recorder::new(Path::new(&config.record.dense))?);
+                }
                 let poller = Arc::clone(&poller);
                 Box::new(NavtechClient::new(address, silence_ns, decoder, poller))
             }
@@ -68,6 +94,8 @@ impl Radar {
             poller,
             source,
             assembler: Assembler::new(nanoseconds(config.sensor.period_s)),
+            recorder,
+            interruptions: Interruptions::default(),
         })
     }
 
@@ -84,8 +112,13 @@ impl Radar {
     /// Takes what has come and does what is due; hands out the sweeps that became whole. `now_ns` is of the clock that
     /// sweeps are to be stamped in.
     pub fn poll(&mut self, now_ns: i64, whole: &mut dyn FnMut(&Sweep)) {
-        let assembler = &mut self.assembler;
-        self.source.poll(now_ns, &mut Joining { assembler, whole });
+        let mut joining = Joining {
+            assembler: &mut self.assembler,
+            recorder: self.recorder.as_mut(),
+            whole,
+        };
+        self.source.poll(now_ns, &mut joining);
+        self.interruptions.see(self.source.link());
     }
 
     /// How it stands to the radar.
@@ -100,8 +133,12 @@ impl Radar {
 
     /// Tells all counters.
     pub fn counts(&self, tell: &mut dyn FnMut(Count)) {
+        tell(self.interruptions.count());
         self.source.counts(tell);
         self.assembler.counts(tell);
+        if let Some(recorder) = &self.recorder {
+            recorder.counts(tell);
+        }
     }
 
     /// All counters.

@@ -49,6 +49,16 @@ impl Sweep {
         self.lost = 0;
     }
 
+    /// Whether a later beam is here already.
+    pub(crate) fn is_past(&self, number: i64) -> bool {
+        number < self.newest
+    }
+
+    /// The highest number of a beam.
+    pub(crate) fn newest(&self) -> i64 {
+        self.newest
+    }
+
     pub(crate) fn has(&self, number: i64) -> bool {
         number <= self.newest && self.slots.iter().rev().any(|slot| slot.number == number)
     }
@@ -142,6 +152,14 @@ impl Sweep {
     /// First and last instant, ns: half a step before the first beam and after the last.
     pub fn span_ns(&self) -> (i64, i64) {
         (self.timing.begin_ns, self.timing.end_ns)
+    }
+
+    /// The beams' counter, azimuth as the radar counts it, and time, ns.
+    pub fn beam_times(&self) -> impl Iterator<Item = (u16, u32, i64)> {
+        self.slots.iter().map(|slot| {
+            let stamp_ns = self.timing.ns(slot.unwrapped);
+            (slot.number as u16, slot.azimuth, stamp_ns)
+        })
     }
 
     /// Whether azimuths fell in our sense, counter-clockwise, from beam to beam: the radar turns clockwise.

@@ -59,6 +59,15 @@ impl Odometry {
         }
         let mut message = self.spare.pop().unwrap_or_default();
         scan::copy(points, &mut message);
+        if self.config.odometry.radar_late_s != 0.0 {
+            let late_ns = (self.config.odometry.radar_late_s * 1e9) as i64;
+            scan::earlier(&mut message, late_ns);
+            if !scan::is_sweep(message.as_ref()) {
+                self.counters.scans_rejected += 1;
+                self.spare.push(message);
+                return;
+            }
+        }
         let stamp_ns = message.head.sweep.end_ns;
         self.pending.push_back(message);
         self.process_covered(sink);

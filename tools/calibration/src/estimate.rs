@@ -91,3 +91,49 @@ pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    fn parts(values: &[f64]) -> Vec<Part> {
+        let part = |value: &f64| Part {
+            value: *value,
+            weight: 2.0,
+        };
+        values.iter().map(part).collect()
+    }
+
+    #[test]
+    fn the_spread_of_many_parts_gives_the_sigma_of_their_mean() {
+        let values: Vec<f64> = (0..101).map(|i| f64::from(i) - 50.0).collect();
+        let found = mean(&parts(&values)).unwrap();
+        assert!(found.value.abs() < 1e-9);
+        // A uniform spread of 29.2, over 101 parts.
+        assert!((found.sigma - 2.9).abs() < 0.3, "{found:?}");
+    }
+
+    #[test]
+    fn one_part_that_is_far_off_has_little_say() {
+        let found = mean(&parts(&[1.0, 1.1, 0.9, 1.05, 0.95, 30.0])).unwrap();
+        assert!((found.value - 1.0).abs() < 0.1, "{found:?}");
+    }
+
+    #[test]
+    fn few_parts_are_believed_less_than_many_of_the_same_spread() {
+        let few = mean(&parts(&[-1.0, 1.0, -1.0, 1.0])).unwrap().sigma;
+        let many = mean(&parts(&[-1.0, 1.0].repeat(20))).unwrap().sigma;
+        assert!(few > 1.5 * many * 10f64.sqrt(), "{few} {many}");
+        assert_eq!(mean(&[]), None);
+    }
+
+    #[test]
+    fn parts_without_any_weight_say_nothing() {
+        let nothing = Part {
+            value: 1.0,
+            weight: 0.0,
+        };
+        assert_eq!(mean(&[nothing; 5]), None);
+    }
+}

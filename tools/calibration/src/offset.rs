@@ -18,8 +18,8 @@ const LIMIT_NS: i64 = 500_000_000;
 const SEARCH_NS: i64 = 20_000_000;
 /// Share of the radar's turning that the gyro must explain.
 const EXPLAINED_MIN: f64 = 0.8;
-/// What repeats itself in every stretch: stamps' own errors, and the motion model that pulls odometry's yaw, s.
-const SYSTEMATIC_S: f64 = 0.0003;
+/// What repeats itself in every stretch, s: stamps' own errors, and the motion model that pulls odometry's yaw.
+const SYSTEMATIC_S: f64 = 0.0005;
 /// A stretch with so many times the usual left over (of squares) is one in which odometry slipped.
 const SLIPPED: f64 = 16.0;
 const ROUNDS: u32 = 30;

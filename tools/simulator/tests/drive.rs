@@ -327,3 +327,64 @@ fn distance(wall: &Wall, point: Vector2<f64>) -> f64 {
     let share = ((point - wall.from_m).dot(&along) / along.norm_squared()).clamp(0.0, 1.0);
     (wall.from_m + along * share - point).norm()
 }
+
+#[test]
+fn a_drive_for_calibration_turns_on_the_spot_to_both_sides() {
+    let profile = MotionProfile::default().for_calibration();
+    let mut drive = Drive::new(&World::building(), profile, 3);
+    let (mut left_rad, mut right_rad, mut path_m) = (0.0, 0.0, 0.0);
+    let mut last = drive.at(0);
+    for index in 1..6000_i64 {
+        let state = drive.at(index * 20_000_000);
+        let turned_rad = state.pose[2] - last.pose[2];
+        if state.velocity[0] == 0.0 && last.velocity[0] == 0.0 {
+            assert_eq!(state.pose[..2], last.pose[..2], "base_link stays");
+            left_rad += f64::max(turned_rad, 0.0);
+            right_rad += f64::max(-turned_rad, 0.0);
+        }
+        path_m = state.path_m;
+        last = state;
+    }
+    // Two minutes: some four stops with 240 degrees each way.
+    assert!(
+        left_rad > 10.0 && right_rad > 10.0,
+        "{left_rad} {right_rad}"
+    );
+    assert!((left_rad - right_rad).abs() < 4.3, "{left_rad} {right_rad}");
+    assert!(path_m > 20.0, "{path_m}");
+}
+
+#[test]
+fn a_late_radar_says_the_same_later() {
+    let robot = Robot {
+        radar_late_ns: 30_000_000,
+        ..Robot::default()
+    };
+    let world = World::building();
+    let scans = |robot: Robot| {
+        Simulation::new(&world, robot, 3, 1).filter_map(|event| match event {
+            Event::Scan(scan) => Some(scan),
+            _ => None,
+        })
+    };
+    for (late, plain) in scans(robot).zip(scans(Robot::default())) {
+        assert_eq!(late.items, plain.items);
+        let stamps = |scan: &randt_messages::Message<randt_messages::RadarScan>| {
+            let beams = scan.head.sweep.beams().iter().map(|beam| beam.stamp_ns);
+            [
+                scan.head.header.stamp_ns,
+                scan.head.sweep.end_ns,
+                scan.head.sweep.begin_ns,
+            ]
+            .into_iter()
+            .chain(beams)
+            .collect::<Vec<i64>>()
+        };
+        let differences = stamps(&late).into_iter().zip(stamps(&plain));
+        assert!(
+            differences
+                .into_iter()
+                .all(|(late, plain)| late - plain == 30_000_000)
+        );
+    }
+}

@@ -1,14 +1,14 @@
 //! A Phidgets Spatial.
 //!
 //! Responsible for finding the vendor's library, for units, and for what to do when the device is gone or silent. Not
-//! responsible for calling the library: `library.rs` is.
+//! responsible for calling the library: `library` is.
 
 use super::library::{Channel, Event, Library, Server};
 use crate::{Error, Reading, STANDARD_GRAVITY_M_S2, source::Source};
 use randt_config::ImuDriver;
 use randt_device::{Backoff, Count};
 use std::os::fd::BorrowedFd;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Its names where the system looks for libraries.
 const NAMES: [&str; 2] = ["libphidget22.so.0", "libphidget22.so"];
@@ -156,8 +156,10 @@ impl Spatial {
                 rate_deg_s,
                 timestamp_ms,
             } => {
-                let waited_ns = now.saturating_duration_since(at).as_nanos();
-                let arrival_ns = now_ns.saturating_sub(i64::try_from(waited_ns).unwrap_or(0));
+                let nanos = |time: Duration| i64::try_from(time.as_nanos()).unwrap_or(0);
+                let before_ns = nanos(now.saturating_duration_since(at));
+                let after_ns = nanos(at.saturating_duration_since(now));
+                let arrival_ns = now_ns.saturating_sub(before_ns).saturating_add(after_ns);
                 readings.push(Reading {
                     device_ns: (timestamp_ms.abs() < 1e12).then_some((timestamp_ms * 1e6) as i64),
                     counter: None,
@@ -205,14 +207,15 @@ impl Source for Spatial {
         self.channel.as_ref().map(Channel::descriptor)
     }
 
-    fn poll(&mut self, now_ns: i64, readings: &mut Vec<Reading>) {
+    fn poll(&mut self, clock: &dyn Fn() -> i64, readings: &mut Vec<Reading>) {
+        let now = Instant::now();
+        let now_ns = clock();
         if self.channel.is_none() && self.backoff.is_due(now_ns) {
             self.open(now_ns);
         }
         let Some(channel) = self.channel.take() else {
             return;
         };
-        let now = Instant::now();
         for event in channel.events() {
             self.take(event, now_ns, now, readings);
         }
@@ -277,7 +280,7 @@ mod tests {
     fn a_missing_library_is_said_and_how_to_get_it() {
         let config = config(|imu| imu.library = "/nowhere/libphidget22.so".to_owned());
         let mut spatial = Spatial::new(&config).unwrap();
-        spatial.poll(0, &mut Vec::new());
+        spatial.poll(&|| 0, &mut Vec::new());
         let told = spatial.trouble();
         assert!(
             told.starts_with("libphidget22 is not installed: get it by `pip"),
@@ -291,7 +294,7 @@ mod tests {
     fn what_is_no_library_is_said() {
         let config = config(|imu| imu.library = "libc.so.6".to_owned());
         let mut spatial = Spatial::new(&config).unwrap();
-        spatial.poll(0, &mut Vec::new());
+        spatial.poll(&|| 0, &mut Vec::new());
         let told = spatial.trouble();
         assert!(told.contains("PhidgetSpatial_create"), "{told}");
     }

@@ -119,7 +119,8 @@ impl Driven {
     /// Polls once, then sleeps until the driver wants to be polled, or for a tenth of a second.
     pub fn step(&mut self) {
         let samples = &mut self.samples;
-        self.imu.poll(now_ns(), &mut |sample| samples.push(*sample));
+        self.imu
+            .poll_by(&now_ns, &mut |sample| samples.push(*sample));
         self.polls += 1;
         let text = self.imu.link().text();
         if self.texts.last().is_none_or(|(_, last)| last != text) {
@@ -143,8 +144,9 @@ impl Driven {
             self.step();
             assert!(
                 begin.elapsed() < PATIENCE,
-                "{what}: {} samples, {:?}, {:?}",
+                "{what}: {} samples, skew {}, {:?}, {:?}",
                 self.samples.len(),
+                self.imu.skew(),
                 self.texts,
                 self.imu.counters()
             );

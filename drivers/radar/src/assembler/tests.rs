@@ -31,6 +31,7 @@ fn beam(index: i64) -> RawBeam {
             intensity: 10.0,
         }],
         dropped: 1,
+        powers: Vec::new(),
     }
 }
 

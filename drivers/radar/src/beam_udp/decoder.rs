@@ -183,14 +183,14 @@ impl BeamDecoder for BeamUdpDecoder {
             "datagrams_of_another_protocol",
             counters.foreign,
         ));
-        tell(Count::loss(
+        tell(Count::event(
             "datagrams_of_unknown_version",
             counters.versions,
         ));
-        tell(Count::loss("datagrams_damaged", counters.damaged));
-        tell(Count::loss("datagrams_senseless", counters.senseless));
+        tell(Count::event("datagrams_damaged", counters.damaged));
+        tell(Count::event("datagrams_senseless", counters.senseless));
         tell(Count::event("datagrams_of_another_radar", counters.devices));
-        tell(Count::loss("beams_incomplete", counters.incomplete));
+        tell(Count::event("beams_incomplete", counters.incomplete));
         tell(Count::event(
             "fragments_doubled",
             counters.fragments_doubled,

@@ -1,6 +1,6 @@
 //! A datagram of beam-udp, both ways. The protocol is our own: docs/beam-udp.md.
 
-use super::crc::crc32c;
+pub use super::crc::crc32c;
 use crate::Echo;
 use crate::bytes::Bytes;
 

@@ -266,7 +266,7 @@ impl Source for BeamUdpSocket {
 
     fn counts(&self, tell: &mut dyn FnMut(Count)) {
         self.decoder.counts(tell);
-        tell(Count::loss(
+        tell(Count::event(
             "datagrams_dropped_by_the_kernel",
             self.kernel_drops,
         ));

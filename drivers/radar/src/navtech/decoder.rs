@@ -20,12 +20,6 @@ struct Counters {
     unconfigured: u64,
 }
 
-/// Takes every bin of every beam, for who records them.
-pub trait DenseBeams {
-    /// A beam with its configuration: all bins.
-    fn beam(&mut self, fft: &Fft<'_>, beam: &RawBeam, configuration: &Configuration);
-}
-
 /// Colossus to beams; remembers the configuration that the radar sends on connecting.
 pub struct NavtechDecoder {
     parser: FrameParser,
@@ -42,7 +36,7 @@ struct State {
     version: u8,
     beam: RawBeam,
     counters: Counters,
-    dense: Option<Box<dyn DenseBeams>>,
+    dense: bool,
 }
 
 impl NavtechDecoder {
@@ -59,14 +53,14 @@ impl NavtechDecoder {
                 version: VERSION,
                 beam: RawBeam::default(),
                 counters: Counters::default(),
-                dense: None,
+                dense: false,
             },
         }
     }
 
-    /// All bins go there too.
-    pub fn record(&mut self, dense: Box<dyn DenseBeams>) {
-        self.state.dense = Some(dense);
+    /// Beams have all their powers too.
+    pub fn keep_all(&mut self) {
+        self.state.dense = true;
     }
 
     /// What the radar has said of itself in this connection.
@@ -128,14 +122,17 @@ impl BeamDecoder for NavtechDecoder {
         tell(Count::event("keep_alives", counters.keep_alives));
         tell(Count::event("health_messages", counters.health));
         tell(Count::event("messages_unknown", counters.unknown));
-        tell(Count::loss("messages_damaged", counters.damaged));
+        tell(Count::event(
+            "messages_damaged",
+            counters.damaged + faults.cut,
+        ));
         tell(Count::event(
             "beams_before_configuration",
             counters.unconfigured,
         ));
-        tell(Count::loss("junk_bytes", faults.junk_bytes));
-        tell(Count::loss("messages_of_unknown_version", faults.versions));
-        tell(Count::loss("messages_oversize", faults.oversize));
+        tell(Count::event("junk_bytes", faults.junk_bytes));
+        tell(Count::event("messages_of_unknown_version", faults.versions));
+        tell(Count::event("messages_oversize", faults.oversize));
     }
 }
 
@@ -178,8 +175,9 @@ impl State {
         beam.layout = layout(configuration);
         beam.echoes.clear();
         beam.dropped = fft.bins.above(self.keep_power, &mut beam.echoes);
-        if let Some(dense) = &mut self.dense {
-            dense.beam(&fft, beam, configuration);
+        beam.powers.clear();
+        if self.dense {
+            fft.bins.all(&mut beam.powers);
         }
         beams(beam);
     }

@@ -96,6 +96,19 @@ impl Bins<'_> {
     }
 }
 
+impl Bins<'_> {
+    /// Adds all of them, in 0.5 dB.
+    pub fn all(&self, powers: &mut Vec<u8>) {
+        match self {
+            Self::Eight(bins) => powers.extend_from_slice(bins),
+            Self::Sixteen(bins) => powers.extend(bins.chunks_exact(2).map(|pair| {
+                let step = Bytes(pair).u16_be().unwrap_or(0);
+                (f32::from(step) * STEP_16).round() as u8
+            })),
+        }
+    }
+}
+
 /// Bins that are looked at at once: most of them are noise, and the compiler compares so many in one instruction or two.
 const LANES: usize = 32;
 

@@ -81,6 +81,8 @@ pub struct FrameFaults {
     pub versions: u64,
     /// Headers that announce more than [`PAYLOAD_MAX`].
     pub oversize: u64,
+    /// Messages in whose midst the next one begins.
+    pub cut: u64,
 }
 
 /// Takes pieces of the stream, gives messages. Where one does not begin with the signature, looks for the next that does,
@@ -113,14 +115,17 @@ impl FrameParser {
                 self.faults.versions += 1;
             } else if length > PAYLOAD_MAX {
                 self.faults.oversize += 1;
-            } else if header.0.len() < length {
-                return None;
             } else {
-                break (version, kind, length);
+                let payload = header.0.get(..length)?;
+                let Some(next) = find_signature(payload) else {
+                    break (version, kind, length);
+                };
+                self.faults.cut += 1;
+                self.pass_over(HEADER_BYTES + next);
+                continue;
             }
             // Its length cannot be believed: a good message may begin anywhere behind the signature.
-            self.faults.junk_bytes += SIGNATURE.len() as u64;
-            self.begin += SIGNATURE.len();
+            self.pass_over(SIGNATURE.len());
         };
         let begin = self.begin + HEADER_BYTES;
         self.begin = begin + length;
@@ -158,9 +163,30 @@ impl FrameParser {
         let junk = (0..rest.len())
             .find(|at| may_begin(*at))
             .unwrap_or(rest.len());
+        self.pass_over(junk);
+    }
+
+    fn pass_over(&mut self, junk: usize) {
         self.faults.junk_bytes += junk as u64;
         self.begin += junk;
     }
+}
+
+/// Where a message begins inside another one's body. Its last byte is sought first: it is rare in powers.
+fn find_signature(payload: &[u8]) -> Option<usize> {
+    // The fast way out of most bodies.
+    if !payload.contains(&0xfe) {
+        return None;
+    }
+    let mut behind = 0;
+    while let Some(at) = payload.get(behind..)?.iter().position(|byte| *byte == 0xfe) {
+        behind += at + 1;
+        let begin = behind.checked_sub(SIGNATURE.len());
+        if begin.is_some_and(|begin| payload.get(begin..behind) == Some(&SIGNATURE)) {
+            return begin;
+        }
+    }
+    None
 }
 
 #[cfg(test)]
@@ -232,6 +258,27 @@ mod tests {
             (faults.versions, faults.oversize, faults.junk_bytes),
             (1, 1, 44)
         );
+    }
+
+    #[test]
+    fn a_message_that_is_cut_does_not_take_the_next_one_with_it() {
+        let message = |kind| {
+            let mut bytes = Vec::new();
+            let payload = &[7; 100];
+            Frame {
+                version: 1,
+                kind,
+                payload,
+            }
+            .encode(&mut bytes);
+            bytes
+        };
+        let mut parser = FrameParser::default();
+        parser.push(&message(kind::FFT_8)[..60]);
+        parser.push(&message(kind::FFT_16));
+        assert_eq!(all(&mut parser), [(kind::FFT_16, vec![7; 100])]);
+        let faults = parser.faults();
+        assert_eq!((faults.cut, faults.junk_bytes), (1, 60));
     }
 
     proptest! {

@@ -10,4 +10,4 @@ pub mod frame;
 pub mod order;
 
 pub use client::NavtechClient;
-pub use decoder::{DenseBeams, NavtechDecoder};
+pub use decoder::NavtechDecoder;

@@ -3,7 +3,7 @@
 use crate::Error;
 use rustix::fs::{OFlags, fcntl_setfl};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+use rustix::termios::{OptionalActions, ioctl_tiocnxcl, tcgetattr, tcsetattr};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, ErrorKind, Read, Write};
 use std::os::unix::ffi::OsStringExt;
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct Terminal {
     device: File,
     /// Kept open, so that a host that closes the port does not end it.
-    _host: File,
+    host: File,
     path: PathBuf,
 }
 
@@ -43,7 +43,7 @@ impl Terminal {
         fcntl_setfl(&device, OFlags::RDWR | OFlags::NONBLOCK)?;
         Ok(Self {
             device: device.into(),
-            _host: host,
+            host,
             path,
         })
     }
@@ -55,6 +55,8 @@ impl Terminal {
 
     /// What the host sent.
     pub(super) fn read(&mut self) -> Vec<u8> {
+        // A host that had the port for itself unlocks it by closing it, unless somebody else has it open too: we have.
+        let _ = ioctl_tiocnxcl(&self.host);
         let mut bytes = vec![0; 1024];
         let count = self.device.read(&mut bytes).unwrap_or_default();
         bytes.truncate(count);

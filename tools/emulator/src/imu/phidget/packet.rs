@@ -119,6 +119,7 @@ pub(super) fn encode(flags: u16, number: u16, answers: u16, kind: (u8, u8), text
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     /// Sent by libphidget22 1.26: the beginning of its first packet.
     #[test]
@@ -137,5 +138,23 @@ mod tests {
         assert_eq!(take(&bytes[..83]), Taken::More);
         bytes[0] = b'1';
         assert_eq!(take(&bytes), Taken::Nonsense);
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_encoded_is_read_back(flags: u16, number: u16, kind: (u8, u8), text in ".{0,300}", cut in 0_usize..16) {
+            let bytes = encode(flags, number, 0, kind, &text);
+            prop_assert_eq!(take(&bytes[..bytes.len() - 1 - cut.min(bytes.len() - 1)]), Taken::More);
+            let packet = Packet { flags, number, kind, text };
+            prop_assert_eq!(take(&bytes), Taken::Packet(packet, bytes.len()));
+        }
+
+        #[test]
+        fn nothing_breaks_it(bytes in prop::collection::vec(any::<u8>(), 0..100)) {
+            let mut with_magic = MAGIC.to_le_bytes().to_vec();
+            with_magic.extend(&bytes);
+            take(&bytes);
+            take(&with_magic);
+        }
     }
 }

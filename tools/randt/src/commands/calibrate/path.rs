@@ -13,8 +13,9 @@ use randt_odometry::{Odometry, Sink};
 use randt_readers::Event;
 use std::collections::BTreeMap;
 
-/// Angular acceleration that the motion model allows, rad/s^2: looser than a pipeline's, whose yaw is calm, but
+/// Accelerations that the motion model allows, m/s^2 and rad/s^2: looser than a pipeline's, whose path is calm, but
 /// follows late.
+const LOOSE_ACCELERATION_M_S2: f64 = 3.0;
 const LOOSE_ANGULAR_ACCELERATION_RAD_S2: f64 = 2.0;
 /// Noise of a gyro that has no say in the yaw, rad/s per square root of Hz: it de-skews the sweeps and shows where to
 /// begin to search, and the scan decides.
@@ -146,6 +147,8 @@ impl Path {
 
 impl Mode {
     fn prepare(self, config: &mut Config) {
+        // The log's own stamps are what is asked about.
+        config.odometry.radar_late_s = 0.0;
         config.ndt.cell_size_m = config.ndt.cell_size_m.min(CELL_SIZE_MAX_M);
         match self {
             Self::RadarOnly => {
@@ -157,6 +160,8 @@ impl Mode {
             }
             Self::WithoutGyro => {}
             Self::DeskewedByGyro(_) => {
+                config.odometry.acceleration_sigma_m_s2 = LOOSE_ACCELERATION_M_S2;
+                config.odometry.lateral_acceleration_sigma_m_s2 = LOOSE_ACCELERATION_M_S2;
                 config.odometry.angular_acceleration_sigma_rad_s2 =
                     LOOSE_ANGULAR_ACCELERATION_RAD_S2;
                 config.odometry.gyro_noise_rad_s_sqrt_hz = LOOSE_GYRO_NOISE;

@@ -85,12 +85,12 @@ fn as_text(path: &Path, found: &TimeOffset) -> String {
         if late_ms.value < 0.0 { "early" } else { "late" },
     );
     format!(
-        "radar stamps are {size:.2} ± {sigma:.2} ms {word} against the gyro: take {value:.2} ms off them\n\
+        "radar stamps are {size:.2} ± {sigma:.2} ms {word} against the gyro: set odometry.radar_late_s = {value:.5}\n\
          shown by     {spans}: {turned:.0} deg turned\n\
          left over    {left:.3} deg from scan to scan; the radar turns {scale:+.2} % more than the gyro\n",
         scale = 100.0 * found.scale,
         sigma = late_ms.sigma,
-        value = late_ms.value,
+        value = found.late_s.value,
         spans = super::spans(path, &found.spans),
         turned = found.turned_rad.to_degrees(),
         left = found.residual_rad.to_degrees(),

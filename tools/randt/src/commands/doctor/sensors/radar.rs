@@ -12,6 +12,8 @@ const ABOUT: &str = "radar";
 const RATE_TOLERANCE: f64 = 0.1;
 /// A sweep is published within this time after its end, ns: the last beams' way, and a moment of a busy machine.
 const DELAY_MAX_NS: i64 = 200_000_000;
+/// A sweep ends half a beam after its last beam was measured, which may be on its way then: 0.5 ms of an iSDR-C's.
+const EARLY_MAX_NS: i64 = 2_000_000;
 
 /// All that can be said of it alone.
 pub fn check(config: &Config, seen: &Seen<Sweep>) -> Vec<Finding> {
@@ -117,7 +119,7 @@ fn stamps(seen: &Seen<Sweep>) -> Finding {
     let mend = "randt top shows what the driver says; a radar with a clock of its own should get its time by PTP or NTP";
     if !rising {
         Finding::bad(ABOUT, "stamps do not rise", mend)
-    } else if least < 0 || most > DELAY_MAX_NS {
+    } else if least < -EARLY_MAX_NS || most > DELAY_MAX_NS {
         Finding::warn(ABOUT, text, mend)
     } else {
         Finding::ok(ABOUT, text)
