@@ -59,7 +59,12 @@ fn bags_of_both_kinds_read_back() {
             "{format}: nothing is overwritten silently"
         );
         let (bag_scans, bag_samples, source) = content(&bag);
-        assert_eq!(source.counters(), [], "{format}");
+        // A return at range 0 has no direction, so no point either.
+        let counters = source.counters();
+        assert!(
+            counters.iter().all(|counter| !counter.loss),
+            "{format}: {counters:?}"
+        );
         assert_eq!(source.info().sensor, original.info().sensor, "{format}");
         // A mounting goes through sines and back.
         let (found, expected) = (source.info().extrinsics, original.info().extrinsics);
@@ -80,8 +85,9 @@ fn bags_of_both_kinds_read_back() {
         assert_eq!(bag_scans.len(), scans.len(), "{format}");
         for (bag, original) in bag_scans.iter().zip(&scans) {
             assert_eq!(bag.head.header.stamp_ns, original.head.header.stamp_ns);
-            assert_eq!(bag.items.len(), original.items.len(), "{format}");
-            for (a, b) in bag.items.iter().zip(&original.items) {
+            let original = original.items.iter().filter(|point| point.range_m > 0.0);
+            assert_eq!(bag.items.len(), original.clone().count(), "{format}");
+            for (a, b) in bag.items.iter().zip(original) {
                 assert!((a.range_m - b.range_m).abs() < 1e-4, "{a:?} {b:?}");
                 assert_eq!(a.intensity, b.intensity);
             }
@@ -153,7 +159,8 @@ fn a_cut_log_has_its_span_and_a_damaged_one_is_found() {
     assert_eq!(checked.code, Some(3), "{}", checked.stdout);
     assert!(checked.stdout.contains("damaged"), "{}", checked.stdout);
     // Half a file, as a copy that was broken off leaves it.
-    fs::write(&damaged, &bytes[..middle]).unwrap();
+    let bytes = fs::read(&input).unwrap();
+    fs::write(&damaged, &bytes[..bytes.len() / 2]).unwrap();
     assert_eq!(log_command("check", &damaged, &[]).code, Some(3));
     let recovered = log_command("recover", &damaged, &[]);
     assert_eq!(recovered.code, Some(0), "{}", recovered.stderr);

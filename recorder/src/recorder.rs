@@ -248,7 +248,7 @@ impl<S: Sink> Recorder<S> {
         self.retry_ns = now_ns + RETRY_NS;
         self.trouble = Some(Trouble {
             cause: DropCause::Full,
-            text: format!("not recording: less than {floor_gb} GB left on the disk"),
+            text: format!("not recording: less than {floor_gb:.1} GB left on the disk"),
         });
     }
 

@@ -136,7 +136,7 @@ fn below_the_floor_it_stops_red_and_goes_on_when_there_is_room() {
     bench.run(10.0);
     let trouble = bench.recorder.trouble().unwrap();
     assert_eq!(trouble.cause, DropCause::Full);
-    assert!(trouble.text.contains("2 GB"), "{trouble:?}");
+    assert!(trouble.text.contains("2.0 GB"), "{trouble:?}");
     bench.sink.set(Wrong::default());
     bench.run(2.0);
     bench.recorder.finish(bench.now_ns);

@@ -78,8 +78,11 @@ fn of_a_power_cut_at_any_moment_the_last_second_is_lost_and_no_more() {
     );
 }
 
-/// A file of some seconds, with where its chunks begin and end and what they hold.
-fn file() -> (Vec<u8>, Vec<(usize, usize, BTreeSet<Name>)>) {
+/// Where a chunk begins and ends, and what it holds.
+type Chunk = (usize, usize, BTreeSet<Name>);
+
+/// A file of some seconds, with its chunks.
+fn file() -> (Vec<u8>, Vec<Chunk>) {
     let sink = Faulty::default();
     drive(&sink, 3);
     let bytes = sink.files().into_values().next().unwrap().bytes;
@@ -107,7 +110,7 @@ fn file() -> (Vec<u8>, Vec<(usize, usize, BTreeSet<Name>)>) {
 }
 
 /// What a file that is cut here must give.
-fn expected(chunks: &[(usize, usize, BTreeSet<Name>)], cut: usize) -> BTreeSet<Name> {
+fn expected(chunks: &[Chunk], cut: usize) -> BTreeSet<Name> {
     let whole = chunks.iter().filter(|(_, end, _)| *end <= cut);
     whole.flat_map(|(.., names)| names.clone()).collect()
 }

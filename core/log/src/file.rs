@@ -38,8 +38,17 @@ impl Drop for Active {
 impl LogFile {
     /// Begins the file; an older `.active` one of the same name is overwritten.
     pub fn create(path: &Path, options: Options) -> Result<Self, Error> {
+        Self::create_under(path, ".active", options)
+    }
+
+    /// Begins a copy: `NAME.part` until it is finished, because `NAME.active` may be what is copied.
+    pub fn create_copy(path: &Path, options: Options) -> Result<Self, Error> {
+        Self::create_under(path, ".part", options)
+    }
+
+    fn create_under(path: &Path, ending: &str, options: Options) -> Result<Self, Error> {
         let mut name = OsString::from(path);
-        name.push(".active");
+        name.push(ending);
         let active = PathBuf::from(name);
         let shown = active.display().to_string();
         let file = File::create(&active).map_err(|cause| Error::Io {

@@ -80,7 +80,8 @@ fn scan(sequence: u64, stamp_ns: i64, returns: usize) -> Raw {
     scan.items = (0..returns)
         .map(|bin| Return {
             range_m: bin as f32 * 0.0161,
-            intensity: random.below(400) as f32 * 0.1,
+            // As many digits as a real one has: they do not compress.
+            intensity: 6.0 + random.below(1 << 24) as f32 * 2e-6,
             beam: 0,
             bin: bin as u16,
         })

@@ -60,7 +60,7 @@ fn write_copy<R: Read + Seek>(
         written_by: reader.written_by().to_owned(),
         ..Options::default()
     };
-    let mut file = LogFile::create(to, options)?;
+    let mut file = LogFile::create_copy(to, options)?;
     let messages = copy(reader, file.writer(), keep)?;
     let size = file
         .finish()

@@ -19,7 +19,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, folder: &Path) -> anyho
         profile: "ros2",
         ..Options::default()
     };
-    let mut file = LogFile::create(&path, options)?;
+    let mut file = LogFile::create_copy(&path, options)?;
     let mut channels = Vec::new();
     for (topic, kind) in TOPICS {
         channels.push((topic, file.writer().declare(&channel(topic, kind))?));
