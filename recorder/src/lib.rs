@@ -22,8 +22,8 @@ mod worker;
 pub use disk::Disk;
 pub use drops::Drops;
 pub use metadata::{
-    CLOCK_METADATA, CONFIG_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA,
-    of_configuration, of_machine, says,
+    CLOCK_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA, of_configuration,
+    of_machine, says,
 };
 pub use queue::{BUDGET, Queue};
 pub use raw::Raw;

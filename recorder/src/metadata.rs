@@ -3,13 +3,11 @@
 use crate::wellknown;
 use randt_config::{Config, Loaded};
 use randt_geometry::Quaternion;
-use randt_log::{Channel, ROBOT_METADATA, Robot, channels};
+use randt_log::{CONFIG_METADATA, CONFIG_TOML, Channel, ROBOT_METADATA, Robot, channels};
 use randt_messages::SensorKind;
 use std::collections::BTreeMap;
 use std::fs;
 
-/// Names of the metadata records beside [`ROBOT_METADATA`].
-pub const CONFIG_METADATA: &str = "randt/config";
 /// Who wrote what: stages and their versions.
 pub const VERSIONS_METADATA: &str = "randt/versions";
 /// Type name of every topic.
@@ -33,7 +31,7 @@ pub fn of_configuration(loaded: &Loaded) -> Vec<(&'static str, Says)> {
     let layouts = channels().into_iter();
     vec![
         (ROBOT_METADATA, robot(&loaded.config).to_metadata()),
-        (CONFIG_METADATA, says([("toml", loaded.to_toml())])),
+        (CONFIG_METADATA, says([(CONFIG_TOML, loaded.to_toml())])),
         (
             LAYOUTS_METADATA,
             layouts.map(|c| (c.topic, c.type_name)).collect(),

@@ -44,9 +44,19 @@ impl SelectionArguments {
 
     /// The configuration in force; `sensor_from_input`: what the input says that its radar is.
     pub fn load(&self, sensor_from_input: Option<&'static str>) -> Result<Loaded, Error> {
+        self.load_recorded(sensor_from_input, None)
+    }
+
+    /// The same for an input that was recorded with a configuration of its own: it holds unless the user names another.
+    pub fn load_recorded(
+        &self,
+        sensor_from_input: Option<&'static str>,
+        recorded: Option<String>,
+    ) -> Result<Loaded, Error> {
         Config::load(&Selection {
             profile: self.profile.clone(),
             sensor: self.sensor.clone(),
+            recorded,
             sensor_from_input,
             robot: self.robot.clone(),
             set: self.set.clone(),

@@ -23,6 +23,8 @@ pub struct Selection {
     pub sensor: Option<String>,
     /// Radar as the input says; a profile's own section `sensor` goes over it.
     pub sensor_from_input: Option<&'static str>,
+    /// The whole configuration of a recorded run, which holds where the user names neither profile nor sensor.
+    pub recorded: Option<String>,
     /// Robot: a file's path.
     pub robot: Option<String>,
     /// Overrides, `section.key=value`; the last one counts.
@@ -44,6 +46,10 @@ impl Config {
         let mut loaded = Loaded::default();
         let profile = selection.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
         match &selection.sensor {
+            None if selection.profile.is_none() && selection.recorded.is_some() => {
+                let text = selection.recorded.as_deref().unwrap_or_default();
+                loaded.add_text("the log", text, None)?;
+            }
             None => {
                 let sensor = match selection.sensor_from_input {
                     Some(sensor) => sensor,

@@ -47,7 +47,7 @@ pub use error::Error;
 pub use file::LogFile;
 pub use lengths::lengths_fit;
 pub use reader::LogReader;
-pub use robot::{ROBOT_METADATA, Robot};
+pub use robot::{CONFIG_METADATA, CONFIG_TOML, ROBOT_METADATA, Robot};
 pub use stream::LogStream;
 pub use sums::check_sums;
 pub use topics::{channel_of, channels};

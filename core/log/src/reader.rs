@@ -4,7 +4,7 @@ use crate::chunk::{Chunk, FRAME, LOOK, SIZE_MAX, looks_like_chunk};
 use crate::damage::{Damage, DamageKind, note};
 use crate::entry::{Channel, Entry};
 use crate::lengths::lengths_fit;
-use crate::{Error, ROBOT_METADATA, Robot};
+use crate::{CONFIG_METADATA, CONFIG_TOML, Error, ROBOT_METADATA, Robot};
 use mcap::records::{Record, op};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -120,6 +120,12 @@ impl<R: Read + Seek> LogReader<R> {
             .map_or(Ok(Robot::default()), |map| {
                 Robot::from_metadata(map, &self.path)
             })
+    }
+
+    /// The configuration that a live run was recorded with, as TOML.
+    pub fn configuration(&self) -> Option<&str> {
+        let record = self.metadata.get(CONFIG_METADATA)?;
+        record.get(CONFIG_TOML).map(String::as_str)
     }
 
     /// What the log says of the program that wrote it.

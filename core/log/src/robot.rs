@@ -6,6 +6,10 @@ use std::collections::BTreeMap;
 
 /// Name of the metadata record.
 pub const ROBOT_METADATA: &str = "randt/robot";
+/// Name of the record with the configuration of a live run, and its one key.
+pub const CONFIG_METADATA: &str = "randt/config";
+/// The configuration as TOML.
+pub const CONFIG_TOML: &str = "toml";
 
 const SENSOR: &str = "sensor";
 const RADAR: &str = "radar_in_base_link_x_m_y_m_yaw_rad";

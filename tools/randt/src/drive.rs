@@ -22,6 +22,7 @@ impl Drive {
             format: "simulation",
             sensor: robot.sensor(),
             scans: Some(scans),
+            configuration: None,
             extrinsics: Extrinsics {
                 radar: Some(robot.radar_mounting),
                 imu: Some(Quaternion::IDENTITY),

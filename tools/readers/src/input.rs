@@ -37,6 +37,8 @@ pub struct InputInfo {
     pub scans: Option<u64>,
     /// Mounting.
     pub extrinsics: Extrinsics,
+    /// The configuration that a live run was recorded with, as TOML.
+    pub configuration: Option<String>,
 }
 
 /// A log that is read from its beginning to its end.

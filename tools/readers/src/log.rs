@@ -42,6 +42,7 @@ impl LogSource {
                 format: "randt-log",
                 sensor: robot.sensor,
                 scans,
+                configuration: reader.configuration().map(str::to_owned),
                 extrinsics: Extrinsics {
                     radar: robot.radar.map(Pose2::from_array),
                     imu: robot.imu.map(|[w, x, y, z]| Quaternion::new(w, x, y, z)),

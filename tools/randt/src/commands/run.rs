@@ -70,7 +70,9 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     job::catch_interrupts();
     let begin = Instant::now();
     let mut source = randt_readers::open(&arguments.input, &arguments.options.options())?;
-    let loaded = arguments.selection.load(source.info().sensor.name())?;
+    let info = source.info();
+    let recorded = info.configuration.clone();
+    let loaded = (arguments.selection).load_recorded(info.sensor.name(), recorded)?;
     let mut config = job::with_mounting(loaded, source.as_ref()).config;
     config.loops.enabled &= !arguments.no_loops;
     // Before the work: whether there is anything to compare with.

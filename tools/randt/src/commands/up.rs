@@ -57,6 +57,9 @@ pub struct Arguments {
     /// Folder for the files that `randt run` leaves, and the map's journal
     #[arg(long, value_name = "DIR", default_value = "randt-up")]
     out: PathBuf,
+    /// Record every topic into this folder, as randt-recorder does
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
     /// Do not use the IMU, nor start its driver
     #[arg(long)]
     no_imu: bool,
@@ -150,6 +153,12 @@ impl Pipeline {
             begin: Instant::now(),
         };
         let journal = std::path::absolute(arguments.out.join(harvest::JOURNAL))?;
+        if let Some(folder) = &arguments.record {
+            let mut program = Program::stage("recorder", realm)?;
+            program.option("--profile", &profile);
+            program.option("--out", std::path::absolute(folder)?);
+            pipeline.add(program);
+        }
         for name in ["mapper", "odometry", "filter"] {
             let mut program = Program::stage(name, realm)?;
             program.option("--profile", &profile);

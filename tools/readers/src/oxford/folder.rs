@@ -60,6 +60,7 @@ impl OxfordFolder {
                 sensor: SensorKind::NavtechCts,
                 scans: Some(images.len() as u64),
                 extrinsics: Extrinsics::default(),
+                configuration: None,
             },
             images: images.into_iter(),
             power_min: options.power_min,

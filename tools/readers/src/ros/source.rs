@@ -86,6 +86,7 @@ impl RosSource {
                 sensor: SensorKind::Unknown,
                 scans: Some(scans),
                 extrinsics: Extrinsics::default(),
+                configuration: None,
             },
             tally,
             radar,
