@@ -2,28 +2,28 @@
 //!
 //! Responsible for opening, for saying in plain words why that fails, and for bytes. Not responsible for when.
 //!
-//! By rustix, and not by the crate serialport: that one is under the MPL, brings second versions of two crates, and its
-//! port cannot be slept on without unsafe code. What is left to do here is a dozen settings.
+//! The crate serialport sets the port up. Bytes go through a descriptor of our own: serialport's cannot be slept on
+//! without unsafe code.
 
-use rustix::fs::{FlockOperation, OFlags, flock};
-use rustix::io::Errno;
-use rustix::termios::{
-    ControlModes, OptionalActions, QueueSelector, ioctl_tiocexcl, isatty, tcflush, tcgetattr,
-    tcsetattr,
-};
+use rustix::fs::OFlags;
+use serialport::{ClearBuffer, SerialPort, TTYPort};
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, IsTerminal, Read, Write};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
 /// Bytes that the kernel keeps for a reader: N_TTY_BUF_SIZE. It drops what comes beyond them.
 pub(crate) const KERNEL_BUFFER: usize = 4096;
+/// Somebody else reads it.
+const TAKEN: &str = "another program has it open";
 
 /// A serial port, open, raw, at its speed, ours alone. Reads and writes do not wait.
 #[derive(Debug)]
 pub(crate) struct Port {
     bytes: File,
+    /// Has set the port up, and keeps others from opening it: also root, by a lock, where he asks for it.
+    _settings: TTYPort,
 }
 
 impl Port {
@@ -55,11 +55,17 @@ impl Port {
             .custom_flags(flags.bits() as i32)
             .open(path)
             .map_err(|error| told(&error))?;
-        if !isatty(&bytes) {
+        if !bytes.is_terminal() {
             return Err(say("is another device, not a serial port"));
         }
-        set_up(&bytes, baud).map_err(|error| told(&error.into()))?;
-        Ok(Self { bytes })
+        let settings = serialport::new(path.to_string_lossy(), baud)
+            .open_native()
+            // What lies there was measured nobody knows when.
+            .and_then(|settings| settings.clear(ClearBuffer::Input).map(|()| settings));
+        Ok(Self {
+            bytes,
+            _settings: settings.map_err(|error| say(&settings_failed(&error)))?,
+        })
     }
 
     /// Reads what is there; none where nothing is. An end is an error: the device is gone.
@@ -97,23 +103,16 @@ fn plain(error: &io::Error) -> String {
         ErrorKind::PermissionDenied => {
             "no permission; is the user in the group dialout?".to_owned()
         }
-        ErrorKind::ResourceBusy => "another program has it open".to_owned(),
+        ErrorKind::ResourceBusy => TAKEN.to_owned(),
         // ENXIO, ENODEV, EIO: a device that is just going or coming.
         _ => format!("{error}; trying again"),
     }
 }
 
-/// Ours alone, eight bits, no parity, one stop bit, no flow control, nothing translated, empty.
-fn set_up(port: &File, baud: u32) -> Result<(), Errno> {
-    // The one keeps out who may not open it any more, the other who may all the same: root, if he asks.
-    ioctl_tiocexcl(port)?;
-    flock(port, FlockOperation::NonBlockingLockExclusive).map_err(|_| Errno::BUSY)?;
-    let mut settings = tcgetattr(port)?;
-    settings.make_raw();
-    settings.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
-    settings.control_modes -= ControlModes::CSTOPB | ControlModes::CRTSCTS;
-    settings.set_speed(baud)?;
-    tcsetattr(port, OptionalActions::Now, &settings)?;
-    // What lies there was measured nobody knows when.
-    tcflush(port, QueueSelector::IFlush)
+fn settings_failed(error: &serialport::Error) -> String {
+    match error.kind() {
+        serialport::ErrorKind::NoDevice => TAKEN.to_owned(),
+        serialport::ErrorKind::Io(kind) => plain(&kind.into()),
+        _ => format!("cannot be set up: {error}; trying again"),
+    }
 }
