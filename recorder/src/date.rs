@@ -9,6 +9,16 @@ pub fn name_of(now_ns: i64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}-{minute:02}-{second:02}Z")
 }
 
+/// Whether a file's name begins as [`name_of`] gives it.
+pub fn is_name(name: &str) -> bool {
+    const SHAPE: &[u8] = b"0000-00-00T00-00-00Z";
+    let fits = |(shape, found): (&u8, u8)| match shape {
+        b'0' => found.is_ascii_digit(),
+        other => found == *other,
+    };
+    name.len() >= SHAPE.len() && SHAPE.iter().zip(name.bytes()).all(fits)
+}
+
 /// Year, month and day of a number of days since 1970. Years begin in March here, so that the leap day is the last.
 fn date(days: i64) -> (i64, i64, i64) {
     const ERA: i64 = 146_097;
@@ -27,6 +37,18 @@ mod tests {
     use super::*;
 
     #[test]
+    fn other_names_are_told_apart() {
+        for name in [
+            "",
+            "demo.mcap",
+            "2026-11-24.mcap",
+            "2026-11-24T13-05-1xZ.mcap",
+        ] {
+            assert!(!is_name(name), "{name}");
+        }
+    }
+
+    #[test]
     fn dates_are_those_of_the_calendar() {
         for (seconds, name) in [
             (0, "1970-01-01T00-00-00Z"),
@@ -37,6 +59,7 @@ mod tests {
             (-1, "1969-12-31T23-59-59Z"),
         ] {
             assert_eq!(name_of(seconds * 1_000_000_000), name);
+            assert!(is_name(&format!("{name}-1.mcap")));
         }
     }
 }

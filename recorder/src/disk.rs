@@ -1,6 +1,6 @@
 //! The sink that is a folder on a disk.
 
-use crate::Sink;
+use crate::{Sink, date::is_name};
 use rustix::fs::{CWD, RenameFlags, renameat_with, statvfs};
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -113,7 +113,11 @@ impl Sink for Disk {
     }
 
     fn delete_oldest(&mut self) -> io::Result<Option<String>> {
-        let ours = |path: &PathBuf| path.extension().is_some_and(|ending| ending == ENDING);
+        // Only what a recorder has named: others may lie beside it.
+        let ours = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            is_name(&name) && path.extension().is_some_and(|ending| ending == ENDING)
+        };
         let found = fs::read_dir(&self.folder)?.flatten();
         // Names are dates.
         let oldest = found.map(|entry| entry.path()).filter(ours).min();
@@ -143,8 +147,22 @@ mod tests {
         let taken = disk.create("1.mcap").unwrap_err();
         assert_eq!(taken.kind(), io::ErrorKind::AlreadyExists);
         assert!(disk.free_bytes().unwrap() > 0);
+        assert!(
+            disk.delete_oldest().unwrap().is_none(),
+            "it is no recorder's"
+        );
+        for name in ["2026-11-24T13-05-11Z.mcap", "2026-11-24T13-05-10Z.mcap"] {
+            disk.create(name).unwrap();
+            disk.finish().unwrap();
+        }
+        disk.create("2026-11-24T13-05-09Z.mcap").unwrap();
+        let deleted = disk.delete_oldest().unwrap().unwrap();
+        assert!(deleted.ends_with("2026-11-24T13-05-10Z.mcap"), "{deleted}");
         assert!(disk.delete_oldest().unwrap().is_some());
-        assert!(disk.delete_oldest().unwrap().is_none());
+        assert!(
+            disk.delete_oldest().unwrap().is_none(),
+            "the open one stays"
+        );
     }
 
     #[test]
