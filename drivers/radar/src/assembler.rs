@@ -33,6 +33,7 @@ struct Counters {
     by_arrival: u64,
     by_period: u64,
     anew: u64,
+    pauses: u64,
 }
 
 /// A sweep that is collected.
@@ -48,6 +49,14 @@ struct Running {
     number: i64,
     /// How far the radar has turned since the border of the first sweep.
     unwrapped: i64,
+}
+
+/// The last beam that came.
+#[derive(Clone, Copy, Debug)]
+struct Last {
+    number: i64,
+    device_ns: Option<i64>,
+    arrival_ns: i64,
 }
 
 /// Collects beams and gives whole sweeps. In steady state it allocates nothing.
@@ -67,6 +76,7 @@ pub struct Assembler {
     /// The sweep in whose midst the first beam was.
     cut: Option<i64>,
     running: Option<Running>,
+    last: Option<Last>,
     /// In which sense a running counter's azimuths go: 1 they rise, -1 they fall.
     sense: i64,
     turned: i64,
@@ -90,6 +100,7 @@ impl Assembler {
             done: None,
             cut: None,
             running: None,
+            last: None,
             sense: 1,
             turned: 0,
             azimuth: None,
@@ -115,6 +126,16 @@ impl Assembler {
             self.restart(whole);
             (id, number) = self.locate(beam);
         }
+        if self.was_paused(beam, number) {
+            self.counters.pauses += 1;
+            self.restart(whole);
+            (id, number) = self.locate(beam);
+        }
+        self.last = Some(Last {
+            number,
+            device_ns: beam.device_ns,
+            arrival_ns: beam.arrival_ns,
+        });
         if let Place::Running(_) = beam.place {
             let unwrapped = id * TURN + i64::from(self.past_border(beam));
             self.running = Some(Running { number, unwrapped });
@@ -129,8 +150,9 @@ impl Assembler {
     /// What comes next does not continue what was: gives what is collected, if it is half a sweep at least.
     pub fn restart(&mut self, whole: &mut dyn FnMut(&Sweep)) {
         while self.current.is_some() {
-            self.finish(whole);
+            self.finish(true, whole);
         }
+        self.last = None;
         self.done = None;
         self.cut = None;
         self.running = None;
@@ -156,6 +178,7 @@ impl Assembler {
             counters.before,
         ));
         tell(Count::event("sequence_anew", counters.anew));
+        tell(Count::event("pauses", counters.pauses));
         tell(Count::event("clock_restarts", self.clock.restarts()));
         tell(Count::event("sweeps_timed_by_arrival", counters.by_arrival));
         tell(Count::event("sweeps_timed_by_period", counters.by_period));
@@ -216,6 +239,22 @@ impl Assembler {
         }
     }
 
+    /// Whether the radar has stood still for a turn or more although it counts on: what it saw before is another sweep.
+    fn was_paused(&self, beam: &RawBeam, number: i64) -> bool {
+        let Some(last) = self.last else {
+            return false;
+        };
+        let turn_ns = beam.layout.turn_ns.unwrap_or(self.turn_ns);
+        let steps = number.saturating_sub(last.number).max(0);
+        let step_ns = turn_ns / i64::from(self.beams.max(1));
+        let longest_ns = turn_ns.saturating_add(steps.saturating_mul(step_ns));
+        let paused = |now_ns: i64, then_ns: i64| now_ns.saturating_sub(then_ns) > longest_ns;
+        // A host that was busy sees it in the arrivals alone, a clock that was set in the stamps alone.
+        let by_device = beam.device_ns.zip(last.device_ns);
+        by_device.is_none_or(|(now, then)| paused(now, then))
+            && paused(beam.arrival_ns, last.arrival_ns)
+    }
+
     /// Whether a sweep begins here, so that what comes from now on is collected.
     fn begin(&mut self, beam: &RawBeam, id: i64, number: i64) -> bool {
         let cut = *self.cut.get_or_insert(id);
@@ -262,7 +301,7 @@ impl Assembler {
                     self.next = Some(next);
                     return;
                 }
-                Some(_) => self.finish(whole),
+                Some(_) => self.finish(false, whole),
             }
         }
         let Some(mut open) = self.current.take() else {
@@ -272,7 +311,7 @@ impl Assembler {
         let is_whole = self.is_whole(&open.sweep, beam);
         self.current = Some(open);
         if is_whole {
-            self.finish(whole);
+            self.finish(false, whole);
         }
     }
 
@@ -307,8 +346,8 @@ impl Assembler {
         all && at_end
     }
 
-    /// Gives the current sweep.
-    fn finish(&mut self, whole: &mut dyn FnMut(&Sweep)) {
+    /// Gives the current sweep; one that is cut lacks what was to come of its turn.
+    fn finish(&mut self, cut: bool, whole: &mut dyn FnMut(&Sweep)) {
         let Some(Open { id, mut sweep }) = self.current.take() else {
             return;
         };
@@ -323,7 +362,10 @@ impl Assembler {
             (Some(_), Some(first)) => first.number,
             (Some(_), None) => sweep.newest() + 1,
         };
-        let expected = end.saturating_sub(self.accounted).max(0);
+        let mut expected = end.saturating_sub(self.accounted).max(0);
+        if cut {
+            expected = expected.max(i64::from(self.beams));
+        }
         self.accounted = self.accounted.max(end);
         self.done = Some(id);
         let missing = expected.saturating_sub(sweep.beams() as i64).max(0);

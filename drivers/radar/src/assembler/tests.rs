@@ -67,6 +67,38 @@ fn sweeps(
     out
 }
 
+/// A radar that stands still for two seconds in the midst of a sweep, and goes on where it was.
+#[test]
+fn what_was_seen_before_a_pause_is_another_sweep() {
+    for kind in [beam, running] {
+        let mut assembler = Assembler::new(TURN_NS);
+        let paused = |index: i64| {
+            let mut beam = kind(index);
+            let pause_ns = if index < 220 * 3 + 150 {
+                0
+            } else {
+                2_000_000_000
+            };
+            beam.device_ns = beam.device_ns.map(|device_ns| device_ns + pause_ns);
+            beam.arrival_ns += pause_ns;
+            beam
+        };
+        let out = sweeps(&mut assembler, (0..220 * 7).map(paused));
+        assert_eq!(count(&assembler, "pauses"), 1);
+        let lost: Vec<u32> = out.iter().map(|scan| scan.head.sweep.beams_lost).collect();
+        assert_eq!(lost, [0, 0, 0, 70, 0, 0, 0]);
+        for scan in &out {
+            let head = &scan.head.sweep;
+            let took_ns = head.end_ns - head.begin_ns;
+            assert!(took_ns <= TURN_NS + 1_000_000, "{took_ns}");
+        }
+        // Nor does it disturb the times of what follows.
+        let end_ns = EPOCH_NS + 300_000 + 7 * TURN_NS + 2_000_000_000;
+        let off_ns = out[6].head.sweep.end_ns - end_ns;
+        assert!(off_ns.abs() < 1_000_000, "{off_ns}");
+    }
+}
+
 fn count(assembler: &Assembler, name: &str) -> u64 {
     let mut found = None;
     assembler.counts(&mut |count| {
