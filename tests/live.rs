@@ -157,8 +157,8 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
     let lived_m = ate_m(&at("up"), &at("lived.tum"));
     let replayed_m = drive.replayed_m;
     println!(
-        "{radar} and {imu}: {} of {scans} scans, ATE {lived_m:.4} m live, {replayed_m:.4} m replayed",
-        live["scans"]
+        "{radar} and {imu}: {} of {scans} scans, ATE {lived_m:.4} m live, {replayed_m:.4} m replayed; {}",
+        live["scans"], live["counters"]
     );
     // The first sweep is not whole, and the last one's end is a beam of the next.
     assert!(

@@ -41,6 +41,13 @@ impl Clock {
         self.anchor_ns
     }
 
+    /// A clock of one's own, for who looks at devices without a pipeline.
+    pub fn alone() -> Self {
+        Self {
+            anchor_ns: nanoseconds(ClockId::Realtime) - nanoseconds(ClockId::Boottime),
+        }
+    }
+
     /// Now, ns.
     pub fn now_ns(&self) -> i64 {
         nanoseconds(ClockId::Boottime) + self.anchor_ns

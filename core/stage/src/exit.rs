@@ -4,25 +4,13 @@ use std::error::Error;
 use std::io::Write;
 use std::process::ExitCode;
 
-/// A configuration that can be read, but that a stage cannot work with.
-#[derive(Debug)]
-pub struct Misconfigured(pub Box<dyn Error>);
-
-impl std::fmt::Display for Misconfigured {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.fmt(f)
-    }
-}
-
-impl Error for Misconfigured {}
-
 /// Tells why a stage failed, once, and gives its exit code: 0 good, 1 failed, 78 bad configuration.
 pub fn ended(name: &str, result: Result<(), Box<dyn Error>>) -> ExitCode {
     let Err(error) = result else {
         return ExitCode::SUCCESS;
     };
     say(name, &format!("error: {error}"));
-    let configuration = error.is::<randt_config::Error>() || error.is::<Misconfigured>();
+    let configuration = error.is::<randt_config::Error>();
     ExitCode::from(if configuration { 78 } else { 1 })
 }
 

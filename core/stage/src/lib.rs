@@ -48,7 +48,7 @@ pub use checkpoint::Checkpoint;
 pub use clock::Clock;
 pub use doors::Presence;
 pub use error::Error;
-pub use exit::{Misconfigured, ended};
+pub use exit::ended;
 pub use janitor::{Leftover, leftovers, wipe};
 pub use keyframes::KeyframeRing;
 pub use observer::{Observer, stop_requested};

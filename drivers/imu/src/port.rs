@@ -29,12 +29,6 @@ pub(crate) struct Port {
 impl Port {
     /// Opens it, or says why not.
     pub(crate) fn open(path: &Path, baud: u32) -> Result<Self, String> {
-        if path.as_os_str().is_empty() {
-            return Err(
-                "imu.device is empty; give the serial port's path, such as /dev/serial/by-id/..."
-                    .to_owned(),
-            );
-        }
         let say = |why: &str| format!("{}: {why}", path.display());
         let told = |error: &io::Error| say(&plain(error));
         let kind = fs::metadata(path)

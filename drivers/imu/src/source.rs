@@ -39,6 +39,13 @@ pub trait Source: Debug {
 
 /// The source that the configuration names.
 pub(crate) fn source(config: &ImuDriver) -> Result<Box<dyn Source>, Error> {
+    if config.source != ImuSource::Phidget22 && config.device.is_empty() {
+        return Err(Error::Value {
+            key: "device",
+            found: String::new(),
+            expected: "the serial port's path, such as /dev/serial/by-id/...",
+        });
+    }
     Ok(match config.source {
         ImuSource::Phidget22 => Box::new(Spatial::new(config)?),
         ImuSource::Mip => Box::new(Serial::new(config, Box::new(Mip::new(config.rate_hz)))),

@@ -120,7 +120,11 @@ fn what_is_no_device_is_named_and_tried_again() {
     let drive = Drive::new();
     let mut config = drive.config(ImuSource::Mip);
     config.imu.device.clear();
-    Driven::new(&config).until_text("imu.device is empty");
+    let refused = randt_imu::Imu::new(&config)
+        .map(|_| ())
+        .unwrap_err()
+        .to_string();
+    assert!(refused.contains("imu.device is \"\""), "{refused}");
     let config = drive.config(ImuSource::Mip);
     let mut driven = Driven::new(&config);
     support::write(&drive.path("imu"), b"no device");

@@ -1,5 +1,7 @@
 //! Why a radar cannot even be tried.
 
+use randt_config::{Origins, Place};
+
 /// A configuration that no radar fits, or a host that gives nothing to sleep on.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -39,4 +41,38 @@ pub enum Error {
     /// The kernel refuses an epoll descriptor.
     #[error("nothing to wait on: {0}")]
     Poller(std::io::Error),
+}
+
+impl Error {
+    /// The configuration's word for it, where it is the configuration's fault: it says where the value was written, and ends
+    /// a process as bad configuration.
+    pub fn in_configuration(self, origins: &Origins) -> Box<dyn std::error::Error + Send + Sync> {
+        let (key, found, expected) = match &self {
+            Self::Address { address, example } => (
+                "address",
+                address.clone(),
+                format!("IP:PORT, such as {example} (names are not looked up)"),
+            ),
+            Self::Interface { interface } => (
+                "interface",
+                interface.clone(),
+                "the IP of one of this host's interfaces, such as 192.168.0.10".to_owned(),
+            ),
+            Self::Group { address } => (
+                "address",
+                address.to_string(),
+                "an IPv4 group where it is a group".to_owned(),
+            ),
+            Self::Record { .. } | Self::Poller(_) => return self.into(),
+        };
+        let place = origins.get(&("radar", key)).cloned();
+        let source = "defaults".to_owned();
+        randt_config::Error::Value {
+            place: place.unwrap_or(Place { source, line: None }),
+            name: format!("radar.{key}"),
+            found: format!("{found:?}"),
+            expected,
+        }
+        .into()
+    }
 }

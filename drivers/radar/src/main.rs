@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_messages::{RadarScan, SensorKind};
 use randt_radar::{Radar, Sweep};
-use randt_stage::{Descriptor, Misconfigured, Publisher, StageArguments, Woken, ended};
+use randt_stage::{Descriptor, Publisher, StageArguments, Woken, ended};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -23,8 +23,11 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let config = arguments.stage.selection.load(None)?.config;
-    let mut radar = Radar::new(&config).map_err(|error| Misconfigured(error.into()))?;
+    let loaded = arguments.stage.selection.load(None)?;
+    let config = loaded.config;
+    let radar = Radar::new(&config);
+    let mut radar =
+        radar.map_err(|error| -> Box<dyn Error> { error.in_configuration(&loaded.origins) })?;
     let sensor = SensorKind::from_name(&config.sensor.name);
     let mut stage = arguments.stage.open("radar")?;
     stage.expect(&config.sensor);

@@ -70,7 +70,7 @@ impl Radar {
         let mut recorder = None;
         let source: Box<dyn Source> = match config.radar.source {
             RadarSource::Navtech => {
-                let address = address(&config.radar.address, "192.168.0.1:6317")?;
+                let address = reachable(&config.radar.address, "192.168.0.1:6317")?;
                 let mut decoder = NavtechDecoder::new(keep_power, config.radar.byte_order);
                 if !config.record.dense.is_empty() {
                     decoder.keep_all();
@@ -165,6 +165,17 @@ fn address(text: &str, example: &'static str) -> Result<SocketAddr, Error> {
         address: text.to_owned(),
         example,
     })
+}
+
+/// An address of one machine: what is listened on is nobody's.
+fn reachable(text: &str, example: &'static str) -> Result<SocketAddr, Error> {
+    match address(text, example)? {
+        address if address.ip().is_unspecified() => Err(Error::Address {
+            address: text.to_owned(),
+            example,
+        }),
+        address => Ok(address),
+    }
 }
 
 fn interface(text: &str) -> Result<Ipv4Addr, Error> {

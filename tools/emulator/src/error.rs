@@ -16,6 +16,19 @@ pub enum Error {
         /// What is missing.
         what: &'static str,
     },
+    /// A link is wanted where something else is.
+    #[error("{}: there is something that is no link; it is left alone", .0.display())]
+    Taken(PathBuf),
+    /// A fault that this protocol cannot have.
+    #[error("{protocol} cannot have the fault {fault}; it can have {can}")]
+    Fault {
+        /// What is spoken.
+        protocol: &'static str,
+        /// What was asked for.
+        fault: &'static str,
+        /// What there is.
+        can: String,
+    },
     /// A socket or terminal cannot be opened.
     #[error("{what}: {source}")]
     Io {

@@ -1,5 +1,6 @@
 //! What goes wrong with sensors, on demand.
 
+use crate::Error;
 use std::str::FromStr;
 
 macro_rules! kinds {
@@ -62,6 +63,75 @@ kinds! {
     Rate = "rate",
 }
 
+impl FaultKind {
+    /// What can go wrong with datagrams of a radar.
+    pub const OF_BEAM_UDP: &'static [Self] = &[
+        Self::Silence,
+        Self::Unplug,
+        Self::Junk,
+        Self::Checksum,
+        Self::Cut,
+        Self::Version,
+        Self::Oversize,
+        Self::Lost,
+        Self::Doubled,
+        Self::Reordered,
+        Self::Contour,
+        Self::Jitter,
+        Self::Skew,
+        Self::ClockReset,
+        Self::Rate,
+    ];
+    /// What can go wrong with a radar's connection: it has no checksums.
+    pub const OF_NAVTECH: &'static [Self] = &[
+        Self::Silence,
+        Self::Close,
+        Self::Unplug,
+        Self::Split,
+        Self::Junk,
+        Self::Cut,
+        Self::Version,
+        Self::Oversize,
+        Self::Lost,
+        Self::Doubled,
+        Self::Reordered,
+        Self::Contour,
+        Self::Jitter,
+        Self::Skew,
+        Self::ClockReset,
+        Self::Rate,
+    ];
+    /// What can go wrong with an IMU on a serial port.
+    pub const OF_SERIAL: &'static [Self] = &[
+        Self::Silence,
+        Self::Close,
+        Self::Unplug,
+        Self::Split,
+        Self::Junk,
+        Self::Checksum,
+        Self::Cut,
+        Self::Oversize,
+        Self::Lost,
+        Self::Doubled,
+        Self::Skew,
+        Self::ClockReset,
+        Self::Rate,
+    ];
+    /// What can go wrong with a Phidget network server.
+    pub const OF_PHIDGET: &'static [Self] = &[
+        Self::Silence,
+        Self::Close,
+        Self::Unplug,
+        Self::Split,
+        Self::Junk,
+        Self::Lost,
+        Self::Doubled,
+        Self::Skew,
+        Self::ClockReset,
+        Self::Rate,
+    ];
+}
+
 /// One fault and its time, in seconds since the emulator's beginning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
@@ -111,6 +181,22 @@ impl Faults {
     /// These.
     pub fn new(faults: Vec<Fault>) -> Self {
         Self(faults)
+    }
+
+    /// Refuses faults that a protocol cannot have: they would be injected in silence.
+    pub fn check(&self, protocol: &'static str, known: &[FaultKind]) -> Result<(), Error> {
+        match self.0.iter().find(|fault| !known.contains(&fault.kind)) {
+            None => Ok(()),
+            Some(fault) => Err(Error::Fault {
+                protocol,
+                fault: fault.kind.name(),
+                can: known
+                    .iter()
+                    .map(|kind| kind.name())
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            }),
+        }
     }
 
     /// Whether something goes wrong at a time, s since the beginning.

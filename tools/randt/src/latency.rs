@@ -1,6 +1,6 @@
 //! How long a scan takes from the end of its sweep to its pose.
 
-use randt_messages::OdometryState;
+use randt_messages::{ImuUse, OdometryState};
 use serde::Serialize;
 use std::collections::VecDeque;
 
@@ -22,7 +22,8 @@ impl Latency {
     /// Of a state, where it used the IMU.
     pub fn of(state: &OdometryState) -> Option<Self> {
         let (scan_ns, imu_ns) = (state.scan_published_ns, state.imu_published_ns);
-        if scan_ns == 0 || imu_ns == 0 {
+        // A sample that did not cover the sweep came before its end, or long ago.
+        if scan_ns == 0 || imu_ns == 0 || state.imu_use != ImuUse::Covered as u32 {
             return None;
         }
         let stamp_ns = state.header.stamp_ns;

@@ -75,6 +75,10 @@ impl Terminal {
 
 /// Lets a link point to a terminal, whatever it pointed to before.
 pub(super) fn link(link: &Path, terminal: &Path) -> Result<(), Error> {
+    // A file of somebody's is not ours to replace.
+    if fs::symlink_metadata(link).is_ok_and(|there| !there.is_symlink()) {
+        return Err(Error::Taken(link.to_owned()));
+    }
     let mut part = link.as_os_str().to_owned();
     part.push(".part");
     let part = PathBuf::from(part);

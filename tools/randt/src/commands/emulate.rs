@@ -32,7 +32,8 @@ struct Common {
     /// From the beginning again when it is at its end, until Ctrl-C
     #[arg(long = "loop")]
     endless: bool,
-    /// When the log begins, seconds since 1970: two emulators with the same second are on one clock; if not given, now
+    /// When it begins, seconds since 1970; the log's first stamp comes half a second later. Two emulators with the same
+    /// second are on one clock; if not given, now
     #[arg(long, value_name = "UNIX_S", value_parser = seconds)]
     at: Option<f64>,
     /// What goes wrong and when, in seconds since the beginning, such as silence@10+2; may be given again
@@ -59,7 +60,8 @@ impl Common {
 
 fn fault_help() -> String {
     let mut help =
-        "What goes wrong and when, in seconds since the beginning; may be given again:\n"
+        "What goes wrong and when, in seconds since the beginning; may be given again. One that the \
+         protocol cannot have is refused:\n"
             .to_owned();
     for kind in FaultKind::ALL {
         help.push_str(&format!("  {:12} {}\n", kind.name(), kind.about()));

@@ -17,6 +17,8 @@ use child::{Child, Program};
 use harvest::Drive;
 use indicatif::ProgressBar;
 use randt_config::{Config, Loaded, Selection, SelectionArguments};
+use randt_imu::Imu;
+use randt_radar::Radar;
 use randt_readers::Source;
 use randt_stage::{Realm, RealmArguments, Stage, Woken};
 use std::path::{Path, PathBuf};
@@ -32,6 +34,20 @@ const START_MAX: Duration = Duration::from_secs(10);
 
 /// What stands in for the drivers.
 const PLAY: &str = "play";
+
+/// Refuses a configuration that a driver would end by.
+pub fn check_drivers(loaded: &Loaded, no_imu: bool) -> anyhow::Result<()> {
+    let mut config = loaded.config.clone();
+    // Nothing is to be written yet.
+    config.record.dense.clear();
+    let origins = &loaded.origins;
+    let radar = Radar::new(&config).map_err(|error| error.in_configuration(origins));
+    radar.map_err(anyhow::Error::from_boxed)?;
+    if !no_imu {
+        Imu::new(&config).map_err(|error| error.in_configuration(origins))?;
+    }
+    Ok(())
+}
 
 /// The drivers, the one first whose data the other's wait for.
 fn drivers(no_imu: bool) -> &'static [&'static str] {
@@ -78,6 +94,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         None => None,
     };
     let loaded = configuration(&arguments.selection, source.as_deref())?;
+    if arguments.play.is_none() && !arguments.no_drivers {
+        check_drivers(&loaded, arguments.no_imu)?;
+    }
     crate::commands::run::prepare_folder(&arguments.out)?;
     let realm = arguments.realm.realm()?;
     harvest::set_aside(&arguments.out)?;

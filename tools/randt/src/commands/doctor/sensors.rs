@@ -6,6 +6,7 @@ mod radar;
 mod turning;
 
 use super::conclude;
+use crate::commands::up::check_drivers;
 use crate::exit::Outcome;
 use randt_config::SelectionArguments;
 use randt_stage::RealmArguments;
@@ -28,7 +29,11 @@ pub struct Arguments {
 
 /// Looks at both sensors at once: through their drivers where these run, else itself.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let config = arguments.selection.load(None)?.config;
+    let loaded = arguments.selection.load(None)?;
+    check_drivers(&loaded, arguments.no_imu)?;
+    let mut config = loaded.config;
+    // A look leaves nothing behind.
+    config.record.dense.clear();
     let realm = arguments.realm.realm()?;
     let time = Duration::from_secs(u64::from(arguments.seconds));
     eprintln!("looking for {} s", arguments.seconds);

@@ -4,7 +4,7 @@ use super::Common;
 use crate::exit::Outcome;
 use clap::ValueEnum;
 use randt_emulator::imu::{Moments, PhidgetServer, SerialImu, SerialProtocol};
-use randt_emulator::{Pace, Recording};
+use randt_emulator::{FaultKind, Pace, Recording};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -40,6 +40,11 @@ enum Proto {
 /// Emulates.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let faults = arguments.common.begin();
+    match arguments.proto {
+        Proto::Phidget => faults.check("phidget", FaultKind::OF_PHIDGET)?,
+        Proto::Mip => faults.check("mip", FaultKind::OF_SERIAL)?,
+        Proto::Xsens => faults.check("xsens", FaultKind::OF_SERIAL)?,
+    }
     let recording = Recording::open(&arguments.common.log, arguments.common.endless)?;
     let pace = Pace::new(recording.begin_ns(), arguments.common.at);
     let mut moments = Moments::new(recording, pace, faults);

@@ -7,7 +7,7 @@ use crate::output::print;
 use anyhow::Context as _;
 use clap::ValueEnum;
 use randt_emulator::radar::{BeamUdpSender, Format, NavtechServer, Order};
-use randt_emulator::{Pace, Recording};
+use randt_emulator::{FaultKind, Pace, Recording};
 use std::net::SocketAddr;
 
 /// Arguments of `randt emulate radar`.
@@ -57,6 +57,10 @@ enum Bytes {
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let common = &arguments.common;
     let faults = common.begin();
+    match arguments.proto {
+        Protocol::Navtech => faults.check("navtech", FaultKind::OF_NAVTECH)?,
+        Protocol::BeamUdp => faults.check("beam-udp", FaultKind::OF_BEAM_UDP)?,
+    }
     let recording = Recording::open(&common.log, common.endless)?;
     let pace = Pace::new(recording.begin_ns(), common.at);
     let ends = &job::interrupted;

@@ -126,6 +126,18 @@ fn stamps(seen: &Seen<Sweep>) -> Finding {
     }
 }
 
+/// Sweeps that are not there, by the pauses between those that are.
+fn sweeps_missing(seen: &Seen<Sweep>) -> u64 {
+    let ends = seen.came.iter().map(|(_, sweep)| sweep.head.end_ns);
+    let mut steps: Vec<i64> = ends.clone().zip(ends.skip(1)).map(|(a, b)| b - a).collect();
+    steps.sort_unstable();
+    let usual_ns = steps.get(steps.len() / 2).copied().unwrap_or(1).max(1);
+    let missing = steps
+        .iter()
+        .map(|step| (step + usual_ns / 2) / usual_ns - 1);
+    missing.map(|missing| missing.max(0).unsigned_abs()).sum()
+}
+
 fn losses(seen: &Seen<Sweep>) -> Finding {
     let lost: u64 = seen
         .came
@@ -137,7 +149,15 @@ fn losses(seen: &Seen<Sweep>) -> Finding {
         .iter()
         .map(|(_, sweep)| u64::from(sweep.head.beam_count))
         .sum();
+    let missing = sweeps_missing(seen);
     match lost {
+        _ if missing > 0 => Finding::warn(
+            ABOUT,
+            format!(
+                "{missing} whole sweeps are missing between those that came, and {lost} beams in these"
+            ),
+            "does the radar's link hold? randt top and the driver's journal say when it was interrupted",
+        ),
         0 => Finding::ok(ABOUT, format!("no beam of {beams} is missing")),
         lost => Finding::warn(
             ABOUT,
@@ -170,14 +190,8 @@ pub fn check_sense(radar: &Seen<Sweep>, imu: &Seen<ImuSample>) -> Finding {
             .get(after.saturating_sub(1))
             .map_or(0.0, |(_, turned)| *turned)
     };
-    let percent = |share: f64| {
-        format!(
-            "the radar turns by {:.0} % of what the gyro says",
-            share * 100.0
-        )
-    };
     match sense(&sweeps, at) {
-        Sense::Agrees(share) => Finding::ok(ABOUT, percent(share)),
+        Sense::Agrees(_) => Finding::ok(ABOUT, "radar and gyro turn the same way"),
         Sense::TooLittle(turned) => Finding::warn(
             ABOUT,
             format!(
@@ -186,14 +200,14 @@ pub fn check_sense(radar: &Seen<Sweep>, imu: &Seen<ImuSample>) -> Finding {
             ),
             "turn the robot by hand or drive a curve while this runs, with --seconds 20",
         ),
-        Sense::Opposed(share) => Finding::bad(
+        Sense::Opposed(_) => Finding::bad(
             ABOUT,
-            format!("{}: they turn against each other", percent(share)),
+            "radar and gyro turn against each other",
             "one of them is mirrored or upside down: see imu.rate_axes, robot.imu_roll_rad and the bridge's azimuths",
         ),
-        Sense::Unclear(share) => Finding::warn(
+        Sense::Unclear(_) => Finding::warn(
             ABOUT,
-            percent(share),
+            "not known: the radar does not turn as the gyro does, nor against it",
             "look in a room with walls nearby, and turn slowly; is the gyro's unit right?",
         ),
     }
