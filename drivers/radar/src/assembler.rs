@@ -362,15 +362,14 @@ impl Assembler {
             (Some(_), Some(first)) => first.number,
             (Some(_), None) => sweep.newest() + 1,
         };
-        let mut expected = end.saturating_sub(self.accounted).max(0);
-        if cut {
-            expected = expected.max(i64::from(self.beams));
-        }
+        let expected = end.saturating_sub(self.accounted).max(0);
         self.accounted = self.accounted.max(end);
         self.done = Some(id);
         let missing = expected.saturating_sub(sweep.beams() as i64).max(0);
         self.counters.lost += missing.unsigned_abs();
-        sweep.finish(expected);
+        // What a radar that has gone would have sent is missing in the sweep, but nobody has lost it.
+        let whole_turn = if cut { i64::from(self.beams) } else { 0 };
+        sweep.finish(expected.max(whole_turn));
         std::mem::swap(&mut self.finished, &mut sweep);
         self.spare.push(sweep);
         self.give(whole);
