@@ -282,23 +282,25 @@ fn show(trial: &Trial, log: &Path) -> Shown {
     }
 }
 
-/// When what comes is whole again and in its pace, s after the fault's end.
+/// When what comes is whole again and in its pace for a second, s after the fault's end.
 fn back_s(trial: &Trial, came: &[(f64, bool)]) -> f64 {
-    let period_s = if trial.is_radar() { 0.2 } else { 0.004 };
+    let rate_hz = if trial.is_radar() { 5.0 } else { 250.0 };
     let end_s = BEGIN_S + DURATION_S;
-    let spoilt = came.iter().filter(|(at_s, whole)| *at_s >= end_s && !whole);
-    let mut back_s = spoilt
-        .map(|(at_s, _)| at_s + period_s)
-        .fold(end_s, f64::max);
-    // A pause that ends after the fault does: the machine may be busy for some periods.
-    let pause_s = (4.0 * period_s).max(0.1);
-    let times: Vec<f64> = came.iter().map(|(at_s, _)| *at_s).chain([END_S]).collect();
-    for pair in times.windows(2) {
-        if pair[1] > end_s && pair[1] - pair[0] > pause_s {
-            back_s = back_s.max(pair[1]);
-        }
-    }
-    back_s - end_s
+    let after = came.iter().filter(|(at_s, _)| *at_s >= end_s);
+    let is_good = |from_s: f64| {
+        let second = |(at_s, _): &&(f64, bool)| (from_s..from_s + 1.0).contains(at_s);
+        let (count, whole) = came
+            .iter()
+            .filter(second)
+            .fold((0, true), |(count, all), (_, whole)| {
+                (count + 1, all && *whole)
+            });
+        whole && f64::from(count) >= 0.8 * rate_hz
+    };
+    let mut starts = after.map(|(at_s, _)| *at_s);
+    starts
+        .find(|at_s| is_good(*at_s))
+        .map_or(f64::INFINITY, |at_s| at_s - end_s)
 }
 
 /// Its row of the table, and what is wrong.

@@ -2,10 +2,10 @@
 
 /// The first pause, ns: a plug that wobbles is back at once.
 const FIRST_NS: i64 = 100_000_000;
-/// The longest pause, ns: back within two seconds after the device is, and nothing to speak of for the processor.
-const LONGEST_NS: i64 = 1_600_000_000;
+/// The longest pause, ns: back within a second after the device is, and nothing to speak of for the processor.
+const LONGEST_NS: i64 = 800_000_000;
 
-/// Pauses that double from failure to failure: 0.1 s, 0.2 s, ... 1.6 s.
+/// Pauses that double from failure to failure: 0.1 s, 0.2 s, 0.4 s, 0.8 s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Backoff {
     pause_ns: i64,
@@ -59,7 +59,7 @@ mod tests {
             pauses.push((backoff.due_ns() - 1_000) / 100_000_000);
             assert!(!backoff.is_due(backoff.due_ns() - 1) && backoff.is_due(backoff.due_ns()));
         }
-        assert_eq!(pauses, [1, 2, 4, 8, 16, 16, 16]);
+        assert_eq!(pauses, [1, 2, 4, 8, 8, 8, 8]);
         backoff.succeeded();
         assert!(backoff.is_due(0));
         backoff.failed(0);
