@@ -171,6 +171,8 @@ fn the_doctor_says_whether_sensors_answer_and_make_sense() {
     let mut pipeline = Pipeline::new("doctor");
     let (code, said) = doctor(&pipeline, &robot, &["--seconds", "2"]);
     assert_eq!(code, Some(1));
+    // A socket that is open is no radar that was there.
+    assert!(!said.contains("interruptions"), "{said}");
     for words in ["BAD   radar", "BAD   imu", "not there", &sensors.address()] {
         assert!(said.contains(words), "{words}");
     }

@@ -1,5 +1,5 @@
 //! Disks that are full, broken, gone or slow: what is recorded, what is told.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 mod support;
 

@@ -1,5 +1,5 @@
 //! What a power cut and a cut file leave.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 mod support;
 

@@ -1,7 +1,7 @@
 //! What is written is read; what is damaged is counted; nothing panics.
 
 // Helpers of tests may unwrap; clippy only knows #[test] functions themselves.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 use proptest::prelude::*;
 use randt_log::{Compression, DamageKind, Error, LogFile, LogReader, LogWriter, Options, Robot};

@@ -64,71 +64,22 @@ kinds! {
 }
 
 impl FaultKind {
-    /// What can go wrong with datagrams of a radar.
-    pub const OF_BEAM_UDP: &'static [Self] = &[
-        Self::Silence,
-        Self::Unplug,
-        Self::Junk,
-        Self::Checksum,
-        Self::Cut,
+    /// Datagrams come whole, and have no connection.
+    pub const NOT_OF_BEAM_UDP: &'static [Self] = &[Self::Close, Self::Split];
+    /// Colossus has no checksums.
+    pub const NOT_OF_NAVTECH: &'static [Self] = &[Self::Checksum];
+    /// Samples have neither range nor order of their own, and these protocols no version.
+    pub const NOT_OF_SERIAL: &'static [Self] =
+        &[Self::Version, Self::Reordered, Self::Contour, Self::Jitter];
+    /// Nor have they lengths and checksums where the vendor's library takes them from a server.
+    pub const NOT_OF_PHIDGET: &'static [Self] = &[
         Self::Version,
-        Self::Oversize,
-        Self::Lost,
-        Self::Doubled,
         Self::Reordered,
         Self::Contour,
         Self::Jitter,
-        Self::Skew,
-        Self::ClockReset,
-        Self::Rate,
-    ];
-    /// What can go wrong with a radar's connection: it has no checksums.
-    pub const OF_NAVTECH: &'static [Self] = &[
-        Self::Silence,
-        Self::Close,
-        Self::Unplug,
-        Self::Split,
-        Self::Junk,
-        Self::Cut,
-        Self::Version,
-        Self::Oversize,
-        Self::Lost,
-        Self::Doubled,
-        Self::Reordered,
-        Self::Contour,
-        Self::Jitter,
-        Self::Skew,
-        Self::ClockReset,
-        Self::Rate,
-    ];
-    /// What can go wrong with an IMU on a serial port.
-    pub const OF_SERIAL: &'static [Self] = &[
-        Self::Silence,
-        Self::Close,
-        Self::Unplug,
-        Self::Split,
-        Self::Junk,
         Self::Checksum,
         Self::Cut,
         Self::Oversize,
-        Self::Lost,
-        Self::Doubled,
-        Self::Skew,
-        Self::ClockReset,
-        Self::Rate,
-    ];
-    /// What can go wrong with a Phidget network server.
-    pub const OF_PHIDGET: &'static [Self] = &[
-        Self::Silence,
-        Self::Close,
-        Self::Unplug,
-        Self::Split,
-        Self::Junk,
-        Self::Lost,
-        Self::Doubled,
-        Self::Skew,
-        Self::ClockReset,
-        Self::Rate,
     ];
 }
 
@@ -183,19 +134,19 @@ impl Faults {
         Self(faults)
     }
 
-    /// Refuses faults that a protocol cannot have: they would be injected in silence.
-    pub fn check(&self, protocol: &'static str, known: &[FaultKind]) -> Result<(), Error> {
-        match self.0.iter().find(|fault| !known.contains(&fault.kind)) {
+    /// Refuses faults that a protocol cannot have: nothing would happen, in silence.
+    pub fn check(&self, protocol: &'static str, cannot: &[FaultKind]) -> Result<(), Error> {
+        let can = |kind: &&FaultKind| !cannot.contains(kind);
+        match self.0.iter().find(|fault| !can(&&fault.kind)) {
             None => Ok(()),
-            Some(fault) => Err(Error::Fault {
-                protocol,
-                fault: fault.kind.name(),
-                can: known
-                    .iter()
-                    .map(|kind| kind.name())
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            }),
+            Some(fault) => {
+                let names = FaultKind::ALL.iter().filter(can).map(|kind| kind.name());
+                Err(Error::Fault {
+                    protocol,
+                    fault: fault.kind.name(),
+                    can: names.collect::<Vec<_>>().join(", "),
+                })
+            }
         }
     }
 
@@ -228,6 +179,19 @@ mod tests {
         assert!(!faults.is_on(FaultKind::Close, 10.0));
         let begun = |at_s| faults.begun(FaultKind::ClockReset, at_s);
         assert_eq!([2.9, 3.0, 99.0].map(begun), [0, 1, 1]);
+    }
+
+    #[test]
+    fn what_a_protocol_cannot_have_is_refused() {
+        let faults = Faults::new(vec!["checksum@1+1".parse().unwrap()]);
+        assert!(faults.check("mip", FaultKind::NOT_OF_SERIAL).is_ok());
+        let refused = faults
+            .check("navtech", FaultKind::NOT_OF_NAVTECH)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            refused.contains("navtech cannot have the fault checksum") && refused.contains("close")
+        );
     }
 
     #[test]

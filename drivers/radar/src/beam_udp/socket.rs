@@ -89,6 +89,8 @@ pub struct BeamUdpSocket {
     /// Last datagram and last beam, or since when there is none, ns.
     datagram_ns: i64,
     beam_ns: i64,
+    /// Whether a beam came since it was judged last: until one does, an open socket says nothing of a radar.
+    came: bool,
     kernel_drops: u64,
     kernel_dropped: u32,
     datagram: Vec<u8>,
@@ -113,6 +115,7 @@ impl BeamUdpSocket {
             warning: None,
             datagram_ns: 0,
             beam_ns: 0,
+            came: false,
             kernel_drops: 0,
             kernel_dropped: 0,
             datagram: vec![0; ROOM],
@@ -185,10 +188,10 @@ impl BeamUdpSocket {
             }
             let count = message.bytes;
             let bytes = self.datagram.get(..count).unwrap_or_default();
-            let beam_ns = &mut self.beam_ns;
+            let (beam_ns, came) = (&mut self.beam_ns, &mut self.came);
             self.datagram_ns = now_ns;
             self.decoder.decode(bytes, arrival_ns, &mut |beam| {
-                *beam_ns = now_ns;
+                (*beam_ns, *came) = (now_ns, true);
                 sink.beam(beam);
             });
         }
@@ -199,8 +202,7 @@ impl BeamUdpSocket {
         let silence_s = self.silence_ns as f64 * 1e-9;
         let address = self.listening.address;
         if now_ns - self.beam_ns <= self.silence_ns {
-            let streams = self.beam_ns == now_ns;
-            if streams || self.link.streams() {
+            if std::mem::take(&mut self.came) || self.link.streams() {
                 self.link = match &self.warning {
                     Some(warning) => Link::Warning(warning.clone()),
                     None => Link::Streaming,

@@ -41,9 +41,9 @@ enum Proto {
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let faults = arguments.common.begin();
     match arguments.proto {
-        Proto::Phidget => faults.check("phidget", FaultKind::OF_PHIDGET)?,
-        Proto::Mip => faults.check("mip", FaultKind::OF_SERIAL)?,
-        Proto::Xsens => faults.check("xsens", FaultKind::OF_SERIAL)?,
+        Proto::Phidget => faults.check("phidget", FaultKind::NOT_OF_PHIDGET)?,
+        Proto::Mip => faults.check("mip", FaultKind::NOT_OF_SERIAL)?,
+        Proto::Xsens => faults.check("xsens", FaultKind::NOT_OF_SERIAL)?,
     }
     let recording = Recording::open(&arguments.common.log, arguments.common.endless)?;
     let pace = Pace::new(recording.begin_ns(), arguments.common.at);

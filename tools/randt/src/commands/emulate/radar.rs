@@ -58,8 +58,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let common = &arguments.common;
     let faults = common.begin();
     match arguments.proto {
-        Protocol::Navtech => faults.check("navtech", FaultKind::OF_NAVTECH)?,
-        Protocol::BeamUdp => faults.check("beam-udp", FaultKind::OF_BEAM_UDP)?,
+        Protocol::Navtech => faults.check("navtech", FaultKind::NOT_OF_NAVTECH)?,
+        Protocol::BeamUdp => faults.check("beam-udp", FaultKind::NOT_OF_BEAM_UDP)?,
     }
     let recording = Recording::open(&common.log, common.endless)?;
     let pace = Pace::new(recording.begin_ns(), common.at);
