@@ -85,7 +85,7 @@ const USERS: &[(&str, &[&str])] = &[
     ),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
-    ("foxglove", &["randt-recorder"]),
+    ("foxglove", &["randt-wellknown"]),
     ("iceoryx2", &["randt-stage"]),
     ("indicatif", &["randt"]),
     ("libloading", &["randt-imu"]),

@@ -16,7 +16,8 @@ mod raw;
 mod recorder;
 mod settings;
 mod sink;
-pub mod wellknown;
+mod viewer;
+
 mod worker;
 
 pub use disk::Disk;
@@ -29,4 +30,5 @@ pub use queue::{BUDGET, Queue};
 pub use raw::Raw;
 pub use recorder::{Metadata, Preamble, Recorder, SYNC_NS, Settings, Trouble};
 pub use sink::Sink;
+pub use viewer::Viewer;
 pub use worker::{Condition, Worker};

@@ -1,8 +1,8 @@
 //! `randt-recorder`: every topic to MCAP, as a process.
 
 use clap::Parser;
+use randt_recorder::Viewer;
 use randt_recorder::process::{Inputs, preamble};
-use randt_recorder::wellknown::Viewer;
 use randt_recorder::{BUDGET, Disk, Queue, Recorder, Settings, Worker};
 use randt_stage::{StageArguments, Woken, ended};
 use std::error::Error;

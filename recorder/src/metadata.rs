@@ -1,6 +1,6 @@
 //! What a log says of itself at its beginning, and how its channels are declared.
 
-use crate::wellknown;
+use crate::viewer;
 use randt_config::{Config, Loaded};
 use randt_geometry::Quaternion;
 use randt_log::{CONFIG_METADATA, CONFIG_TOML, Channel, ROBOT_METADATA, Robot, channels};
@@ -22,8 +22,7 @@ type Says = BTreeMap<String, String>;
 /// The channel of a topic, of ours or for viewers; one that nobody knows has no schema.
 pub(crate) fn channel_of(topic: &str) -> Channel {
     let ours = randt_log::channel_of(topic);
-    ours.or_else(|| wellknown::channel(topic))
-        .unwrap_or_default()
+    ours.or_else(|| viewer::channel(topic)).unwrap_or_default()
 }
 
 /// What follows from the configuration: how to read the log again. It is the same in every file of a run.

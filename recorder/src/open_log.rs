@@ -1,6 +1,6 @@
 //! The file that is being written.
 
-use crate::{Raw, Sink, metadata::channel_of, recorder::Metadata, wellknown::Viewer};
+use crate::{Raw, Sink, metadata::channel_of, recorder::Metadata, viewer::Viewer};
 use randt_log::{ChannelId, LogStream, Options};
 use std::io;
 

@@ -3,7 +3,7 @@
 //! Responsible for that nothing older than a second or so is lost, whatever happens, and that a file is complete by
 //! itself. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
 
-use crate::{Raw, Sink, date::name_of, metadata::says, open_log::OpenLog, wellknown::Viewer};
+use crate::{Raw, Sink, date::name_of, metadata::says, open_log::OpenLog, viewer::Viewer};
 use randt_log::Options;
 use randt_messages::{DropCause, LogDrop, LogDropTopic, MessageRef};
 use std::collections::BTreeMap;

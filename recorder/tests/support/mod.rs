@@ -8,7 +8,7 @@
 use randt_config::{Config, Loaded, Selection};
 use randt_log::LogReader;
 use randt_messages::{ImuSampleTopic, LogDrop, LogDropTopic, Message, RadarScan, Return, Topic};
-use randt_recorder::wellknown::Viewer;
+use randt_recorder::Viewer;
 use randt_recorder::{Raw, Recorder, Settings, Sink, of_configuration};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Cursor, ErrorKind};

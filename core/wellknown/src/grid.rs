@@ -1,66 +1,42 @@
 //! `Grid`: the occupancy grid, put together from its tiles.
 
-use super::{MAP, pose_of, timestamp};
+use crate::{MAP, pose_of, timestamp};
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Grid, PackedElementField, Vector2};
 use randt_messages::{MapperGrid, Message, TILE_CELLS};
 use std::collections::BTreeMap;
 
-/// A grid that changes is shown so often ...
-const PERIOD_NS: i64 = 2_000_000_000;
-/// ... or as seldom as a large one needs, so that it takes no more than this before compression, ...
-const BYTES_PER_SECOND: i64 = 500_000;
-/// ... but whole each minute, changed or not.
-const PERIOD_MAX_NS: i64 = 60_000_000_000;
 /// Red, green, blue, alpha: viewers show it without being told how.
 const STRIDE: usize = 4;
 const UNKNOWN: u8 = 255;
 
 /// All tiles that were ever heard of.
 #[derive(Debug, Default)]
-pub(super) struct Tiles {
+pub struct Tiles {
     /// By row, then column, with their cells.
     tiles: BTreeMap<(i32, i32), Box<[u8]>>,
     cell_m: f64,
-    has_changed: bool,
-    drawn_ns: Option<i64>,
 }
 
 impl Tiles {
     /// Takes a tile as it now is.
-    pub(super) fn take(&mut self, tile: Message<MapperGrid>) {
+    pub fn take(&mut self, tile: Message<MapperGrid>) {
         if tile.items.len() != TILE_CELLS * TILE_CELLS {
             return;
         }
         self.cell_m = tile.head.resolution_m;
-        self.has_changed = true;
         let place = (tile.head.row, tile.head.column);
         self.tiles.insert(place, tile.items.into_boxed_slice());
     }
 
-    /// The next one is due at once.
-    pub(super) fn begin_anew(&mut self) {
-        self.drawn_ns = None;
+    /// Bytes of the whole grid as a message; `None` where there is none, or one that nobody could show.
+    pub fn size(&self) -> Option<i64> {
+        self.extent().map(|extent| extent.bytes())
     }
 
-    /// The whole grid, where it is time to show it.
-    pub(super) fn due(&mut self, now_ns: i64, stamp_ns: i64) -> Option<Grid> {
-        let extent = self.extent()?;
-        let paced_ns = extent.bytes().saturating_mul(1_000_000_000) / BYTES_PER_SECOND;
-        let pause_ns = match self.has_changed {
-            true => paced_ns.clamp(PERIOD_NS, PERIOD_MAX_NS),
-            false => PERIOD_MAX_NS,
-        };
-        // A clock that jumps back is no reason to wait.
-        if self
-            .drawn_ns
-            .is_some_and(|drawn_ns| (0..pause_ns).contains(&(now_ns - drawn_ns)))
-        {
-            return None;
-        }
-        self.drawn_ns = Some(now_ns);
-        self.has_changed = false;
-        Some(self.draw(&extent, stamp_ns))
+    /// The whole grid.
+    pub fn draw(&self, stamp_ns: i64) -> Option<Grid> {
+        self.extent().map(|extent| self.on(&extent, stamp_ns))
     }
 
     fn extent(&self) -> Option<Extent> {
@@ -77,7 +53,7 @@ impl Tiles {
         (extent.bytes() <= BYTES_MAX).then_some(extent)
     }
 
-    fn draw(&self, extent: &Extent, stamp_ns: i64) -> Grid {
+    fn on(&self, extent: &Extent, stamp_ns: i64) -> Grid {
         let width = extent.columns * TILE_CELLS;
         let mut data = vec![0; width * extent.rows * TILE_CELLS * STRIDE];
         for ((row, column), cells) in &self.tiles {
@@ -161,10 +137,10 @@ mod tests {
     #[test]
     fn tiles_lie_where_they_belong() {
         let mut tiles = Tiles::default();
-        assert!(tiles.due(0, 0).is_none());
+        assert!(tiles.draw(0).is_none());
         tiles.take(tile(-1, 2, 100));
         tiles.take(tile(0, 1, 0));
-        let grid = tiles.due(0, 0).unwrap();
+        let grid = tiles.draw(0).unwrap();
         assert_eq!(grid.column_count, 128);
         let corner = grid.pose.unwrap().position.unwrap();
         assert!((corner.x - 6.4).abs() < 1e-12 && (corner.y + 6.4).abs() < 1e-12);
@@ -173,18 +149,5 @@ mod tests {
         assert_eq!(pixel(0, 64), [240, 240, 240, 255]);
         assert_eq!(pixel(0, 63), [0; 4]);
         assert_eq!(pixel(127, 127), [0; 4]);
-    }
-
-    #[test]
-    fn it_is_shown_when_it_changes_each_minute_and_in_each_file() {
-        let mut tiles = Tiles::default();
-        let s = 1_000_000_000;
-        tiles.take(tile(0, 0, 0));
-        assert!(tiles.due(0, 0).is_some() && tiles.due(10 * s, 0).is_none());
-        tiles.take(tile(0, 0, 50));
-        assert!(tiles.due(s, 0).is_none() && tiles.due(2 * s, 0).is_some());
-        assert!(tiles.due(61 * s, 0).is_none() && tiles.due(62 * s, 0).is_some());
-        tiles.begin_anew();
-        assert!(tiles.due(63 * s, 0).is_some());
     }
 }

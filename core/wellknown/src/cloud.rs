@@ -1,6 +1,6 @@
 //! `PointCloud`: the filtered returns.
 
-use super::{RADAR, pose_of, timestamp};
+use crate::{RADAR, pose_of, timestamp};
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, PointCloud};
 use randt_geometry::elementary::sin_cos;
@@ -13,7 +13,7 @@ const GRAIN_M: f64 = 1.0 / 64.0;
 const GRAIN: f64 = 1.0 / 4.0;
 
 /// The returns in the radar's frame, each where its beam saw it: motion during the sweep is not removed.
-pub(super) fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
+pub fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
     let beams = message.head.sweep.beams();
     let directions: Vec<_> = beams
         .iter()

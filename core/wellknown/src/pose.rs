@@ -1,11 +1,11 @@
 //! `PoseInFrame`: where the robot is, live.
 
-use super::{ODOM, pose_of, timestamp};
+use crate::{ODOM, pose_of, timestamp};
 use foxglove::messages::PoseInFrame;
 use randt_messages::OdometryState;
 
 /// `base_link` in `odom` at the sweep's end.
-pub(super) fn of_state(state: &OdometryState) -> PoseInFrame {
+pub fn of_state(state: &OdometryState) -> PoseInFrame {
     PoseInFrame {
         timestamp: timestamp(state.header.stamp_ns),
         frame_id: ODOM.to_owned(),

@@ -1,27 +1,36 @@
 //! `FrameTransforms`: how the frames lie in each other.
 
-use super::{BASE_LINK, IMU, MAP, ODOM, RADAR, rotation, timestamp, vector};
+use crate::{BASE_LINK, IMU, MAP, ODOM, RADAR, rotation, timestamp, vector};
 use foxglove::messages::{FrameTransform, FrameTransforms, Quaternion};
 use randt_config::Robot;
 use randt_messages::{Correction, OdometryState};
 
-/// Several as one message.
-pub(super) fn all(transforms: Vec<FrameTransform>) -> FrameTransforms {
+/// All frames as they lie when a state holds: where the sensors sit, `odom` to `base_link`, and `map` to `odom` where the
+/// mapper has said it.
+pub fn transforms(
+    robot: &Robot,
+    state: &OdometryState,
+    correction: Option<&Correction>,
+) -> FrameTransforms {
+    let stamp_ns = state.header.stamp_ns;
+    let mut transforms = mounting(robot, stamp_ns);
+    transforms.push(of_state(state));
+    transforms.extend(correction.map(|correction| of_correction(correction, stamp_ns)));
     FrameTransforms { transforms }
 }
 
 /// `odom` to `base_link`.
-pub(super) fn of_state(state: &OdometryState) -> FrameTransform {
+fn of_state(state: &OdometryState) -> FrameTransform {
     planar(ODOM, BASE_LINK, state.pose, state.header.stamp_ns)
 }
 
 /// `map` to `odom`, as it holds at an instant.
-pub(super) fn of_correction(correction: &Correction, stamp_ns: i64) -> FrameTransform {
+fn of_correction(correction: &Correction, stamp_ns: i64) -> FrameTransform {
     planar(MAP, ODOM, correction.pose, stamp_ns)
 }
 
 /// The sensors in `base_link`.
-pub(super) fn mounting(robot: &Robot, stamp_ns: i64) -> Vec<FrameTransform> {
+fn mounting(robot: &Robot, stamp_ns: i64) -> Vec<FrameTransform> {
     let radar = [robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad];
     let [w, x, y, z] = randt_geometry::Quaternion::from_roll_pitch_yaw(
         robot.imu_roll_rad,
@@ -59,9 +68,8 @@ mod tests {
             radar_x_m: 0.25,
             ..Robot::default()
         };
-        let mut found = mounting(&robot, 5);
-        found.push(of_state(&OdometryState::default()));
-        found.push(of_correction(&Correction::default(), 5));
+        let state = OdometryState::default();
+        let found = transforms(&robot, &state, Some(&Correction::default())).transforms;
         let tree: Vec<_> = found
             .iter()
             .map(|t| (t.parent_frame_id.as_str(), t.child_frame_id.as_str()))

@@ -1,0 +1,81 @@
+//! What viewers understand, made of our messages: Foxglove's well-known schemas in protobuf, one file a schema.
+//!
+//! Responsible for what a message looks like, not for which topic it goes by and how often. Pure: the same messages give
+//! the same bytes.
+
+mod cloud;
+mod grid;
+mod pose;
+mod transform;
+
+pub use cloud::of_points;
+pub use foxglove::messages::{FrameTransforms, Grid, PointCloud, PoseInFrame};
+pub use grid::Tiles;
+pub use pose::of_state as pose_of_state;
+pub use transform::transforms;
+
+use foxglove::Encode;
+use foxglove::messages::{Pose, Quaternion, Timestamp, Vector3};
+use randt_geometry::elementary::sin_cos;
+use randt_log::Channel;
+
+/// Frames of REP-105, as viewers see them.
+pub const MAP: &str = "map";
+/// The frame that never jumps.
+pub const ODOM: &str = "odom";
+/// The robot.
+pub const BASE_LINK: &str = "base_link";
+/// Where the radar sits.
+pub const RADAR: &str = "radar";
+/// Where the IMU sits.
+pub const IMU: &str = "imu";
+
+/// The channel of a topic with messages of this schema.
+pub fn channel<T: Encode>(topic: &str) -> Channel {
+    let mut channel = Channel {
+        topic: topic.to_owned(),
+        message_encoding: T::get_message_encoding(),
+        ..Channel::default()
+    };
+    if let Some(schema) = T::get_schema() {
+        channel.type_name = schema.name;
+        channel.schema_encoding = schema.encoding;
+        channel.schema = schema.data.into_owned();
+    }
+    channel
+}
+
+/// A message's bytes; one that cannot be encoded does not exist.
+pub fn bytes<T: Encode>(message: &T) -> Option<Vec<u8>> {
+    let mut bytes = Vec::with_capacity(message.encoded_len().unwrap_or_default());
+    message.encode(&mut bytes).ok()?;
+    Some(bytes)
+}
+
+/// A stamp as viewers have it; their time begins in 1970.
+pub fn timestamp(stamp_ns: i64) -> Option<Timestamp> {
+    let seconds = u32::try_from(stamp_ns.div_euclid(1_000_000_000)).ok()?;
+    Timestamp::new_checked(seconds, stamp_ns.rem_euclid(1_000_000_000) as u32)
+}
+
+fn vector(x: f64, y: f64) -> Vector3 {
+    Vector3 { x, y, z: 0.0 }
+}
+
+fn rotation(yaw_rad: f64) -> Quaternion {
+    let (z, w) = sin_cos(0.5 * yaw_rad);
+    Quaternion {
+        x: 0.0,
+        y: 0.0,
+        z,
+        w,
+    }
+}
+
+/// A planar pose, as viewers have it.
+pub fn pose_of([x_m, y_m, yaw_rad]: [f64; 3]) -> Pose {
+    Pose {
+        position: Some(vector(x_m, y_m)),
+        orientation: Some(rotation(yaw_rad)),
+    }
+}
