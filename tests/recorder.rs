@@ -14,7 +14,7 @@ use randt_messages::{ImuSampleTopic, RadarScan, Topic};
 use randt_stage::Clock;
 use rustix::process::Signal;
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -313,6 +313,97 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     };
     assert!(state["rate_hz"].as_f64().unwrap() > 4.0, "{state}");
     assert_eq!(state["lost"], 0, "{state}");
+}
+
+/// A disk of a few megabytes, in memory; it goes with this.
+struct SmallDisk(PathBuf);
+
+impl SmallDisk {
+    fn mount(at: &Path) -> Option<Self> {
+        fs::create_dir_all(at).unwrap();
+        let disk = Self(at.to_owned());
+        disk.run("mount", &["-t", "tmpfs", "-o", "size=8m", "randt"])
+            .then_some(disk)
+    }
+
+    fn remount(&self, how: &str) {
+        assert!(self.run("mount", &["-o", &format!("remount,{how}")]));
+    }
+
+    fn run(&self, program: &str, arguments: &[&str]) -> bool {
+        let mut command = Command::new(program);
+        command.args(arguments).arg(&self.0);
+        command.output().unwrap().status.success()
+    }
+}
+
+impl Drop for SmallDisk {
+    fn drop(&mut self) {
+        self.run("umount", &["-l"]);
+    }
+}
+
+#[test]
+fn a_real_disk_that_is_read_only_and_then_full_stops_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 200);
+    let out = folder.path().join("logs");
+    let Some(disk) = SmallDisk::mount(&out) else {
+        let ci = std::env::var("CI").as_deref() == Ok("true");
+        assert!(!ci, "a disk cannot be mounted, which only root may");
+        println!("skipped: only root may mount a disk");
+        return;
+    };
+    disk.remount("ro");
+    let mut pipeline = Pipeline::new("ro");
+    compute(&mut pipeline, folder.path());
+    let set = [
+        "--set",
+        "record.free_min_gb=0",
+        "--set",
+        "record.file_max_mb=2",
+    ];
+    let recorder = record(&mut pipeline, &out, &set);
+    pipeline.play(&input, &["--loop"]);
+    until("it says that it cannot write", || {
+        let (said, why) = state(&pipeline);
+        said == "degraded" && why.contains("ead-only")
+    });
+    disk.remount("rw");
+    until("recording begins", || state(&pipeline).0 == "running");
+    let begin = Instant::now();
+    let mut why = String::new();
+    while !why.contains("space") {
+        assert!(begin.elapsed().as_secs() < 60, "8 MB are not full: {why}");
+        why = state(&pipeline).1;
+    }
+    // Room again; what was written is kept aside.
+    let full = logs(&out);
+    let aside = folder.path().join("aside");
+    fs::create_dir_all(&aside).unwrap();
+    for file in &full {
+        fs::copy(file, aside.join(file.file_name().unwrap())).unwrap();
+        fs::remove_file(file).unwrap();
+    }
+    until("recording goes on", || state(&pipeline).0 == "running");
+    // What did not fit is in the next file.
+    std::thread::sleep(Duration::from_secs(2));
+    pipeline.end(recorder, Signal::TERM);
+    let files: Vec<_> = logs(&aside).into_iter().chain(logs(&out)).collect();
+    let mut numbers: BTreeMap<_, BTreeSet<u64>> = BTreeMap::new();
+    for (topic, epoch, number) in files.iter().flat_map(|file| published(file).into_keys()) {
+        numbers.entry((topic, epoch)).or_default().insert(number);
+    }
+    assert_eq!(numbers.len(), 2, "scans and samples, of one epoch each");
+    for ((topic, _), found) in numbers {
+        let span = found.last().unwrap() - found.first().unwrap() + 1;
+        assert_eq!(found.len() as u64, span, "{topic}: something is missing");
+    }
+    let ended = pipeline.randt(&["top", "--once", "--json"]);
+    let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
+    for stage in figures["stages"].as_array().unwrap() {
+        assert_eq!(stage["restarts"], 0, "{stage}");
+    }
 }
 
 #[test]

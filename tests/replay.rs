@@ -75,6 +75,21 @@ fn only_log(folder: &Path) -> PathBuf {
     files[0].clone()
 }
 
+/// What an hour of an iSDR-C takes on the disk at most, with every topic.
+const HOUR_MAX_GB: f64 = 1.5;
+
+fn assert_hour_fits(log: &Path) {
+    let mut reader = LogReader::open(log).unwrap();
+    let (mut first_ns, mut last_ns) = (i64::MAX, i64::MIN);
+    while let Some(entry) = reader.next_entry().unwrap() {
+        (first_ns, last_ns) = (first_ns.min(entry.time_ns), last_ns.max(entry.time_ns));
+    }
+    let bytes = fs::metadata(log).unwrap().len() as f64;
+    let hour_gb = bytes * 3600.0 / (last_ns - first_ns) as f64;
+    println!("{hour_gb:.2} GB/h");
+    assert!(hour_gb <= HOUR_MAX_GB);
+}
+
 #[test]
 fn a_recorded_run_is_computed_again_to_the_last_bit() {
     let folder = tempfile::tempdir().unwrap();
@@ -126,6 +141,7 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
     assert!([Some(0), Some(3)].contains(&code), "{code:?}");
 
     let recorded = only_log(&at("logs"));
+    assert_hour_fits(&recorded);
     let states = published(&recorded).unwrap();
     let late = states
         .iter()

@@ -12,7 +12,7 @@ const LOOK: Duration = Duration::from_millis(500);
 /// The first scans catch up with the stages' starts; processor time and bytes are counted after that.
 const WARM_UP: Duration = Duration::from_secs(3);
 
-/// The three stages.
+/// The stages that compute, and the recorder where it is asked for.
 pub struct Stages<'a> {
     place: &'a Place,
     pub realm: Realm,
@@ -53,19 +53,24 @@ impl Reading {
 }
 
 impl<'a> Stages<'a> {
-    /// Starts them for a log.
-    pub fn start(place: &'a Place, log: &Path, prefix: &str) -> Self {
+    /// Starts them for a log; with a recorder beside them where there is a folder for it.
+    pub fn start(place: &'a Place, log: &Path, prefix: &str, logs: Option<&Path>) -> Self {
         let realm = place.realm(prefix);
         let (profile, _) = place.profile(log);
-        let running = ["mapper", "odometry", "filter"].map(|name| {
+        let start = |name, logs: Option<&Path>| {
             let mut command = Place::command(&realm, name);
             command.arg("--profile").arg(&profile);
+            command.args(logs.map(|_| "--out")).args(logs);
             place.start(name, command)
-        });
+        };
+        let mut running: Vec<Running> = ["mapper", "odometry", "filter"]
+            .map(|name| start(name, None))
+            .into();
+        running.extend(logs.map(|logs| start("recorder", Some(logs))));
         Self {
             place,
             realm,
-            running: running.into(),
+            running,
         }
     }
 

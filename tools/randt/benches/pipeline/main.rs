@@ -1,4 +1,5 @@
-//! `cargo bench -p randt --bench pipeline [-- SECONDS [RUNS]]`: the pipeline as processes, as on a robot.
+//! `cargo bench -p randt --bench pipeline [-- SECONDS [RUNS] [record]]`: the pipeline as processes, as on a robot. With
+//! `record` each run is followed by one with the recorder beside it, and nothing else is measured.
 //!
 //! Prints machine, latency (wait and compute: median, p99, largest), processor time, shared memory and what goes through
 //! write and send. The stages are those of the release build, started by hand; the log is simulated and played as it
@@ -21,6 +22,7 @@ mod stages;
 
 use drive::{Drive, Stages};
 use randt::{latency::Latency, machine, report::Cost};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// Sweeps per second.
@@ -30,6 +32,7 @@ fn main() {
     let numbers: Vec<u64> = std::env::args().filter_map(|a| a.parse().ok()).collect();
     let seconds = numbers.first().copied().unwrap_or(60).max(10);
     let runs = numbers.get(1).copied().unwrap_or(3);
+    let recorded = std::env::args().any(|argument| argument == "record");
     make_stages();
     println!("machine: {}", machine::description());
     println!("drive: simulated building, {seconds} s at {RATE_HZ} Hz, IMU at 250 Hz; {runs} runs");
@@ -44,14 +47,26 @@ fn main() {
     assert!(status.success(), "the simulation failed: {status}");
     for run in 1..=runs {
         println!("\nrun {run}");
-        let mut stages = Stages::start(&place, &log, &format!("bench-{run}"));
-        let drive = stages.drive(&log);
-        print_latency(&drive);
-        print_costs(&drive);
-        stages.stop();
+        drive(&place, &log, &format!("bench-{run}"), None);
+        if recorded {
+            println!("\nrun {run}, recorded");
+            let logs = place.file(&format!("logs-{run}"));
+            drive(&place, &log, &format!("record-{run}"), Some(&logs));
+        }
+    }
+    if recorded {
+        return;
     }
     sends::print(&place, &log);
     navtech::print(&place);
+}
+
+fn drive(place: &stages::Place, log: &Path, prefix: &str, logs: Option<&Path>) {
+    let mut stages = Stages::start(place, log, prefix, logs);
+    let drive = stages.drive(log);
+    print_latency(&drive);
+    print_costs(&drive);
+    stages.stop();
 }
 
 /// The stages are programs of other packages: this benchmark's build does not make them.
