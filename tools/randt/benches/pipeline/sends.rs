@@ -14,7 +14,7 @@ const BEFORE: Duration = Duration::from_secs(2);
 /// Plays a log and prints the rates.
 pub fn print(place: &Place, log: &Path) {
     println!("\nwrite and send calls, seen with strace for {SPAN:?} each");
-    let mut stages = Stages::start(place, log, "bench-calls");
+    let mut stages = Stages::start(place, log, "bench-calls", None);
     let mut play = stages.play(log);
     std::thread::sleep(BEFORE);
     // The mapper last: the robot stands at first, and there is nothing to write.
