@@ -1,6 +1,7 @@
 //! The sink that is a folder on a disk.
 
-use crate::{Sink, date::is_name};
+use crate::Sink;
+use randt_log::is_date;
 use rustix::fs::{CWD, RenameFlags, renameat_with, statvfs};
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -116,7 +117,7 @@ impl Sink for Disk {
         // Only what a recorder has named: others may lie beside it.
         let ours = |path: &PathBuf| {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            is_name(&name) && path.extension().is_some_and(|ending| ending == ENDING)
+            is_date(&name) && path.extension().is_some_and(|ending| ending == ENDING)
         };
         let found = fs::read_dir(&self.folder)?.flatten();
         // Names are dates.

@@ -4,7 +4,6 @@
 //! disk ever holds the pipeline up: the stage's thread copies messages into a [`Queue`], a thread of its own brings them
 //! to the disk. Not responsible for the container (`randt-log`).
 
-mod date;
 mod disk;
 mod drops;
 mod metadata;

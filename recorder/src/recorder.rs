@@ -3,8 +3,8 @@
 //! Responsible for that nothing older than a second or so is lost, whatever happens, and that a file is complete by
 //! itself. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
 
-use crate::{Raw, Sink, date::name_of, metadata::says, open_log::OpenLog, viewer::Viewer};
-use randt_log::Options;
+use crate::{Raw, Sink, metadata::says, open_log::OpenLog, viewer::Viewer};
+use randt_log::{Options, name_of_date};
 use randt_messages::{DropCause, LogDrop, LogDropTopic, MessageRef};
 use std::collections::BTreeMap;
 use std::io;
@@ -219,7 +219,7 @@ impl<S: Sink> Recorder<S> {
     }
 
     fn create(&mut self, now_ns: i64) -> io::Result<String> {
-        let date = name_of(now_ns);
+        let date = name_of_date(now_ns);
         for number in 0..NAMES_MAX {
             let name = match number {
                 0 => format!("{date}.mcap"),

@@ -27,6 +27,7 @@
 mod chunk;
 mod copy;
 mod damage;
+mod date;
 mod description;
 mod entry;
 mod error;
@@ -41,6 +42,7 @@ mod writer;
 
 pub use copy::copy;
 pub use damage::{Damage, DamageKind};
+pub use date::{is_date, name_of_date};
 pub use description::describe;
 pub use entry::{Channel, Entry, Label};
 pub use error::Error;

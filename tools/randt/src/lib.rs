@@ -16,6 +16,8 @@ pub mod judgement;
 pub mod latency;
 pub mod loops;
 pub mod machine;
+pub mod mission;
+pub mod missions;
 pub mod output;
 pub mod pipeline;
 pub mod process;

@@ -4,7 +4,7 @@ mod check;
 mod cut;
 mod export;
 mod info;
-mod recover;
+pub mod recover;
 
 use crate::exit::Outcome;
 use crate::output::may_write;

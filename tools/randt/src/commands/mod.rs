@@ -11,6 +11,7 @@ mod graph;
 mod import;
 mod imu;
 mod log;
+mod mission;
 mod play;
 mod record;
 mod register;
@@ -43,6 +44,8 @@ pub enum Command {
     Record(record::Arguments),
     /// Look into a log, check it, recover it, cut it, export it
     Log(log::Arguments),
+    /// Begin, end, list and take away a robot's missions
+    Mission(mission::Arguments),
     /// Stand in for sensors that are not there, in their own protocols
     Emulate(emulate::Arguments),
     /// Watch the pipeline: stages, topics, latency, pose and map
@@ -76,6 +79,7 @@ impl Command {
             Self::Play(arguments) => play::run(arguments),
             Self::Record(arguments) => record::run(&arguments),
             Self::Log(arguments) => log::run(arguments),
+            Self::Mission(arguments) => mission::run(arguments),
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),

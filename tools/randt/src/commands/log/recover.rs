@@ -22,17 +22,22 @@ pub struct Arguments {
 
 /// Writes anew what stands in whole chunks: only that has checksums.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let mut reader = LogReader::open(&arguments.file)?;
-    reader.whole_chunks_only();
     let out = arguments.out.clone();
     let out = out.unwrap_or_else(|| name_for(&arguments.file));
-    let (messages, size) = write_copy(&mut reader, &out, arguments.force, |_| true)?;
+    print(&recover(&arguments.file, &out, arguments.force)?)?;
+    Ok(Outcome::Good)
+}
+
+/// Does it; gives what there is to say.
+pub fn recover(file: &Path, out: &Path, force: bool) -> anyhow::Result<String> {
+    let mut reader = LogReader::open(file)?;
+    reader.whole_chunks_only();
+    let (messages, size) = write_copy(&mut reader, out, force, |_| true)?;
     let mut text = format!("{}: {messages} messages, {}\n", out.display(), bytes(size));
     for damage in reader.damage() {
         text += &format!("  stepped over: {}\n", damage.first);
     }
-    print(&text)?;
-    Ok(Outcome::Good)
+    Ok(text)
 }
 
 fn name_for(file: &Path) -> PathBuf {

@@ -1,7 +1,7 @@
-//! Names of files: the date that the clock reads.
+//! Names of logs and their folders: the date that the clock reads.
 
 /// UTC to the second, such as `2026-11-24T13-05-10Z`: sorts by time, and every file system takes it.
-pub fn name_of(now_ns: i64) -> String {
+pub fn name_of_date(now_ns: i64) -> String {
     let seconds = now_ns.div_euclid(1_000_000_000);
     let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
     let (year, month, day) = date(days);
@@ -9,8 +9,8 @@ pub fn name_of(now_ns: i64) -> String {
     format!("{year:04}-{month:02}-{day:02}T{hour:02}-{minute:02}-{second:02}Z")
 }
 
-/// Whether a file's name begins as [`name_of`] gives it.
-pub fn is_name(name: &str) -> bool {
+/// Whether a file's name begins as [`name_of_date`] gives it.
+pub fn is_date(name: &str) -> bool {
     const SHAPE: &[u8] = b"0000-00-00T00-00-00Z";
     let fits = |(shape, found): (&u8, u8)| match shape {
         b'0' => found.is_ascii_digit(),
@@ -44,7 +44,7 @@ mod tests {
             "2026-11-24.mcap",
             "2026-11-24T13-05-1xZ.mcap",
         ] {
-            assert!(!is_name(name), "{name}");
+            assert!(!is_date(name), "{name}");
         }
     }
 
@@ -58,8 +58,8 @@ mod tests {
             (4_107_542_400, "2100-03-01T00-00-00Z"),
             (-1, "1969-12-31T23-59-59Z"),
         ] {
-            assert_eq!(name_of(seconds * 1_000_000_000), name);
-            assert!(is_name(&format!("{name}-1.mcap")));
+            assert_eq!(name_of_date(seconds * 1_000_000_000), name);
+            assert!(is_date(&format!("{name}-1.mcap")));
         }
     }
 }

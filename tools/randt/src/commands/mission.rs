@@ -1,0 +1,63 @@
+//! `randt mission`: drives of a robot, each with map, logs, configuration and report; one file an action.
+
+mod boot;
+mod export;
+mod list;
+mod new;
+mod recover;
+mod report;
+mod stop;
+mod target;
+
+use crate::exit::Outcome;
+use crate::missions::{Missions, ROOT};
+use std::path::PathBuf;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Arguments of `randt mission`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// Folder of the missions
+    #[arg(long, value_name = "DIR", default_value = ROOT, global = true)]
+    root: PathBuf,
+    #[command(subcommand)]
+    action: Action,
+}
+
+/// What to do.
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// Begin a new mission with an empty map; the one before is stopped
+    New(new::Arguments),
+    /// End the mission: the pipeline stops, the report is written, and the next start begins a new one
+    Stop(stop::Arguments),
+    /// Say which missions there are
+    List(list::Arguments),
+    /// Copy a mission somewhere else, with whole logs and its report
+    Export(export::Arguments),
+    /// Decide at the robot's start whether the last mission goes on (systemd calls this)
+    Boot(boot::Arguments),
+    /// Make whole logs of those that a power cut left (systemd calls this)
+    Recover,
+}
+
+/// Does it.
+pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    let missions = Missions::open(&arguments.root)?;
+    match arguments.action {
+        Action::New(arguments) => new::run(&missions, &arguments),
+        Action::Stop(arguments) => stop::run(&missions, &arguments),
+        Action::List(arguments) => list::run(&missions, &arguments),
+        Action::Export(arguments) => export::run(&missions, &arguments),
+        Action::Boot(arguments) => boot::run(&missions, &arguments),
+        Action::Recover => recover::run(&missions),
+    }
+}
+
+/// What the system's clock reads, ns since 1970.
+fn now_ns() -> i64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |since| {
+        i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+    })
+}

@@ -1,0 +1,87 @@
+//! `randt mission list`: which missions there are.
+
+use super::now_ns;
+use crate::exit::Outcome;
+use crate::mission::{JOURNAL, Mission};
+use crate::missions::Missions;
+use crate::output::print;
+use crate::units::{bytes, count, seconds};
+use serde::Serialize;
+use std::fs;
+use std::path::Path;
+
+/// Arguments of `randt mission list`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// For programs
+    #[arg(long)]
+    json: bool,
+}
+
+/// A mission in the list.
+#[derive(Debug, Serialize)]
+struct Row {
+    name: String,
+    /// `current`, `stopped`, or `interrupted`: a power cut, and it did not go on.
+    state: &'static str,
+    begun_ns: i64,
+    /// Its last sign of life.
+    end_ns: i64,
+    map_bytes: u64,
+    logs: usize,
+    log_bytes: u64,
+}
+
+impl Row {
+    fn of(mission: &Mission, is_current: bool) -> anyhow::Result<Self> {
+        let size = |path: &Path| fs::metadata(path).map_or(0, |found| found.len());
+        let files = mission.log_files()?;
+        Ok(Self {
+            name: mission.name(),
+            state: match mission.record.stopped_ns {
+                Some(_) => "stopped",
+                None if is_current => "current",
+                None => "interrupted",
+            },
+            begun_ns: mission.record.begun_ns,
+            end_ns: mission
+                .record
+                .stopped_ns
+                .unwrap_or_else(|| mission.last_sign_ns()),
+            map_bytes: size(&mission.folder().join(JOURNAL)),
+            logs: files.len(),
+            log_bytes: files.iter().map(|file| size(file)).sum(),
+        })
+    }
+}
+
+/// Prints them, the oldest first.
+pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let current = missions.current().map(|mission| mission.name());
+    let all = missions.all()?.into_iter();
+    let rows: anyhow::Result<Vec<Row>> = all
+        .map(|mission| Row::of(&mission, current.as_ref() == Some(&mission.name())))
+        .collect();
+    let rows = rows?;
+    if arguments.json {
+        print(&format!("{}\n", serde_json::to_string_pretty(&rows)?))?;
+        return Ok(Outcome::Good);
+    }
+    if rows.is_empty() {
+        print("no mission yet; the pipeline's start begins one\n")?;
+    }
+    let now_ns = now_ns();
+    for row in rows {
+        print(&format!(
+            "{:<24} {:<12} {:>7}, {:>7} ago  map {:>8}, {} of {}\n",
+            row.name,
+            row.state,
+            seconds((row.end_ns - row.begun_ns).max(0) as f64 * 1e-9),
+            seconds((now_ns - row.end_ns).max(0) as f64 * 1e-9),
+            bytes(row.map_bytes),
+            count(row.logs as u64, "log", "logs"),
+            bytes(row.log_bytes),
+        ))?;
+    }
+    Ok(Outcome::Good)
+}

@@ -1,0 +1,44 @@
+//! The pipeline under systemd, as far as missions stop and start it.
+
+use anyhow::{Context, ensure};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// What all stages belong to.
+const UNIT: &str = "randt.target";
+/// Where it is said that systemd runs this machine.
+const RUNNING: &str = "/run/systemd/system";
+
+/// Stops the pipeline if it runs; gives whether it did.
+pub fn stop() -> anyhow::Result<bool> {
+    let runs = Path::new(RUNNING).is_dir()
+        && Command::new("systemctl")
+            .args(["is-active", "--quiet", UNIT])
+            .stderr(Stdio::null())
+            .status()
+            .is_ok_and(|status| status.success());
+    if runs {
+        // Stages are part of the target, so that they stop with it; this waits for the last of them.
+        systemctl(&["stop", UNIT, "randt-*.service"])?;
+    }
+    Ok(runs)
+}
+
+/// Starts it.
+pub fn start() -> anyhow::Result<()> {
+    systemctl(&["start", UNIT])
+}
+
+fn systemctl(arguments: &[&str]) -> anyhow::Result<()> {
+    let output = Command::new("systemctl")
+        .args(arguments)
+        .output()
+        .context("systemctl cannot be started")?;
+    ensure!(
+        output.status.success(),
+        "systemctl {}: {}; it may need sudo",
+        arguments.join(" "),
+        String::from_utf8_lossy(&output.stderr).trim()
+    );
+    Ok(())
+}
