@@ -12,6 +12,7 @@ mod import;
 mod imu;
 mod log;
 mod play;
+mod plot;
 mod record;
 mod register;
 mod run;
@@ -43,6 +44,8 @@ pub enum Command {
     Record(record::Arguments),
     /// Look into a log, check it, recover it, cut it, export it
     Log(log::Arguments),
+    /// Draw what is in a log: path and map, motion, quality, latency, topics, biases
+    Plot(plot::Arguments),
     /// Stand in for sensors that are not there, in their own protocols
     Emulate(emulate::Arguments),
     /// Watch the pipeline: stages, topics, latency, pose and map
@@ -76,6 +79,7 @@ impl Command {
             Self::Play(arguments) => play::run(arguments),
             Self::Record(arguments) => record::run(&arguments),
             Self::Log(arguments) => log::run(arguments),
+            Self::Plot(arguments) => plot::run(&arguments),
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
