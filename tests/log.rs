@@ -172,3 +172,108 @@ fn a_cut_log_has_its_span_and_a_damaged_one_is_found() {
         "{text}"
     );
 }
+
+/// What Python finds in a file for viewers, by the official schemas: topics with their messages.
+fn views(file: &Path) -> Vec<(String, u64)> {
+    let topics = info(file)["topics"].as_object().unwrap().clone();
+    assert!(topics.values().all(|topic| topic["encoding"] == "protobuf"));
+    let messages = |topic: &Value| topic["messages"].as_u64().unwrap();
+    let topics = topics.iter();
+    topics
+        .map(|(name, topic)| (name.clone(), messages(topic)))
+        .collect()
+}
+
+#[test]
+fn viewers_get_what_the_recorder_leaves_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("run.mcap");
+    support::recorded::write(120, &input);
+    let out = folder.path().join("run.foxglove.mcap");
+    let ended = log_command("export", &input, &["--foxglove"]);
+    assert_eq!((ended.code, ended.stderr.as_str()), (Some(0), ""));
+    let topics = info(&input)["topics"].clone();
+    let found = views(&out);
+    let of = |name: &str| {
+        found
+            .iter()
+            .find(|(topic, _)| topic == name)
+            .map_or(0, |t| t.1)
+    };
+    let messages = |topic: &str| topics[topic]["messages"].as_u64().unwrap();
+    assert_eq!((of("view/scan"), of("view/points")), (120, 120));
+    assert_eq!(of("view/pose"), messages("odometry/state/v1"));
+    assert_eq!(of("view/transforms"), messages("odometry/state/v1") + 1);
+    assert_eq!(of("view/cells"), messages("odometry/keyframe/v1"));
+    assert!(of("view/graph") > 1 && of("view/loops") > 1 && of("view/grid") > 1);
+    assert_eq!(of("view/missing"), 1);
+    support::python::read_logs(std::slice::from_ref(&out));
+
+    // The same by its other name, and nothing is overwritten silently: not even the log itself.
+    let again = log_command("export", &input, &["--to", "foxglove"]);
+    assert_eq!(again.code, Some(1), "{}", again.stdout);
+    let itself = input.display().to_string();
+    let on_itself = log_command(
+        "export",
+        &input,
+        &["--foxglove", "--force", "--out", &itself],
+    );
+    assert!(on_itself.says("is the log itself"), "{}", on_itself.stderr);
+    let forced = log_command("export", &input, &["--to", "foxglove", "--force"]);
+    assert_eq!(forced.code, Some(0), "{}", forced.stderr);
+    assert_eq!(names(folder.path()), ["run.foxglove.mcap", "run.mcap"]);
+
+    // As a kill leaves it: up to the cut.
+    let cut = folder.path().join("cut.mcap.active");
+    let bytes = fs::read(&input).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let out = folder.path().join("cut.foxglove.mcap");
+    let shown = out.display().to_string();
+    let ended = log_command("export", &cut, &["--foxglove", "--out", &shown]);
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
+    assert!(ended.says("stepped over"), "{}", ended.stderr);
+    assert!(
+        views(&out)
+            .iter()
+            .any(|(topic, count)| topic == "view/cells" && *count > 0)
+    );
+}
+
+#[test]
+fn what_viewers_cannot_be_shown_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 10);
+    let ended = log_command("export", &input, &["--foxglove"]);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    for words in [
+        "the log has no odometry/state/v1: pose and transforms are not shown",
+        "the log has no odometry/keyframe/v1: NDT cells are not shown",
+        "the log has no mapper/graph/v1: the pose graph is not shown",
+        "the log has no mapper/grid/v1: the occupancy grid is not shown",
+    ] {
+        assert!(ended.says(words), "{words}: {}", ended.stderr);
+    }
+    let found = views(&input.with_extension("foxglove.mcap"));
+    let found: Vec<_> = found
+        .iter()
+        .map(|(name, count)| (name.as_str(), *count))
+        .collect();
+    assert_eq!(found, [("view/scan", 10), ("view/transforms", 1)]);
+
+    let empty = folder.path().join("empty.mcap");
+    let log = randt_log::LogFile::create(&empty, randt_log::Options::default()).unwrap();
+    log.finish().unwrap();
+    let ended = log_command("export", &empty, &["--foxglove"]);
+    assert_eq!(ended.code, Some(1));
+    assert!(
+        ended.says("nothing that a viewer could show"),
+        "{}",
+        ended.stderr
+    );
+    let none = folder.path().join("none.mcap");
+    fs::write(&none, "# stamp x y z\n").unwrap();
+    let ended = log_command("export", &none, &["--foxglove"]);
+    assert!(ended.says("not an MCAP file"), "{}", ended.stderr);
+    let left = names(folder.path());
+    assert!(!left.iter().any(|name| name.ends_with(".part")), "{left:?}");
+}

@@ -25,3 +25,4 @@ mod window;
 
 pub use odometry::{Counters, Odometry, Sink, Source};
 pub use randt_saved::Error;
+pub use slot::cell_rule;

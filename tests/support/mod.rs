@@ -19,6 +19,8 @@ pub mod killer;
 pub mod observer;
 pub mod phidgets;
 pub mod pipeline;
+pub mod python;
+pub mod recorded;
 mod recordings;
 pub mod sensors;
 pub mod spoilt;

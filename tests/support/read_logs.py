@@ -7,7 +7,7 @@ from importlib import import_module
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-OFFICIAL = ["PoseInFrame", "FrameTransforms", "PointCloud", "Grid"]
+OFFICIAL = ["PoseInFrame", "FrameTransforms", "PointCloud", "Grid", "SceneUpdate", "Log"]
 
 
 def read(path):
@@ -37,6 +37,10 @@ def read(path):
                 assert [field.name for field in official.fields] == ["x", "y", "intensity"]
             if name == "Grid":
                 assert len(official.data) % official.row_stride == 0
+            if name == "SceneUpdate":
+                for line in (line for entity in official.entities for line in entity.lines):
+                    assert not line.colors or len(line.colors) == len(line.points)
+                    assert all(index < len(line.points) for index in line.indices)
         counts = summary.statistics.channel_message_counts
         stored = Counter()
         for channel, count in counts.items():

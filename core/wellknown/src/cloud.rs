@@ -1,10 +1,10 @@
-//! `PointCloud`: the filtered returns.
+//! `PointCloud`: a sweep's returns, all of them or those that the filter left.
 
 use crate::{RADAR, pose_of, timestamp};
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, PointCloud};
 use randt_geometry::elementary::sin_cos;
-use randt_messages::{MessageRef, RadarPoints};
+use randt_messages::{MessageRef, RadarPoints, RadarScan, Return, SweepHead};
 
 /// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that nobody sees would double what the
 /// cloud takes on the disk.
@@ -12,15 +12,25 @@ const GRAIN_M: f64 = 1.0 / 64.0;
 /// The same for intensities, in the sensor's unit.
 const GRAIN: f64 = 1.0 / 4.0;
 
-/// The returns in the radar's frame, each where its beam saw it: motion during the sweep is not removed.
+/// What the filter left, in the radar's frame, each return where its beam saw it: motion during the sweep is not removed.
 pub fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
-    let beams = message.head.sweep.beams();
+    let head = message.head;
+    cloud(head.header.stamp_ns, &head.sweep, message.items)
+}
+
+/// Every return of a sweep, likewise.
+pub fn of_scan(message: MessageRef<'_, RadarScan>) -> PointCloud {
+    let head = message.head;
+    cloud(head.header.stamp_ns, &head.sweep, message.items)
+}
+
+fn cloud(stamp_ns: i64, sweep: &SweepHead, returns: &[Return]) -> PointCloud {
+    let beams = sweep.beams().iter();
     let directions: Vec<_> = beams
-        .iter()
         .map(|beam| sin_cos(f64::from(beam.azimuth_rad)))
         .collect();
-    let mut data = Vec::with_capacity(message.items.len() * STRIDE);
-    for point in message.items {
+    let mut data = Vec::with_capacity(returns.len() * STRIDE);
+    for point in returns {
         let Some((sine, cosine)) = directions.get(usize::from(point.beam)) else {
             continue;
         };
@@ -30,7 +40,7 @@ pub fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
         data.extend(coarse(f64::from(point.intensity), GRAIN).to_le_bytes());
     }
     PointCloud {
-        timestamp: timestamp(message.head.header.stamp_ns),
+        timestamp: timestamp(stamp_ns),
         frame_id: RADAR.to_owned(),
         pose: Some(pose_of([0.0; 3])),
         point_stride: STRIDE as u32,
@@ -83,5 +93,8 @@ mod tests {
             .collect();
         assert_eq!(cloud.point_stride, 12);
         assert_eq!(values, [2.0, 0.0, 9.5, 0.0, 3.0, 9.5]);
+        let mut scan = Message::<RadarScan>::default();
+        (scan.head.sweep, scan.items) = (points.head.sweep, points.items);
+        assert_eq!(of_scan(scan.as_ref()), cloud);
     }
 }

@@ -4,17 +4,24 @@
 //! the same bytes.
 
 mod cloud;
+mod ellipse;
+mod graph;
 mod grid;
+mod notice;
 mod pose;
+mod scene;
 mod transform;
 
-pub use cloud::of_points;
-pub use foxglove::messages::{FrameTransforms, Grid, PointCloud, PoseInFrame};
+pub use cloud::{of_points, of_scan};
+pub use ellipse::of_cells;
+pub use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame, SceneUpdate};
+pub use graph::Graph;
 pub use grid::Tiles;
+pub use notice::of_drop;
 pub use pose::of_state as pose_of_state;
-pub use transform::transforms;
+pub use transform::{mounting, transforms};
 
-use foxglove::Encode;
+pub use foxglove::Encode;
 use foxglove::messages::{Pose, Quaternion, Timestamp, Vector3};
 use randt_geometry::elementary::sin_cos;
 use randt_log::Channel;

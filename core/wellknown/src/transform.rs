@@ -13,9 +13,15 @@ pub fn transforms(
     correction: Option<&Correction>,
 ) -> FrameTransforms {
     let stamp_ns = state.header.stamp_ns;
-    let mut transforms = mounting(robot, stamp_ns);
+    let mut transforms = sensors(robot, stamp_ns);
     transforms.push(of_state(state));
     transforms.extend(correction.map(|correction| of_correction(correction, stamp_ns)));
+    FrameTransforms { transforms }
+}
+
+/// Where the sensors sit alone, while nobody knows where the robot is.
+pub fn mounting(robot: &Robot, stamp_ns: i64) -> FrameTransforms {
+    let transforms = sensors(robot, stamp_ns);
     FrameTransforms { transforms }
 }
 
@@ -30,7 +36,7 @@ fn of_correction(correction: &Correction, stamp_ns: i64) -> FrameTransform {
 }
 
 /// The sensors in `base_link`.
-fn mounting(robot: &Robot, stamp_ns: i64) -> Vec<FrameTransform> {
+fn sensors(robot: &Robot, stamp_ns: i64) -> Vec<FrameTransform> {
     let radar = [robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad];
     let [w, x, y, z] = randt_geometry::Quaternion::from_roll_pitch_yaw(
         robot.imu_roll_rad,

@@ -1,7 +1,7 @@
 //! Trajectory errors (ATE, RPE, KITTI drift, lost track), loops against the truth, and plots.
 //!
 //! Responsible for trajectory files, for what belongs together in two of them, for the figures as
-//! they are published elsewhere, and for the picture. Not responsible for what is done with them.
+//! they are published elsewhere, and for the pictures: a drive from above, and figures over time. Not responsible for what is done with them.
 //!
 //! ```
 //! use randt_evaluation::{Trajectory, evaluate};
@@ -18,13 +18,18 @@
 
 mod absolute;
 mod axis;
+mod chart;
+mod colours;
 mod error;
 mod evaluation;
 mod loops;
 mod pairs;
+mod panel;
 mod plot;
 mod read;
 mod relative;
+mod thin;
+mod ticks;
 mod timeline;
 mod track;
 mod trajectory;
@@ -32,9 +37,12 @@ mod transform;
 mod view;
 mod write;
 
+pub use chart::{Chart, plot_chart};
+pub use colours::Colour;
 pub use error::Error;
 pub use evaluation::{Evaluation, evaluate, truth_on_estimate};
 pub use loops::{FalseLoop, LoopEdge, LoopEvaluation, LoopLimits, evaluate_loops};
+pub use panel::{Band, Line, Panel};
 pub use plot::{Plot, plot_trajectories};
 pub use track::{Track, Worst, track};
 pub use trajectory::{Trajectory, TrajectoryPose};

@@ -2,6 +2,7 @@
 
 use crate::Error;
 use crate::axis::Axis;
+use crate::colours::{ESTIMATE, GRID, INK, LIVE, LOOP, MAP, TRUTH};
 use crate::view::{BOTTOM, EDGE, LEFT, RIGHT, TOP, View, WIDTH, is_drawable};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -14,6 +15,8 @@ pub struct Plot<'a> {
     pub title: &'a str,
     /// The estimate, one line for each frame.
     pub estimate: &'a [Vec<[f64; 2]>],
+    /// The estimate as it was known at the time, likewise; empty where only the last one is shown.
+    pub live: &'a [Vec<[f64; 2]>],
     /// The truth, already laid onto the estimate; empty where there is none.
     pub truth: &'a [[f64; 2]],
     /// Points of the map, drawn lightly below.
@@ -22,12 +25,6 @@ pub struct Plot<'a> {
     pub loops: &'a [[[f64; 2]; 2]],
 }
 
-const INK: RGBColor = RGBColor(38, 43, 51);
-const GRID: RGBColor = RGBColor(231, 234, 238);
-const MAP: RGBColor = RGBColor(160, 170, 184);
-const TRUTH: RGBColor = RGBColor(24, 24, 27);
-const ESTIMATE: RGBColor = RGBColor(224, 72, 38);
-const LOOP: RGBColor = RGBColor(31, 111, 178);
 /// Edge of a map pixel. Points on one pixel are drawn once and neighbours as one, so that the file stays small.
 const MAP_PIXEL: i32 = 2;
 
@@ -76,6 +73,9 @@ fn draw(plot: &Plot<'_>, view: &View, root: &Root<'_>) -> Drawn {
         line(&mut chart, ends, LOOP.mix(0.6).stroke_width(2))?;
     }
     line(&mut chart, plot.truth, TRUTH.stroke_width(5))?;
+    for frame in plot.live {
+        line(&mut chart, frame, LIVE.stroke_width(2))?;
+    }
     for frame in plot.estimate {
         line(&mut chart, frame, ESTIMATE.stroke_width(2))?;
     }
@@ -140,6 +140,7 @@ fn legend(plot: &Plot<'_>, root: &Root<'_>) -> Drawn {
             ESTIMATE.stroke_width(3),
             !plot.estimate.is_empty(),
         ),
+        ("live", LIVE.stroke_width(3), !plot.live.is_empty()),
         ("truth", TRUTH.stroke_width(5), !plot.truth.is_empty()),
         ("loops", LOOP.stroke_width(2), !plot.loops.is_empty()),
         ("returns", MAP.stroke_width(7), !plot.map.is_empty()),

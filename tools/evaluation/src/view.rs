@@ -2,6 +2,7 @@
 
 use crate::Plot;
 use crate::read::POSITION_MAX_M;
+use crate::ticks::{self, step};
 use std::ops::Range;
 
 /// Width of the picture, pixels.
@@ -45,6 +46,7 @@ impl View {
     pub fn of(plot: &Plot<'_>) -> Self {
         let mut drive = Extent::default();
         plot.estimate.iter().flatten().for_each(|p| drive.add(*p));
+        plot.live.iter().flatten().for_each(|p| drive.add(*p));
         plot.truth.iter().for_each(|p| drive.add(*p));
         let drive = drive.or_origin();
         let near = drive.grown((drive.longer() * MAP_MARGIN).max(MAP_MARGIN_MIN_M));
@@ -62,7 +64,7 @@ impl View {
         let m_per_pixel = (width_m / drawing_width).max(height_m / drawing_height);
         let around = |middle: f64, size_m: f64| middle - 0.5 * size_m..middle + 0.5 * size_m;
         let [x_m, y_m] = all.middle();
-        let (step_m, decimals) = grid_step(m_per_pixel * drawing_width.max(drawing_height));
+        let (step_m, decimals) = step(m_per_pixel * drawing_width.max(drawing_height), GRID_LINES);
         Self {
             x_m: around(x_m, m_per_pixel * drawing_width),
             y_m: around(y_m, m_per_pixel * drawing_height),
@@ -74,28 +76,8 @@ impl View {
 
     /// The grid's lines inside a range.
     pub fn lines(&self, range: &Range<f64>) -> Vec<f64> {
-        let first = (range.start / self.step_m).ceil() as i64;
-        let last = (range.end / self.step_m).floor() as i64;
-        (first..=last).map(|n| n as f64 * self.step_m).collect()
+        ticks::within(range, self.step_m)
     }
-}
-
-/// Smallest of 1, 2, 5 times a power of ten that makes at most [`GRID_LINES`] lines, with its decimals.
-fn grid_step(longer_m: f64) -> (f64, usize) {
-    let enough = |step: &f64| longer_m / step <= GRID_LINES;
-    for (unit, decimals) in [(0.01, 2), (0.1, 1)] {
-        if let Some(step) = [1.0, 2.0, 5.0].map(|n| n * unit).into_iter().find(enough) {
-            return (step, decimals);
-        }
-    }
-    let mut unit = 1.0;
-    while unit < POSITION_MAX_M {
-        if let Some(step) = [1.0, 2.0, 5.0].map(|n| n * unit).into_iter().find(enough) {
-            return (step, 0);
-        }
-        unit *= 10.0;
-    }
-    (unit, 0)
 }
 
 /// Whether a point can be in a picture: not NaN, and no farther than anything on Earth.

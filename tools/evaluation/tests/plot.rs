@@ -36,6 +36,7 @@ fn the_same_drive_gives_the_same_picture() {
     let plot = Plot {
         title: "hall, two laps",
         estimate: &estimate,
+        live: &estimate[..1],
         truth: &truth,
         map: &map,
         loops: &[[[0.0, 0.0], [10.0, 5.0]]],
@@ -47,6 +48,7 @@ fn the_same_drive_gives_the_same_picture() {
         "</svg>",
         "hall, two laps",
         "estimate",
+        "live",
         "truth",
         "loops",
         "x, m",
@@ -71,6 +73,7 @@ fn nothing_and_nonsense_can_be_drawn() {
     let plot = Plot {
         title: "<&>",
         estimate: std::slice::from_ref(&points),
+        live: std::slice::from_ref(&points),
         truth: &points,
         map: &points,
         loops: &[[[f64::NAN, 0.0], [1.0, f64::INFINITY]]],

@@ -7,15 +7,18 @@ use randt_messages::OdometryState;
 use std::collections::BTreeMap;
 
 /// A scan of one odometry frame: the frame's number, then the stamp.
-type Key = (u64, i64);
+pub type Key = (u64, i64);
 
 /// A keyframe: where odometry has it, and where the map has it.
-struct Knot {
-    key: Key,
-    /// First `odom_frame_id` of its part of the map.
-    part: u64,
-    odom: Pose2,
-    map: Pose2,
+pub struct Knot {
+    /// Its scan.
+    pub key: Key,
+    /// Names its part of the map; a mapper's: the part's first `odom_frame_id`.
+    pub part: u64,
+    /// Final, in `odom`.
+    pub odom: Pose2,
+    /// In the map.
+    pub map: Pose2,
 }
 
 impl Knot {
@@ -27,6 +30,12 @@ impl Knot {
 
 /// All scans in the map. The frame of a pose is the first `odom_frame_id` of its part of the map.
 pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
+    hang(states, &knots(mapper))
+}
+
+/// All scans between knots, that are in the order of their keys. The frame of a pose is the part of its knots; where its
+/// odometry frame has none, that frame.
+pub fn hang(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
     let settled: BTreeMap<Key, Pose2> = states
         .iter()
         .filter(|state| state.settled_stamp_ns != 0)
@@ -35,7 +44,6 @@ pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
             (key, Pose2::from_array(state.settled_pose))
         })
         .collect();
-    let knots = knots(mapper);
     let mut trajectory = Trajectory::stamped();
     for state in states {
         let key = (state.odom_frame_id, state.header.stamp_ns);

@@ -4,7 +4,7 @@ use crate::{pipeline::Pipeline, results::Results};
 use indicatif::ProgressBar;
 use randt_config::{Config, Loaded};
 use randt_filter::check_sweep;
-use randt_readers::{Event, Source};
+use randt_readers::{Event, Extrinsics, Source};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -43,8 +43,12 @@ pub fn interrupted() -> bool {
 }
 
 /// Takes the mounting from the input where nobody has configured one.
-pub fn with_mounting(mut loaded: Loaded, source: &dyn Source) -> Loaded {
-    let extrinsics = source.info().extrinsics;
+pub fn with_mounting(loaded: Loaded, source: &dyn Source) -> Loaded {
+    mounted(loaded, &source.info().extrinsics)
+}
+
+/// Takes the mounting from what an input says of it, likewise.
+pub fn mounted(mut loaded: Loaded, extrinsics: &Extrinsics) -> Loaded {
     let mut robot = loaded.config.robot.clone();
     if let Some(radar) = extrinsics.radar {
         (robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad) =

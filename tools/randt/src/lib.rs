@@ -22,6 +22,7 @@ pub mod output;
 pub mod pipeline;
 pub mod process;
 pub mod progress;
+pub mod recorded;
 pub mod report;
 pub mod results;
 pub mod units;

@@ -3,7 +3,7 @@
 use crate::output::write_whole;
 use anyhow::Context;
 use randt_evaluation::{
-    Evaluation, Plot, Trajectory, evaluate, plot_trajectories, truth_on_estimate,
+    Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
 };
 use randt_geometry::Pose2;
 use randt_mapper::Mapper;
@@ -12,7 +12,7 @@ use randt_odometry::Sink;
 use std::path::Path;
 
 /// Most points of the map in the picture; more would only make the file larger.
-const PICTURE_POINTS_MAX: usize = 60_000;
+pub const PICTURE_POINTS_MAX: usize = 60_000;
 /// Of each keyframe every so many points go into the picture.
 const PICTURE_STRIDE: usize = 4;
 
@@ -174,15 +174,6 @@ impl Results {
         title: &str,
         mapper: &Mapper,
     ) -> anyhow::Result<String> {
-        let estimate: Vec<Vec<[f64; 2]>> = trajectory
-            .poses()
-            .chunk_by(|a, b| a.frame == b.frame)
-            .map(|part| {
-                part.iter()
-                    .map(|pose| [pose.transform.x_m, pose.transform.y_m])
-                    .collect()
-            })
-            .collect();
         let truth = match self.truth.poses() {
             [] => Vec::new(),
             _ => truth_on_estimate(trajectory, &self.truth)?,
@@ -194,7 +185,8 @@ impl Results {
             .collect();
         Ok(plot_trajectories(&Plot {
             title,
-            estimate: &estimate,
+            estimate: &lines(trajectory),
+            live: &[],
             truth: &truth,
             map: &returns(mapper),
             loops: &loops,
@@ -215,8 +207,17 @@ fn write_grid(folder: &Path, mapper: &Mapper) -> anyhow::Result<()> {
     }
 }
 
+/// The positions, one line for each frame.
+pub fn lines(trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
+    let parts = trajectory.poses().chunk_by(|a, b| a.frame == b.frame);
+    let position = |pose: &TrajectoryPose| [pose.transform.x_m, pose.transform.y_m];
+    parts
+        .map(|part| part.iter().map(position).collect())
+        .collect()
+}
+
 /// Removes a file, if there is one.
-fn remove(path: &Path) -> anyhow::Result<()> {
+pub fn remove(path: &Path) -> anyhow::Result<()> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
             Err(error).with_context(|| format!("{}: cannot be removed", path.display()))

@@ -13,6 +13,15 @@ pub struct Extrinsics {
     pub imu: Option<Quaternion>,
 }
 
+impl From<randt_log::Robot> for Extrinsics {
+    fn from(robot: randt_log::Robot) -> Self {
+        Self {
+            radar: robot.radar.map(Pose2::from_array),
+            imu: robot.imu.map(|[w, x, y, z]| Quaternion::new(w, x, y, z)),
+        }
+    }
+}
+
 /// Something that was dropped, repaired or assumed, with how often.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Counter {

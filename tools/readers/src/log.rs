@@ -4,8 +4,7 @@ use crate::limit::{is_instant, misreading};
 use crate::ros2::count_damage;
 use crate::summary::Summary;
 use crate::sweep::mend;
-use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, tally::Tally};
-use randt_geometry::{Pose2, Quaternion};
+use crate::{Counter, Error, Event, InputInfo, Source, tally::Tally};
 use randt_log::{Damage, LogReader};
 use randt_messages::{ImuSampleTopic, RadarScan, Topic, TruthPoseTopic};
 use std::fs::File;
@@ -43,10 +42,7 @@ impl LogSource {
                 sensor: robot.sensor,
                 scans,
                 configuration: reader.configuration().map(str::to_owned),
-                extrinsics: Extrinsics {
-                    radar: robot.radar.map(Pose2::from_array),
-                    imu: robot.imu.map(|[w, x, y, z]| Quaternion::new(w, x, y, z)),
-                },
+                extrinsics: robot.into(),
             },
             reader,
             tally: Tally::default(),

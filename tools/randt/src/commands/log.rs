@@ -31,7 +31,7 @@ enum Action {
     Recover(recover::Arguments),
     /// Make a log of a part of another
     Cut(cut::Arguments),
-    /// Write a log in another format: CSV, TUM, ROS 1 bag, ROS 2 bag
+    /// Write a log in another format: CSV, TUM, ROS 1 bag, ROS 2 bag, MCAP for viewers
     Export(export::Arguments),
 }
 

@@ -13,6 +13,7 @@ mod imu;
 mod log;
 mod mission;
 mod play;
+mod plot;
 mod record;
 mod register;
 mod run;
@@ -46,6 +47,8 @@ pub enum Command {
     Log(log::Arguments),
     /// Begin, end, list and take away a robot's missions
     Mission(mission::Arguments),
+    /// Draw what is in a log: path and map, motion, quality, latency, topics, biases
+    Plot(plot::Arguments),
     /// Stand in for sensors that are not there, in their own protocols
     Emulate(emulate::Arguments),
     /// Watch the pipeline: stages, topics, latency, pose and map
@@ -80,6 +83,7 @@ impl Command {
             Self::Record(arguments) => record::run(&arguments),
             Self::Log(arguments) => log::run(arguments),
             Self::Mission(arguments) => mission::run(arguments),
+            Self::Plot(arguments) => plot::run(&arguments),
             Self::Emulate(arguments) => emulate::run(arguments),
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),

@@ -1,6 +1,7 @@
 //! `randt log export`: a log in another format.
 
 mod csv;
+mod foxglove;
 mod layout;
 mod ros;
 mod ros1;
@@ -21,9 +22,13 @@ pub struct Arguments {
     /// The log
     file: PathBuf,
     /// The format
-    #[arg(long, value_name = "FORMAT")]
-    to: Format,
-    /// What is written: a folder for csv, tum and ros2, a file for ros1; if not given, named after the log, beside it
+    #[arg(long, value_name = "FORMAT", required_unless_present = "foxglove")]
+    to: Option<Format>,
+    /// The same as --to foxglove
+    #[arg(long, conflicts_with = "to")]
+    foxglove: bool,
+    /// What is written: a folder for csv, tum and ros2, a file for ros1 and foxglove; if not given, named after the log,
+    /// beside it
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// csv: also the items of messages (returns, points, cells), in files of their own
@@ -45,30 +50,44 @@ enum Format {
     Ros1,
     /// A ROS 2 bag in MCAP, as a folder: the same
     Ros2,
+    /// An MCAP for Foxglove and Lichtblick: every cloud, NDT cells, pose graph, loops, grid, pose and transforms
+    Foxglove,
 }
 
 /// Exports.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut reader = LogReader::open(&arguments.file)?;
     let out = arguments.out.clone();
-    let ending = match arguments.to {
+    // One of both is there: clap has seen to it.
+    let format = arguments.to.unwrap_or(Format::Foxglove);
+    let ending = match format {
         Format::Csv => "csv",
         Format::Tum => "tum",
         Format::Ros1 => "bag",
         Format::Ros2 => "ros2",
+        Format::Foxglove => "foxglove.mcap",
     };
     let out = out.unwrap_or_else(|| arguments.file.with_extension(ending));
     if out.exists() && !arguments.force {
         bail!("{}: exists already; --force overwrites it", out.display());
     }
-    let text = match arguments.to {
+    if is_same(&out, &arguments.file) {
+        bail!("{}: is the log itself", out.display());
+    }
+    let text = match format {
         Format::Csv => csv::export(&mut reader, &folder(&out)?, arguments.items),
         Format::Tum => tum::export(&mut reader, &folder(&out)?),
         Format::Ros1 => ros1::export(&mut reader, &out),
         Format::Ros2 => ros2::export(&mut reader, &folder(&out)?),
+        Format::Foxglove => foxglove::export(&mut reader, &out),
     }?;
     print(&format!("{}: {text}\n", out.display()))?;
     Ok(outcome(reader.damage()))
+}
+
+/// Whether both are one file, whatever they are called; one that is not there is none.
+fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 fn folder(path: &Path) -> anyhow::Result<PathBuf> {

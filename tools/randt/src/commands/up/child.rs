@@ -18,8 +18,10 @@ const FAILURES_MAX: u32 = 5;
 const SOON: Duration = Duration::from_secs(3);
 /// Between two such ends, so that what it waits for can come about.
 const BACK_OFF: Duration = Duration::from_millis(100);
-/// A child that does not end on SIGTERM within this time is killed.
+/// A child that does not end on SIGTERM within this time is killed ...
 const END_MAX: Duration = Duration::from_secs(5);
+/// ... but one that has to bring a log to a busy disk has more, as under systemd.
+const RECORDED_MAX: Duration = Duration::from_secs(30);
 /// Signals that a program brings upon itself: SIGILL, SIGABRT, SIGBUS, SIGFPE, SIGSEGV.
 const FAULTS: [i32; 5] = [4, 6, 7, 8, 11];
 const LOOK: Duration = Duration::from_millis(5);
@@ -140,6 +142,10 @@ impl Child {
         };
         self.shared.stopping.store(true, Ordering::SeqCst);
         let begin = Instant::now();
+        let end_max = match self.name.as_str() {
+            "recorder" => RECORDED_MAX,
+            _ => END_MAX,
+        };
         let mut signal = Some(rustix::process::Signal::TERM);
         while !keeper.is_finished() {
             let pid = self.shared.pid.load(Ordering::SeqCst) as i32;
@@ -150,7 +156,7 @@ impl Child {
                 let _ = rustix::process::kill_process(pid, rustix::process::Signal::CONT);
                 signal = None;
             }
-            if begin.elapsed() > END_MAX {
+            if begin.elapsed() > end_max {
                 signal = Some(rustix::process::Signal::KILL);
             }
             std::thread::sleep(LOOK);

@@ -1,0 +1,115 @@
+//! `randt plot`: pictures of what is in a log, without any viewer. Nothing is computed that the log does not hold.
+
+mod charts;
+mod path;
+mod recording;
+mod topics;
+
+use crate::commands::run::prepare_folder;
+use crate::exit::Outcome;
+use crate::output::{print, write_whole};
+use crate::{job, results};
+use randt_evaluation::{Chart, Panel, plot_chart};
+use recording::Recording;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// Arguments of `randt plot`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// One of our logs, finished or not
+    #[arg(value_name = "LOG")]
+    log: PathBuf,
+    /// Folder for the pictures; if not given, named after the log, beside it
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// A picture, or what the log lacks for it.
+type Picture = Result<String, &'static str>;
+
+/// Reads the log through, draws and says what was drawn.
+pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    job::catch_interrupts();
+    let recording = Recording::read(&arguments.log)?;
+    let out = arguments.out.clone();
+    let out = out.unwrap_or_else(|| arguments.log.with_extension("plots"));
+    prepare_folder(&out)?;
+    let name = arguments.log.file_name().unwrap_or_default();
+    let name = name.to_string_lossy();
+    let charts = [
+        (
+            "motion.svg",
+            "speed and yaw rate",
+            charts::motion(&recording),
+        ),
+        (
+            "quality.svg",
+            "how well scans fit",
+            charts::quality(&recording),
+        ),
+        ("latency.svg", "latency", charts::latency(&recording)),
+        (
+            "topics.svg",
+            "messages on each topic",
+            topics::panels(&recording),
+        ),
+        (
+            "biases.svg",
+            "gyro biases and attitude",
+            charts::biases(&recording),
+        ),
+    ];
+    let title = |what: &str| format!("{name}: {what}");
+    let mut pictures: Vec<(&str, &str, Picture)> = Vec::new();
+    let what = "path over the map";
+    pictures.push(("path.svg", what, path::draw(&recording, &title(what))?));
+    for (file, what, panels) in charts {
+        let drawn = match panels {
+            Ok(panels) => Ok(chart(&recording, &title(what), &panels)?),
+            Err(lacks) => Err(lacks),
+        };
+        pictures.push((file, what, drawn));
+    }
+    let mut index = String::new();
+    for (file, what, picture) in pictures {
+        let path = out.join(file);
+        match picture {
+            Ok(svg) => {
+                write_whole(&path, svg.as_bytes())?;
+                // Writing to a String cannot fail.
+                let _ = writeln!(index, "{}  {what}", path.display());
+            }
+            Err(lacks) => {
+                // One of an earlier log must not stand for it.
+                results::remove(&path)?;
+                eprintln!("left out: {file}: the log has no {lacks}");
+            }
+        }
+    }
+    print(&index)?;
+    if recording.states.is_empty() {
+        let log = arguments.log.display();
+        eprintln!(
+            "note: the log has no odometry/state, so what follows from it is not drawn; \
+             `randt run {log} --out DIR` computes path and map, and \
+             `randt up --play {log} --out DIR --record LOGS` records a log with everything"
+        );
+    }
+    for damage in &recording.damage {
+        eprintln!("stepped over: {damage}");
+    }
+    Ok(match recording.damage.as_slice() {
+        [] => Outcome::Good,
+        _ => Outcome::DataLost,
+    })
+}
+
+fn chart(recording: &Recording, title: &str, panels: &[Panel]) -> anyhow::Result<String> {
+    Ok(plot_chart(&Chart {
+        title,
+        since: "the log's beginning",
+        span_s: recording.span_s(),
+        panels,
+    })?)
+}

@@ -1,0 +1,113 @@
+//! The drive from above, in the style of a run's `plot.svg`: the path as it was known live, and over it as the map has it
+//! at the end, with returns and loops.
+
+use super::Picture;
+use super::recording::{Recording, Sketch};
+use crate::final_poses::{Knot, hang};
+use crate::results::{PICTURE_POINTS_MAX, lines};
+use randt_evaluation::{Plot, Trajectory, plot_trajectories, truth_on_estimate};
+use randt_geometry::Pose2;
+use randt_messages::OdometryState;
+use std::collections::BTreeMap;
+
+/// Draws it; without a map the path is odometry's, and without odometry the truth's, where there is one.
+pub fn draw(recording: &Recording, title: &str) -> anyhow::Result<Picture> {
+    let truth = &recording.truth;
+    if recording.states.is_empty() && truth.poses().is_empty() {
+        return Ok(Err("odometry/state"));
+    }
+    let places = places(recording);
+    let mut knots: Vec<Knot> = places.iter().map(Place::knot).collect();
+    knots.sort_by_key(|knot| knot.key);
+    let states: Vec<OdometryState> = recording.states.iter().map(|(_, state)| *state).collect();
+    let trajectory = hang(&states, &knots);
+    let loops: Vec<[[f64; 2]; 2]> = recording
+        .graph
+        .loops()
+        .map(|(_, ends)| ends.map(|node| [node.pose[0], node.pose[1]]))
+        .collect();
+    let truth = match trajectory.poses() {
+        [] => lines(truth).concat(),
+        _ if truth.poses().is_empty() => Vec::new(),
+        _ => truth_on_estimate(&trajectory, truth)?,
+    };
+    Ok(Ok(plot_trajectories(&Plot {
+        title: &match (trajectory.poses(), recording.graph.nodes().next()) {
+            ([], _) => format!("{title} (the truth alone)"),
+            (_, None) => format!("{title} (odometry, without a map)"),
+            _ => title.to_owned(),
+        },
+        estimate: &lines(&trajectory),
+        live: &live(&recording.live, &trajectory),
+        truth: &truth,
+        map: &returns(&places),
+        loops: &loops,
+    })?))
+}
+
+/// A keyframe, and where it stands.
+struct Place<'a> {
+    sketch: &'a Sketch,
+    part: u64,
+    map: Pose2,
+}
+
+impl Place<'_> {
+    fn knot(&self) -> Knot {
+        Knot {
+            key: (self.sketch.odom_frame_id, self.sketch.stamp_ns),
+            part: self.part,
+            odom: self.sketch.pose,
+            map: self.map,
+        }
+    }
+}
+
+/// The keyframes that the newest graph has; all of them where odometry has them, when there is no graph.
+fn places(recording: &Recording) -> Vec<Place<'_>> {
+    let has_graph = recording.graph.nodes().next().is_some();
+    let place = |(id, sketch): (&u64, _)| match recording.graph.node(*id) {
+        Some(node) => Some(Place {
+            sketch,
+            part: node.b,
+            map: Pose2::from_array(node.pose),
+        }),
+        None if has_graph => None,
+        None => Some(Place {
+            sketch,
+            part: sketch.odom_frame_id,
+            map: sketch.pose,
+        }),
+    };
+    recording.keyframes.iter().filter_map(place).collect()
+}
+
+/// The live path, where it says anything beside the other.
+fn live(live: &Trajectory, trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
+    match trajectory.poses() {
+        [] => Vec::new(),
+        _ => lines(live),
+    }
+}
+
+/// Returns of the largest part, thinned out: parts have nothing in common.
+fn returns(places: &[Place<'_>]) -> Vec<[f64; 2]> {
+    let mut sizes: BTreeMap<u64, usize> = BTreeMap::new();
+    for place in places {
+        *sizes.entry(place.part).or_default() += 1;
+    }
+    let largest = sizes.iter().max_by_key(|(_, size)| **size);
+    let largest = largest.map(|(part, _)| *part);
+    let chosen = || places.iter().filter(|place| Some(place.part) == largest);
+    let total: usize = chosen().map(|place| place.sketch.points.len()).sum();
+    let stride = (total / PICTURE_POINTS_MAX).max(1);
+    let points = chosen().flat_map(|place| {
+        let points = place.sketch.points.iter().step_by(stride);
+        points.map(|[x_m, y_m]| {
+            let point = [f64::from(*x_m), f64::from(*y_m)];
+            let at = place.map.transform(point.into());
+            [at.x, at.y]
+        })
+    });
+    points.collect()
+}
