@@ -17,7 +17,7 @@ use std::path::Path;
 /// What the logs hold of a mission.
 #[derive(Default)]
 struct Logged {
-    /// Each once, in the order of time.
+    /// Each once, in the order in which it was recorded.
     states: Vec<OdometryState>,
     not_recorded: u64,
     unreadable: u64,
@@ -100,7 +100,6 @@ impl Logged {
                 }
             }
         }
-        logged.states.sort_by_key(|state| state.header.stamp_ns);
         Ok(logged)
     }
 
