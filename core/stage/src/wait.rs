@@ -22,6 +22,8 @@ pub enum Woken {
     Timeout,
     /// The end was asked for: SIGTERM or Ctrl-C.
     Stop,
+    /// The configuration was read again, and there is something to take over ([`crate::Stage::take_changed`]).
+    Reload,
 }
 
 /// Something that can wake a stage.
