@@ -20,7 +20,7 @@ pub(crate) struct Notify {
     watchdog_ns: Option<i64>,
     next_watchdog_ns: i64,
     next_status_ns: i64,
-    was_well: bool,
+    was_fresh: bool,
 }
 
 impl Notify {
@@ -63,11 +63,11 @@ impl Notify {
     }
 
     /// The ports exist and the loop runs; in words. Said with every status, so that one that was lost is made up for.
-    pub(crate) fn ready(&mut self, now_ns: i64, status: &str, is_well: bool) {
-        if now_ns < self.next_status_ns && is_well == self.was_well {
+    pub(crate) fn ready(&mut self, now_ns: i64, status: &str, is_fresh: bool) {
+        if now_ns < self.next_status_ns && is_fresh == self.was_fresh {
             return;
         }
-        (self.next_status_ns, self.was_well) = (now_ns + STATUS_NS, is_well);
+        (self.next_status_ns, self.was_fresh) = (now_ns + STATUS_NS, is_fresh);
         self.send(&format!("READY=1\nSTATUS={}", status.replace('\n', " ")));
     }
 

@@ -116,7 +116,7 @@ impl Stage {
     }
 
     /// Says how the configuration is read again on SIGHUP. `reads`: the sections that matter to this stage; `live`: the one
-    /// (`radar` or `imu`) that it takes without a restart when [`Self::wait`] gives [`Woken::Reload`].
+    /// (`radar` or `imu`) that it takes without a restart, by [`Self::take_changed`].
     pub fn follow(
         &mut self,
         selection: &SelectionArguments,
@@ -127,7 +127,7 @@ impl Stage {
         self.supervised.follow(selection, config, reads, live);
     }
 
-    /// The configuration to take over after [`Woken::Reload`].
+    /// A configuration to take over, once.
     pub fn take_changed(&mut self) -> Option<Config> {
         self.changed.take()
     }
@@ -243,7 +243,7 @@ impl Stage {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
             if self.reload() {
-                return Ok(Woken::Reload);
+                return Ok(Woken::Event);
             }
             let now_ns = self.clock.now_ns();
             if now_ns >= self.next_health_ns {

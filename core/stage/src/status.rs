@@ -1,7 +1,8 @@
 //! How a stage is, in words for `systemctl status`: a hung process cannot say that it hangs, its readers can.
 
 use randt_messages::{
-    ImuSampleTopic, Keyframe, PortHealth, RadarPoints, RadarScan, Topic, health::text_of,
+    ImuSampleTopic, Keyframe, MapperGraph, OdometryStateTopic, PortHealth, RadarPoints, RadarScan,
+    Topic, health::text_of,
 };
 use std::collections::VecDeque;
 
@@ -17,6 +18,13 @@ const PULSES: [(&str, &str, bool); 4] = [
     (RadarScan::NAME, "scan", true),
     (Keyframe::NAME, "keyframe", false),
     (ImuSampleTopic::NAME, "IMU sample", true),
+];
+
+/// What comes always where scans come, to those who read it, and what one of it is called.
+const BESIDE: [(&str, &str); 3] = [
+    (ImuSampleTopic::NAME, "IMU sample"),
+    (OdometryStateTopic::NAME, "pose"),
+    (MapperGraph::NAME, "word of the mapper"),
 ];
 
 /// Ports that are looked at again and again.
@@ -38,7 +46,7 @@ impl Pulse {
         let mut words = Vec::new();
         let mut is_fresh = true;
         if let Some((port, one, comes_always)) = pulse(ports) {
-            let age_s = (now_ns - port.last_published_ns).max(0) as f64 * 1e-9;
+            let age_s = seconds(now_ns - port.last_published_ns);
             is_fresh = !(comes_always && now_ns - port.last_published_ns > STALE_NS);
             words.push(match port.messages {
                 0 => format!("no {one} yet"),
@@ -50,7 +58,9 @@ impl Pulse {
                 }
                 _ => format!("last {one} {age_s:.1} s ago"),
             });
-            words.extend(second(ports, port));
+            let missing = missing(ports, port);
+            is_fresh &= missing.is_none();
+            words.extend(missing);
         }
         if !note.is_empty() {
             words.push(note.to_owned());
@@ -86,22 +96,27 @@ fn pulse(ports: &[PortHealth]) -> Option<(&PortHealth, &'static str, bool)> {
     })
 }
 
-/// What is missing beside the pulse: an IMU that is read with the scans, so that its age counts from the last of them.
-fn second(ports: &[PortHealth], pulse: &PortHealth) -> Option<String> {
-    let is_imu = |port: &&PortHealth| text_of(&port.topic) == ImuSampleTopic::NAME;
-    let imu = ports.iter().find(is_imu)?;
-    if imu.topic == pulse.topic || pulse.messages == 0 {
-        return None;
-    }
-    let behind_ns = pulse.last_published_ns - imu.last_published_ns;
-    match imu.messages {
-        0 => Some("no IMU sample yet".to_owned()),
-        _ if behind_ns > STALE_NS => Some(format!(
-            "no IMU sample for {:.1} s",
-            behind_ns as f64 * 1e-9
-        )),
-        _ => None,
-    }
+/// What is missing beside the pulse. What else a stage reads is read with the scans, so that its age counts from the last
+/// of them.
+fn missing(ports: &[PortHealth], pulse: &PortHealth) -> Option<String> {
+    BESIDE.iter().find_map(|(topic, one)| {
+        let reads = |port: &&PortHealth| text_of(&port.topic) == *topic && port.publishes == 0;
+        let port = ports.iter().find(reads)?;
+        if port.topic == pulse.topic || pulse.messages == 0 {
+            return None;
+        }
+        let behind_ns = pulse.last_published_ns - port.last_published_ns;
+        match port.messages {
+            0 if *topic == ImuSampleTopic::NAME => Some(format!("no {one} yet")),
+            0 => None,
+            _ if behind_ns > STALE_NS => Some(format!("no {one} for {:.1} s", seconds(behind_ns))),
+            _ => None,
+        }
+    })
+}
+
+fn seconds(ns: i64) -> f64 {
+    ns.max(0) as f64 * 1e-9
 }
 
 #[cfg(test)]
@@ -153,6 +168,16 @@ mod tests {
         assert_eq!(text, "last scan 0.0 s ago, no IMU sample for 3.0 s");
         let text = words(scan, imu(5, 10 * S), 14 * S);
         assert_eq!(text, "stale: no scan for 4.0 s");
+    }
+
+    #[test]
+    fn odometry_that_hangs_is_missed_by_the_recorder_and_a_mapper_that_never_was_by_nobody() {
+        let scan = port(RadarPoints::NAME, 9, 10 * S);
+        let pose = port(OdometryStateTopic::NAME, 3, 8 * S);
+        let mapper = port(MapperGraph::NAME, 0, 0);
+        let (text, is_fresh) = Pulse::default().words(10 * S, &[scan, pose, mapper], "", "");
+        assert_eq!(text, "last scan 0.0 s ago, no pose for 2.0 s");
+        assert!(!is_fresh);
     }
 
     #[test]

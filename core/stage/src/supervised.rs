@@ -75,8 +75,7 @@ impl Supervised {
                 let ports: Vec<_> = ports.iter().map(|port| port.health()).collect();
                 let message = &condition.message;
                 let (words, is_fresh) = self.pulse.words(now_ns, &ports, &self.note, message);
-                let is_well = is_fresh && message.is_empty();
-                self.notify.ready(now_ns, &words, is_well);
+                self.notify.ready(now_ns, &words, is_fresh);
             }
         }
     }

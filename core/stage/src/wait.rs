@@ -16,14 +16,12 @@ use std::time::Duration;
 /// Why a wait ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Woken {
-    /// Something came; ask all ports.
+    /// Something came; ask all ports, and whoever can take a configuration live, [`crate::Stage::take_changed`].
     Event,
     /// The time was over.
     Timeout,
     /// The end was asked for: SIGTERM or Ctrl-C.
     Stop,
-    /// The configuration was read again, and there is something to take over ([`crate::Stage::take_changed`]).
-    Reload,
 }
 
 /// Something that can wake a stage.
