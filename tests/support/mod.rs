@@ -12,6 +12,8 @@
 )]
 
 pub mod bag;
+pub mod blows;
+pub mod boot;
 pub mod calls;
 pub mod drive;
 pub mod hall;
@@ -26,6 +28,7 @@ pub mod sensors;
 pub mod spoilt;
 pub mod stages;
 pub mod up;
+pub mod watch;
 
 pub use recordings::recording;
 
