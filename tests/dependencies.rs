@@ -83,6 +83,8 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-stage",
         ],
     ),
+    ("clap_complete", &["randt-stage"]),
+    ("clap_mangen", &["randt-stage"]),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
     ("foxglove", &["randt-wellknown"]),

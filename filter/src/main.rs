@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_filter::{ClusterFilter, check_sweep};
 use randt_messages::{Message, RadarPoints, RadarScan};
-use randt_stage::{StageArguments, Woken, ended};
+use randt_stage::{StageArguments, Woken, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -19,7 +19,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("filter", run(&Arguments::parse()))
+    ended("filter", run(&parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

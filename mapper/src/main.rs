@@ -5,7 +5,7 @@ mod process;
 use clap::Parser;
 use process::{Intake, Outlet};
 use randt_messages::Keyframe;
-use randt_stage::{StageArguments, Woken, ended};
+use randt_stage::{StageArguments, Woken, ended, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -30,7 +30,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("mapper", run(&Arguments::parse()))
+    ended("mapper", run(&parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

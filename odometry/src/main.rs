@@ -5,7 +5,7 @@ use randt_messages::{
     ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, Trust,
 };
 use randt_odometry::process::{Feed, Past};
-use randt_stage::{Publisher, Stage, StageArguments, Subscriber, Woken, ended};
+use randt_stage::{Publisher, Stage, StageArguments, Subscriber, Woken, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -34,7 +34,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("odometry", run(&Arguments::parse()))
+    ended("odometry", run(&parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

@@ -5,7 +5,7 @@ use randt_config::Config;
 use randt_recorder::Viewer;
 use randt_recorder::process::{Inputs, preamble};
 use randt_recorder::{BUDGET, Disk, Queue, Recorder, Settings, Worker};
-use randt_stage::{StageArguments, Woken, ended};
+use randt_stage::{StageArguments, Woken, ended, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -30,7 +30,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("recorder", run(&Arguments::parse()))
+    ended("recorder", run(&parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

@@ -19,6 +19,7 @@ pub mod drive;
 pub mod hall;
 pub mod killer;
 pub mod observer;
+pub mod package;
 pub mod phidgets;
 pub mod pipeline;
 pub mod python;

@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_imu::Imu;
 use randt_messages::{ImuSampleTopic, MessageRef};
-use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended};
+use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -19,7 +19,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("imu", run(&Arguments::parse()))
+    ended("imu", run(&parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_messages::{RadarScan, SensorKind};
 use randt_radar::{Radar, Sweep};
-use randt_stage::{Descriptor, Publisher, StageArguments, Woken, ended};
+use randt_stage::{Descriptor, Publisher, StageArguments, Woken, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -19,7 +19,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("radar", run(&Arguments::parse()))
+    ended("radar", run(&parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

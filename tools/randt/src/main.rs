@@ -12,5 +12,6 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    randt::exit::report(Arguments::parse().command.run())
+    let arguments: Arguments = randt_stage::parse();
+    randt::exit::report(arguments.command.run())
 }
