@@ -5,6 +5,7 @@ use crate::layer::{
     Kind, Layer, Origins, ROBOT_FILE, SENSOR_FILE, apply_override, nearest, read_text,
 };
 use crate::{Config, Error, Place, RadarSource, Robot};
+use std::io::ErrorKind;
 
 /// The environment where the user names none.
 pub const DEFAULT_PROFILE: &str = "mixed";
@@ -25,7 +26,7 @@ pub struct Selection {
     pub sensor_from_input: Option<&'static str>,
     /// The whole configuration of a recorded run, which holds where the user names neither profile nor sensor.
     pub recorded: Option<String>,
-    /// Robot: a file's path.
+    /// Robot: a file's path; what lies in FILE.d beside it goes over it.
     pub robot: Option<String>,
     /// Overrides, `section.key=value`; the last one counts.
     pub set: Vec<String>,
@@ -74,7 +75,12 @@ impl Selection {
     fn finish(&self, loaded: &mut Loaded) -> Result<(), Error> {
         match &self.robot {
             None => loaded.add_text(ROBOT.source, ROBOT.text, Some(ROBOT_FILE))?,
-            Some(path) => loaded.add_text(path, &read_text(path)?, Some(ROBOT_FILE))?,
+            Some(path) => {
+                loaded.add_text(path, &read_text(path)?, Some(ROBOT_FILE))?;
+                for path in drop_ins(path)? {
+                    loaded.add_text(&path, &read_text(&path)?, Some(ROBOT_FILE))?;
+                }
+            }
         }
         let mut overrides = self.set.iter();
         overrides.try_for_each(|text| apply_override(text, &mut loaded.config, &mut loaded.origins))
@@ -145,6 +151,30 @@ impl Loaded {
     }
 }
 
+/// What lies over a file: `*.toml` in the folder FILE.d beside it, in the order of their names. So a package's file can stay
+/// as it is, and what one robot has of its own is a file by itself.
+fn drop_ins(path: &str) -> Result<Vec<String>, Error> {
+    let folder = format!("{path}.d");
+    let io = |source| Error::Io {
+        path: folder.clone(),
+        source,
+    };
+    let entries = match std::fs::read_dir(&folder) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(io)?,
+    };
+    let mut paths = Vec::new();
+    for entry in entries {
+        let name = entry.map_err(io)?.file_name();
+        let name = name.to_string_lossy();
+        if name.ends_with(".toml") && !name.starts_with('.') {
+            paths.push(format!("{folder}/{name}"));
+        }
+    }
+    paths.sort();
+    Ok(paths)
+}
+
 /// Checks a file of any kind for itself and together with the defaults.
 pub fn check_file(path: &str) -> Result<(), Error> {
     let mut loaded = Loaded::default();
@@ -210,6 +240,40 @@ mod tests {
                 assert!(key.doc.iter().all(|line| !line.is_empty()), "{text}");
             }
         }
+    }
+
+    #[test]
+    fn what_lies_in_the_folder_beside_a_robots_file_goes_over_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("robot.toml");
+        std::fs::write(&path, "[robot]\nradar_x_m = 0.1\nradar_y_m = 0.2\n").unwrap();
+        let drop_ins = folder.path().join("robot.toml.d");
+        std::fs::create_dir(&drop_ins).unwrap();
+        for (name, text) in [
+            ("20-mine.toml", "[robot]\nradar_x_m = 0.3\n"),
+            (
+                "10-fleet.toml",
+                "[robot]\nradar_x_m = 0.4\nradar_yaw_rad = 0.5\n",
+            ),
+            ("README.md", "no configuration"),
+        ] {
+            std::fs::write(drop_ins.join(name), text).unwrap();
+        }
+        let selection = Selection {
+            robot: Some(path.display().to_string()),
+            ..Selection::default()
+        };
+        let robot = Config::load(&selection).unwrap().config.robot;
+        assert_eq!(
+            (robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad),
+            (0.3, 0.2, 0.5)
+        );
+        std::fs::write(drop_ins.join("30-wrong.toml"), "[robot]\nradar_q_m = 1\n").unwrap();
+        let refusal = Config::load(&selection).unwrap_err().to_string();
+        assert!(
+            refusal.contains("robot.toml.d/30-wrong.toml:2"),
+            "{refusal}"
+        );
     }
 
     #[test]
