@@ -36,6 +36,13 @@ fn can_boot() -> bool {
         "root"
     } else if !Path::new("/lib/systemd/systemd").exists() {
         "systemd"
+    } else if words(&[
+        "unshare", "--pid", "--fork", "--mount", "--cgroup", "--net", "true",
+    ])
+    .code
+        != Some(0)
+    {
+        "namespaces"
     } else {
         return true;
     };
@@ -254,7 +261,10 @@ fn boot(folder: &Path) -> Machine {
         let to = image.file("var/lib/randt/missions/first/map.journal");
         fs::create_dir_all(to.parent().unwrap()).unwrap();
         fs::copy(journal, to).unwrap();
-        image.write("etc/tmpfiles.d/test.conf", "Z /var/lib/randt - randt randt -\n");
+        image.write(
+            "etc/tmpfiles.d/test.conf",
+            "Z /var/lib/randt - randt randt -\n",
+        );
     }
     image.enable_all(&STAGES);
     image.boot()
