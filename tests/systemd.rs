@@ -36,6 +36,13 @@ fn can_boot() -> bool {
         "root"
     } else if !Path::new("/lib/systemd/systemd").exists() {
         "systemd"
+    } else if words(&[
+        "unshare", "--pid", "--fork", "--mount", "--cgroup", "--net", "true",
+    ])
+    .code
+        != Some(0)
+    {
+        "namespaces"
     } else {
         return true;
     };
