@@ -14,13 +14,20 @@ const GRAIN: f64 = 1.0 / 4.0;
 
 /// The returns in the radar's frame, each where its beam saw it: motion during the sweep is not removed.
 pub fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
+    of_some_points(message, usize::MAX)
+}
+
+/// The same, with every n-th return only, so that the data take at most so many bytes.
+pub fn of_some_points(message: MessageRef<'_, RadarPoints>, bytes_max: usize) -> PointCloud {
+    let count = (bytes_max / STRIDE).max(1);
+    let step = message.items.len().div_ceil(count).max(1);
     let beams = message.head.sweep.beams();
     let directions: Vec<_> = beams
         .iter()
         .map(|beam| sin_cos(f64::from(beam.azimuth_rad)))
         .collect();
-    let mut data = Vec::with_capacity(message.items.len() * STRIDE);
-    for point in message.items {
+    let mut data = Vec::with_capacity(message.items.len().div_ceil(step) * STRIDE);
+    for point in message.items.iter().step_by(step) {
         let Some((sine, cosine)) = directions.get(usize::from(point.beam)) else {
             continue;
         };
@@ -83,5 +90,10 @@ mod tests {
             .collect();
         assert_eq!(cloud.point_stride, 12);
         assert_eq!(values, [2.0, 0.0, 9.5, 0.0, 3.0, 9.5]);
+        // Thinned evenly.
+        points.items = (0..100).map(|_| at(0, 2.0)).collect();
+        assert_eq!(of_some_points(points.as_ref(), 600).data.len(), 600);
+        assert_eq!(of_some_points(points.as_ref(), 599).data.len(), 34 * STRIDE);
+        assert_eq!(of_some_points(points.as_ref(), 0).data.len(), STRIDE);
     }
 }

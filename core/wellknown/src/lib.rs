@@ -4,18 +4,23 @@
 //! the same bytes.
 
 mod cloud;
+mod graph;
 mod grid;
 mod pose;
+pub mod status;
+mod tile;
 mod transform;
 
-pub use cloud::of_points;
-pub use foxglove::messages::{FrameTransforms, Grid, PointCloud, PoseInFrame};
+pub use cloud::{of_points, of_some_points};
+pub use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame, SceneUpdate};
+pub use graph::Graph;
 pub use grid::Tiles;
 pub use pose::of_state as pose_of_state;
+pub use tile::of_tile;
 pub use transform::transforms;
 
 use foxglove::Encode;
-use foxglove::messages::{Pose, Quaternion, Timestamp, Vector3};
+use foxglove::messages::{Pose, Quaternion, SceneEntity, Timestamp, Vector3};
 use randt_geometry::elementary::sin_cos;
 use randt_log::Channel;
 
@@ -56,6 +61,14 @@ pub fn bytes<T: Encode>(message: &T) -> Option<Vec<u8>> {
 pub fn timestamp(stamp_ns: i64) -> Option<Timestamp> {
     let seconds = u32::try_from(stamp_ns.div_euclid(1_000_000_000)).ok()?;
     Timestamp::new_checked(seconds, stamp_ns.rem_euclid(1_000_000_000) as u32)
+}
+
+/// An update with one entity.
+fn scene(entity: SceneEntity) -> SceneUpdate {
+    SceneUpdate {
+        deletions: Vec::new(),
+        entities: vec![entity],
+    }
 }
 
 fn vector(x: f64, y: f64) -> Vector3 {
