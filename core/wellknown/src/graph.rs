@@ -1,6 +1,6 @@
 //! `SceneUpdate` of the pose graph: the path over the keyframes, and the loops.
 
-use crate::{MAP, pose_of, scene, timestamp};
+use crate::{MAP, pose_of, scene};
 use foxglove::messages::{Color, LinePrimitive, Point3, SceneEntity, SceneUpdate, line_primitive};
 use randt_messages::{GraphEntry, GraphEntryKind, MapperGraph, MessageRef};
 use std::collections::HashMap;
@@ -48,8 +48,9 @@ impl Graph {
         self.entries.len() as u64 == head.keyframes.saturating_add(head.loops)
     }
 
-    /// The graph as pieces with a name each, "path N" and "loops N".
-    pub fn draw(&self, stamp_ns: i64) -> Vec<(String, SceneUpdate)> {
+    /// The graph as pieces with a name each, "path N" and "loops N". They have no stamp: what is fixed to `map` needs none,
+    /// and so a piece that has not changed is the same bytes.
+    pub fn draw(&self) -> Vec<(String, SceneUpdate)> {
         let is_node = |entry: &&GraphEntry| entry.kind == GraphEntryKind::Node as u32;
         let nodes: Vec<_> = self.entries.iter().filter(is_node).collect();
         let places: HashMap<u64, Point3> = nodes.iter().map(|n| (n.a, point(n))).collect();
@@ -74,7 +75,6 @@ impl Graph {
         });
         let drawn = paths.chain(loops).map(|(id, lines)| {
             let entity = SceneEntity {
-                timestamp: timestamp(stamp_ns),
                 frame_id: MAP.to_owned(),
                 id: id.clone(),
                 lines,
@@ -84,6 +84,15 @@ impl Graph {
         });
         drawn.collect()
     }
+}
+
+/// A piece that is gone: it takes the place of the one of its name.
+pub fn nothing(name: &str) -> SceneUpdate {
+    scene(SceneEntity {
+        frame_id: MAP.to_owned(),
+        id: name.to_owned(),
+        ..SceneEntity::default()
+    })
 }
 
 /// One line a part of the map: parts have nothing in common.
@@ -163,7 +172,7 @@ mod tests {
         assert!(!take(0, &[]), "a sign of life is no page");
         assert!(!take(60, &entries[60..]), "a page is missing");
         assert!(take(50, &entries[50..]));
-        let drawn = graph.draw(0);
+        let drawn = graph.draw();
         let names: Vec<_> = drawn.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["path 0", "path 1", "loops 0"]);
         let lines = |at: usize| &drawn[at].1.entities[0].lines;

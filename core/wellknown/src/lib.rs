@@ -13,14 +13,16 @@ mod transform;
 
 pub use cloud::{of_points, of_some_points};
 pub use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame, SceneUpdate};
-pub use graph::Graph;
+pub use graph::{Graph, nothing};
 pub use grid::Tiles;
 pub use pose::of_state as pose_of_state;
 pub use tile::of_tile;
 pub use transform::transforms;
 
 use foxglove::Encode;
-use foxglove::messages::{Pose, Quaternion, SceneEntity, Timestamp, Vector3};
+use foxglove::messages::{
+    Pose, Quaternion, SceneEntity, SceneEntityDeletion, Timestamp, Vector3, scene_entity_deletion,
+};
 use randt_geometry::elementary::sin_cos;
 use randt_log::Channel;
 
@@ -61,6 +63,19 @@ pub fn bytes<T: Encode>(message: &T) -> Option<Vec<u8>> {
 pub fn timestamp(stamp_ns: i64) -> Option<Timestamp> {
     let seconds = u32::try_from(stamp_ns.div_euclid(1_000_000_000)).ok()?;
     Timestamp::new_checked(seconds, stamp_ns.rem_euclid(1_000_000_000) as u32)
+}
+
+/// An update by which a viewer forgets all that this channel has drawn.
+pub fn clear(stamp_ns: i64) -> SceneUpdate {
+    let all = SceneEntityDeletion {
+        timestamp: timestamp(stamp_ns),
+        r#type: scene_entity_deletion::Type::All as i32,
+        id: String::new(),
+    };
+    SceneUpdate {
+        deletions: vec![all],
+        entities: Vec::new(),
+    }
 }
 
 /// An update with one entity.

@@ -1,7 +1,7 @@
 //! `SceneUpdate` of one tile of the occupancy grid: what changes on the map goes to a viewer tile by tile, where a `Grid`
 //! would have to go whole.
 
-use crate::{MAP, pose_of, scene, timestamp};
+use crate::{MAP, pose_of, scene};
 use foxglove::messages::{Color, Point3, SceneEntity, SceneUpdate, TriangleListPrimitive};
 use randt_messages::{MapperGrid, MessageRef, TILE_CELLS};
 use std::collections::HashMap;
@@ -25,8 +25,8 @@ const OCCUPIED_COLOUR: Color = Color {
     a: 1.0,
 };
 
-/// The tile as one entity, "tile ROW COLUMN" in `map`, which stays until the next one of that name. `None` where its
-/// cells are not a tile's.
+/// The tile as one entity, "tile ROW COLUMN" in `map`, which stays until the next one of that name; without a
+/// stamp, so that the same cells give the same bytes. `None` where its cells are not a tile's.
 pub fn of_tile(message: MessageRef<'_, MapperGrid>) -> Option<SceneUpdate> {
     let (head, cells) = (message.head, message.items);
     if cells.len() != TILE_CELLS * TILE_CELLS {
@@ -48,7 +48,6 @@ pub fn of_tile(message: MessageRef<'_, MapperGrid>) -> Option<SceneUpdate> {
         layer(&occupied, &occupied, ABOVE_M, OCCUPIED_COLOUR),
     ];
     let mut entity = SceneEntity {
-        timestamp: timestamp(head.header.stamp_ns),
         frame_id: MAP.to_owned(),
         id: format!("tile {} {}", head.row, head.column),
         ..SceneEntity::default()
