@@ -19,11 +19,13 @@ pub mod killer;
 pub mod observer;
 pub mod phidgets;
 pub mod pipeline;
+pub mod python;
 mod recordings;
 pub mod sensors;
 pub mod spoilt;
 pub mod stages;
 pub mod up;
+pub mod viewer;
 
 pub use recordings::recording;
 

@@ -8,7 +8,7 @@ mod graph;
 mod grid;
 mod pose;
 pub mod status;
-mod tile;
+pub mod tile;
 mod transform;
 
 pub use cloud::{of_points, of_some_points};
@@ -16,7 +16,6 @@ pub use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame
 pub use graph::{Graph, nothing};
 pub use grid::Tiles;
 pub use pose::of_state as pose_of_state;
-pub use tile::of_tile;
 pub use transform::transforms;
 
 use foxglove::Encode;

@@ -4,9 +4,9 @@ use crate::Shown;
 use randt_config::Robot;
 use randt_messages::{
     Correction, MapperGraph, MapperGrid, Message, MessageRef, OdometryState, RadarPoints,
-    TILE_CELLS,
 };
-use randt_wellknown::Graph;
+use randt_wellknown::tile::{Detail, of_tile};
+use randt_wellknown::{Graph, SceneUpdate};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Over so many poses their rate is told.
@@ -21,6 +21,8 @@ pub(crate) struct Piece {
     pub version: u64,
     /// The message.
     pub bytes: Vec<u8>,
+    /// The same with less detail, where there is one.
+    pub coarse: Option<Vec<u8>>,
     /// Where it lies in `map`, m; of a path nowhere.
     pub place_m: Option<[f64; 2]>,
 }
@@ -94,13 +96,16 @@ impl Board {
 
     /// A tile as it now is.
     pub fn take_tile(&mut self, message: MessageRef<'_, MapperGrid>) {
-        let head = message.head;
-        let edge_m = head.resolution_m * TILE_CELLS as f64;
-        let middle = |index: i32| (f64::from(index) + 0.5) * edge_m;
-        let place_m = Some([middle(head.column), middle(head.row)]);
-        if let Some(update) = randt_wellknown::of_tile(message) {
-            let name = format!("{} {}", head.row, head.column);
-            self.put(Shown::Grid, name, place_m, randt_wellknown::bytes(&update));
+        let [fine, coarse] = [Detail::Fine, Detail::Coarse].map(|detail| of_tile(message, detail));
+        for (fine, coarse) in fine.into_iter().zip(coarse) {
+            let key = (Shown::Grid, fine.name);
+            // What was never known need not be taken away.
+            if let Some(bytes) = randt_wellknown::bytes(&fine.update)
+                && (!fine.is_empty || self.pieces.contains_key(&key))
+            {
+                let coarse = randt_wellknown::bytes(&coarse.update);
+                self.put(key, Some(fine.middle_m), bytes, coarse);
+            }
         }
     }
 
@@ -121,27 +126,41 @@ impl Board {
             .collect();
         for name in gone {
             // Drawn empty, so that viewers take it away.
-            let nothing = randt_wellknown::nothing(&name);
-            self.put(Shown::Path, name, None, randt_wellknown::bytes(&nothing));
+            self.draw(randt_wellknown::nothing(&name), name);
         }
         for (name, update) in pieces {
-            self.put(Shown::Path, name, None, randt_wellknown::bytes(&update));
+            self.draw(update, name);
         }
     }
 
-    fn put(&mut self, of: Shown, name: String, place_m: Option<[f64; 2]>, bytes: Option<Vec<u8>>) {
-        let Some(bytes) = bytes else {
-            return;
-        };
-        let known = self.pieces.entry((of, name)).or_insert(Piece {
-            version: 0,
-            bytes: Vec::new(),
-            place_m,
-        });
-        if known.version == 0 || known.bytes != bytes {
-            self.version += 1;
-            (known.version, known.bytes) = (self.version, bytes);
+    fn draw(&mut self, update: SceneUpdate, name: String) {
+        if let Some(bytes) = randt_wellknown::bytes(&update) {
+            self.put((Shown::Path, name), None, bytes, None);
         }
+    }
+
+    fn put(
+        &mut self,
+        key: (Shown, String),
+        place_m: Option<[f64; 2]>,
+        bytes: Vec<u8>,
+        coarse: Option<Vec<u8>>,
+    ) {
+        if self
+            .pieces
+            .get(&key)
+            .is_some_and(|known| known.bytes == bytes)
+        {
+            return;
+        }
+        self.version += 1;
+        let piece = Piece {
+            version: self.version,
+            bytes,
+            coarse,
+            place_m,
+        };
+        self.pieces.insert(key, piece);
     }
 
     /// Where the robot is in `map`, m, as far as is known.
@@ -189,6 +208,7 @@ impl Board {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use randt_messages::TILE_CELLS;
 
     fn state(published_ns: i64) -> OdometryState {
         let mut state = OdometryState::default();
@@ -223,16 +243,23 @@ mod tests {
         board.take_tile(tile.as_ref());
         tile.head.header.stamp_ns = 1_000_000_000;
         board.take_tile(tile.as_ref());
-        assert_eq!(board.version, 1);
+        assert_eq!(board.version, 4);
         tile.items[0] = 100;
         board.take_tile(tile.as_ref());
-        assert_eq!((board.version, board.pieces.len()), (2, 1));
+        assert_eq!(
+            (board.version, board.pieces.len()),
+            (5, 4),
+            "a quarter of it"
+        );
+        (tile.head.row, tile.items) = (9, vec![255; TILE_CELLS * TILE_CELLS]);
+        board.take_tile(tile.as_ref());
+        assert_eq!(board.pieces.len(), 4, "never known, never shown");
         let mut correction = Correction {
             graph_version: 5,
             ..Correction::default()
         };
         board.take_correction(&correction);
-        assert_eq!(board.pieces.len(), 1);
+        assert_eq!(board.pieces.len(), 4);
         correction.graph_version = 1;
         board.take_correction(&correction);
         assert_eq!((board.pieces.len(), board.maps), (0, 1));

@@ -1,5 +1,6 @@
 //! What one viewer has, and what it gets next: the newest of the most important.
 
+use crate::board::Piece;
 use crate::protocol::Request;
 use crate::{Board, Flow, Shown, protocol, words};
 use randt_wellknown::{bytes, clear, pose_of_state, status, transforms};
@@ -17,6 +18,10 @@ const FAST: f64 = 250_000.0;
 const CLOUD_FAST_NS: i64 = 450_000_000;
 /// A cloud of fewer bytes than this is none.
 const CLOUD_LEAST: f64 = 1_200.0;
+/// Below this rate tiles are shown without detail at first, bytes a second: a building takes 10 s and more.
+const SLOW: f64 = 100_000.0;
+/// The version of a piece that is there without its detail: no piece's.
+const COARSE: u64 = 0;
 /// Beside what may be under way: pose and status do not wait for what fills the link.
 const BEYOND: f64 = 2_000.0;
 /// Time never goes back for viewers by less than this, ns: they would forget everything.
@@ -240,7 +245,8 @@ impl Client {
         Some(data(subscription, points.head.header.stamp_ns, &payload))
     }
 
-    /// A piece that it does not have: of the path first, then the tile that is nearest to the robot.
+    /// A piece that it does not have: of the path first, then of the grid what is nearest to the robot. On a slow link
+    /// all of it without detail, then with it: never the other way round.
     fn piece(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
         for shown in [Shown::Path, Shown::Grid] {
             if let Some(subscription) = self.subscription(shown)
@@ -262,28 +268,37 @@ impl Client {
         let wanted = board.pieces.iter().filter(|(key, piece)| {
             self.subscription(key.0).is_some() && self.pieces.get(*key) != Some(&piece.version)
         });
-        let distance = |piece: &crate::board::Piece| {
-            let [x, y] = piece.place_m?;
-            Some((x - robot_m[0]) * (x - robot_m[0]) + (y - robot_m[1]) * (y - robot_m[1]))
+        let is_slow = flow.rate() < SLOW;
+        let urgency = |key: &(Shown, String), piece: &Piece| {
+            let Some([x, y]) = piece.place_m else {
+                return (false, -1.0);
+            };
+            let [x, y] = [x - robot_m[0], y - robot_m[1]];
+            (is_slow && self.pieces.contains_key(key), x * x + y * y)
         };
-        let next = wanted.min_by(|(_, a), (_, b)| {
-            // What lies nowhere comes first.
-            let [a, b] = [a, b].map(|piece| distance(piece).unwrap_or(-1.0));
-            a.total_cmp(&b)
+        let next = wanted.min_by(|(key, piece), (other, than)| {
+            // What lies nowhere comes first; then, on a slow link, what there is nothing of yet.
+            let ((known, far), (than_known, than)) = (urgency(key, piece), urgency(other, than));
+            known.cmp(&than_known).then(far.total_cmp(&than))
         });
         let Some((key, piece)) = next else {
             self.looked = board.version;
             return None;
         };
-        if !flow.has_room(piece.bytes.len(), 0.0) {
+        let coarse = piece.coarse.as_ref();
+        let coarse = coarse.filter(|_| is_slow && !self.pieces.contains_key(key));
+        let payload = coarse.unwrap_or(&piece.bytes);
+        if !flow.has_room(payload.len(), 0.0) {
             return None;
         }
-        self.pieces.insert(key.clone(), piece.version);
-        Some(data(
-            self.subscription(key.0)?,
-            board.time_ns(now_ns),
-            &piece.bytes,
-        ))
+        let version = if coarse.is_some() {
+            COARSE
+        } else {
+            piece.version
+        };
+        let subscription = self.subscription(key.0)?;
+        self.pieces.insert(key.clone(), version);
+        Some(data(subscription, board.time_ns(now_ns), payload))
     }
 }
 
@@ -350,10 +365,10 @@ mod tests {
         found
     }
 
-    /// Answers everything that is under way.
+    /// Answers everything that is under way, from far away.
     fn answer(flow: &mut Flow, now_ns: i64) {
         if let Some(content) = flow.ping(now_ns, true) {
-            flow.pong(&content, now_ns);
+            flow.pong(&content, now_ns + S);
         }
     }
 
@@ -386,14 +401,16 @@ mod tests {
             .iter()
             .map(|(subscription, _)| *subscription - 100)
             .collect();
-        assert_eq!(order, [1, 2, 3, 4, 5, 7, 7, 7, 7]);
-        for (at, name) in [
-            (5, "tile 0 0"),
-            (6, "tile 0 1"),
-            (7, "tile 0 5"),
-            (8, "tile 0 -40"),
-        ] {
-            assert!(got[at].1.contains(name), "{at}: {}", got[at].1);
+        assert_eq!(order[..5], [1, 2, 3, 4, 5]);
+        // Four quarters of four tiles, without detail first, and again with it.
+        assert_eq!(order[5..], [7; 32]);
+        let columns = [0, 1, 5, -40, 0, 1, 5, -40];
+        for (column, pieces) in columns.into_iter().zip(got[5..].chunks(4)) {
+            let name = format!("tile 0 {column}.");
+            assert!(
+                pieces.iter().all(|(_, text)| text.contains(&name)),
+                "{name} {pieces:?}"
+            );
         }
         assert!(got[0].1.contains("old, trust"));
     }
@@ -435,11 +452,11 @@ mod tests {
                 .filter(|(subscription, _)| *subscription >= 107)
                 .count()
         };
-        assert_eq!(count(&mut client, 101), 2);
+        assert_eq!(count(&mut client, 101), 16, "without detail and with it");
         assert_eq!(count(&mut client, 102), 0);
         client.hear(r#"{"op":"unsubscribe","subscriptionIds":[107]}"#);
         assert_eq!(count(&mut client, 103), 0);
         client.hear(r#"{"op":"subscribe","subscriptions":[{"id":200,"channelId":7},{"id":9,"channelId":99}]}"#);
-        assert_eq!(count(&mut client, 104), 2);
+        assert_eq!(count(&mut client, 104), 16);
     }
 }
