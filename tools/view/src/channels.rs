@@ -74,3 +74,53 @@ impl Shown {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::Value;
+
+    /// Everything in a layout that is called like a topic of ours.
+    fn topics(of: &Value, found: &mut Vec<String>) {
+        match of {
+            Value::Object(entries) => {
+                found.extend(
+                    entries
+                        .keys()
+                        .filter(|key| key.starts_with("view/"))
+                        .cloned(),
+                );
+                entries.values().for_each(|value| topics(value, found));
+            }
+            Value::Array(values) => values.iter().for_each(|value| topics(value, found)),
+            Value::String(text) if text.starts_with("view/") => found.push(text.clone()),
+            _ => {}
+        }
+    }
+
+    #[test]
+    fn the_layout_shows_what_there_is_and_all_of_it() {
+        let layout = include_str!("../../../docs/view/lichtblick.json");
+        let layout: Value = serde_json::from_str(layout).unwrap();
+        let mut found = Vec::new();
+        topics(&layout, &mut found);
+        for shown in Shown::ALL {
+            assert!(
+                found.iter().any(|topic| topic == shown.topic()),
+                "{shown:?}"
+            );
+            assert_eq!(Shown::of_id(shown.id()), Some(shown));
+        }
+        for topic in found {
+            assert!(
+                Shown::ALL.iter().any(|shown| shown.topic() == topic),
+                "{topic}"
+            );
+        }
+        // Each panel of the layout has its settings.
+        for panel in ["first", "second"] {
+            let name = layout["layout"][panel].as_str().unwrap();
+            assert!(layout["configById"][name].is_object(), "{name}");
+        }
+    }
+}

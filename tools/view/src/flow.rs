@@ -17,6 +17,8 @@ const LEAST: f64 = 3_000.0;
 const MOST: f64 = 4_000_000.0;
 /// After so many bytes comes a ping, which costs 10 of them: a tenth of a second on the slowest link.
 const PING_EVERY: u64 = 2_000;
+/// Share of the window that is enough for a message of any size.
+const MOST_OF_IT: f64 = 0.7;
 /// Without data there is a ping so often, s: the link's delay is shown, and a dead viewer is noticed.
 const PING_PAUSE_S: f64 = 1.0;
 /// A step down leaves at least this share: one answer may come late by itself.
@@ -74,9 +76,9 @@ impl Flow {
 
     /// Whether a message may go now. `beyond`: bytes beside the window that are kept for what cannot wait.
     pub fn has_room(&self, bytes: usize, beyond: f64) -> bool {
-        let under_way = self.under_way();
-        // A message larger than the window goes alone.
-        under_way + bytes as f64 <= self.window + beyond || under_way == 0.0
+        // One that is larger than the window needs no more than most of it, or it would wait for ever.
+        let bytes = (bytes as f64).min(MOST_OF_IT * self.window);
+        self.under_way() + bytes <= self.window + beyond
     }
 
     /// A ping's content, where one is due. `last`: nothing more follows for now.

@@ -150,3 +150,37 @@ impl Server {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_that_is_taken_is_tried_again() {
+        let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = taken.local_addr().unwrap().to_string();
+        let mut server = Server::new(&address, 2, 1);
+        let board = Board::default();
+        let mut said = Vec::new();
+        let mut turn = |server: &mut Server, now_ns| {
+            server.turn(&board, now_ns, &mut |line| said.push(line.to_owned()));
+        };
+        turn(&mut server, 0);
+        assert!(server.trouble().contains(&address), "{}", server.trouble());
+        drop(taken);
+        turn(&mut server, AGAIN_NS / 2);
+        assert!(!server.trouble().is_empty());
+        turn(&mut server, AGAIN_NS);
+        assert_eq!((server.trouble(), server.descriptors().count()), ("", 1));
+        // One more than it has room for.
+        let viewers: Vec<_> = (0..3)
+            .map(|_| TcpStream::connect(&address).unwrap())
+            .collect();
+        turn(&mut server, AGAIN_NS);
+        assert_eq!(server.remark(0), "2 viewers");
+        drop(viewers);
+        turn(&mut server, AGAIN_NS);
+        assert_eq!(server.remark(0), "nobody watches");
+        assert!(said[0].starts_with("ws://127.0.0.1:"));
+    }
+}
