@@ -154,9 +154,9 @@ fn seconds(from_ns: i64, to_ns: i64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A link of so many bytes a second and such a delay each way; a viewer who answers at once. Messages of 4 kB are
-    /// always waiting. Gives bytes a second, and the longest and the last wait of a message, s.
-    fn drive(rate: f64, delay_s: f64, seconds: i64) -> (f64, f64, f64) {
+    /// A link of so many bytes a second and such a delay each way; a viewer who answers at once. Messages of a
+    /// size are always waiting. Gives bytes a second, and the longest and the last wait of a message, s.
+    fn drive(size: usize, rate: f64, delay_s: f64, seconds: i64) -> (f64, f64, f64) {
         let mut flow = Flow::default();
         let mut answers: VecDeque<(i64, [u8; 8])> = VecDeque::new();
         let (mut idle_ns, mut worst_s, mut wait_s) = (0_i64, 0.0_f64, 0.0);
@@ -170,10 +170,10 @@ mod tests {
                 answers.pop_front();
                 flow.pong(&content, now_ns);
             }
-            while flow.has_room(4000, 0.0) {
-                idle_ns = idle_ns.max(now_ns) + (4000.0 / rate * 1e9) as i64;
-                flow.wrote(4000);
-                arrived += 4000;
+            while flow.has_room(size, 0.0) {
+                idle_ns = idle_ns.max(now_ns) + (size as f64 / rate * 1e9) as i64;
+                flow.wrote(size);
+                arrived += size;
                 wait_s = (idle_ns - now_ns) as f64 * 1e-9;
                 if now_ns > 10_000_000_000 {
                     worst_s = worst_s.max(wait_s);
@@ -188,19 +188,23 @@ mod tests {
 
     #[test]
     fn a_link_is_filled_without_a_queue() {
-        for (rate, delay_s) in [
-            (25e3, 0.5),
-            (25e3, 0.25),
-            (25e3, 0.0),
-            (1e6, 0.1),
-            (6e3, 0.3),
+        for (size, rate, delay_s) in [
+            (4000, 25e3, 0.5),
+            (4000, 25e3, 0.25),
+            (4000, 25e3, 0.0),
+            (4000, 1e6, 0.1),
+            (4000, 6e3, 0.3),
+            (1000, 25e3, 0.5),
+            (8000, 25e3, 0.5),
+            (15000, 25e3, 0.5),
         ] {
-            let (used, worst_s, last_s) = drive(rate, delay_s, 60);
-            println!("{rate} {delay_s}: {used:.0}, waits {worst_s:.2} s, {last_s:.2} s");
-            assert!(used > 0.6 * rate, "{rate} B/s, {delay_s} s: {used}");
+            let (used, worst_s, last_s) = drive(size, rate, delay_s, 60);
+            let of = format!("{size} B, {rate} B/s, {delay_s} s");
+            println!("{of}: {used:.0}, waits {worst_s:.2} s, {last_s:.2} s");
+            assert!(used > 0.8 * rate, "{of}: {used}");
             // Its own time on the link, that of one before it, and the queue that is asked for.
-            let wait_s = worst_s - 2.0 * 4000.0 / rate;
-            assert!(wait_s < 1.4 * QUEUE_S, "{rate} B/s, {delay_s} s: {worst_s}");
+            let wait_s = worst_s - 2.0 * size as f64 / rate;
+            assert!(wait_s < 1.4 * QUEUE_S, "{of}: {worst_s}");
         }
     }
 
