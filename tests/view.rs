@@ -11,7 +11,7 @@ mod support;
 
 use rustix::process::Signal;
 use serde_json::Value;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::process::Command;
@@ -229,7 +229,7 @@ fn tiles(pipeline: &Pipeline) -> u64 {
 #[test]
 fn who_comes_late_gets_everything_and_again_after_a_kill() {
     let folder = tempfile::tempdir().unwrap();
-    let input = log(folder.path(), 60);
+    let input = log(folder.path(), 150);
     let address = free_address();
     let mut pipeline = Pipeline::new("vl");
     compute(&mut pipeline, folder.path());
