@@ -26,6 +26,7 @@ pub mod sensors;
 pub mod spoilt;
 pub mod stages;
 pub mod up;
+pub mod viewer;
 
 pub use recordings::recording;
 
