@@ -94,7 +94,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("lz4_flex", &["randt-readers"]),
     ("mcap", &["randt-log", "randt-readers"]),
     ("memmap2", &["randt-stage"]),
-    ("nix", &["randt-radar"]),
+    ("nix", &["randt-radar", "randt-stage"]),
     ("plotters", &["randt-evaluation"]),
     ("postcard", &["randt-mapper"]),
     ("png", &["randt-radar", "randt-readers"]),

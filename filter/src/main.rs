@@ -26,6 +26,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let mut stage = arguments.stage.open("filter")?;
     stage.expect(&config.sensor);
+    let selection = &arguments.stage.selection;
+    stage.follow(selection, &config, &["filter", "sensor"], None);
     let mut points = stage.publisher::<RadarPoints>()?;
     let mut scans = stage.subscriber::<RadarScan>()?;
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);

@@ -10,6 +10,11 @@ use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+/// The sections of the configuration that it computes by.
+const READS: [&str; 8] = [
+    "filter", "grid", "keyframe", "loops", "ndt", "odometry", "sensor", "submap",
+];
+
 /// The mapper stage: loops, the pose graph, the occupancy grid.
 ///
 /// Every keyframe goes into a journal before the map that it makes is told. When the stage is started again it is what it was, to the last bit, and
@@ -32,6 +37,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let mut stage = arguments.stage.open("mapper")?;
     stage.expect(&config.sensor);
+    stage.follow(&arguments.stage.selection, &config, &READS, None);
     let mut outlet = Outlet::open(&mut stage)?;
     let mut keyframes = stage.subscriber::<Keyframe>()?;
     let journal = match &arguments.journal {
@@ -39,6 +45,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         None => stage.realm().state().join("map.journal"),
     };
     let mut intake = Intake::open(&journal, &config, &stage)?;
+    stage.note(&format!("{} keyframes", intake.next()));
     stage.running()?;
     let mut at_once = true;
     loop {
@@ -58,6 +65,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             at_once = true;
         }
         stage.report(&intake.trouble, intake.lost);
+        stage.note(&format!("{} keyframes", intake.next()));
         if intake.is_unsure {
             return Err(intake.trouble.into());
         }

@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use randt_messages::{
-    ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints,
+    ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, Trust,
 };
 use randt_odometry::process::{Feed, Past};
 use randt_stage::{Publisher, Stage, StageArguments, Subscriber, Woken, ended};
@@ -12,6 +12,10 @@ use std::time::{Duration, Instant};
 
 /// Keyframes that are sent again for one request; the mapper asks for more when it has these.
 const AGAIN: usize = 32;
+/// The sections of the configuration that it computes by.
+const READS: [&str; 8] = [
+    "attitude", "filter", "keyframe", "ndt", "odometry", "robot", "sensor", "submap",
+];
 /// A start without a past waits so long to hear of a map that there may be from before.
 const HEAR_MAX: Duration = Duration::from_secs(1);
 
@@ -38,9 +42,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let use_imu = !arguments.no_imu;
     let mut stage = arguments.stage.open("odometry")?;
     stage.expect(&config.sensor);
+    stage.follow(&arguments.stage.selection, &config, &READS, None);
     let mut out = Out {
         states: stage.publisher()?,
         keyframes: stage.publisher()?,
+        trust: "",
     };
     let mut past = Past::open(&mut stage)?;
     let (odometry, mut has_past) = past.restore(&stage, &config, use_imu)?;
@@ -65,6 +71,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         has_past |= answer(&mut graph, &mut feed, &mut out, has_past)?;
         report(&mut stage, &feed);
+        stage.note(out.trust);
         let pause = feed.pause();
         if stage.wait(&[feed.wakes(), &graph], pause)? == Woken::Stop {
             return Ok(stage.close()?);
@@ -121,6 +128,8 @@ fn report(stage: &mut Stage, feed: &Feed) {
 struct Out {
     states: Publisher<OdometryStateTopic>,
     keyframes: Publisher<Keyframe>,
+    /// How far the newest pose can be believed, in words.
+    trust: &'static str,
 }
 
 impl Out {
@@ -128,6 +137,11 @@ impl Out {
     fn publish(&mut self, past: &mut Past) -> Result<(), randt_stage::Error> {
         for state in past.outbox().take_states() {
             let items = &[];
+            self.trust = match state.trust {
+                trust if trust == Trust::Good as u32 => "trust good",
+                trust if trust == Trust::Degraded as u32 => "trust degraded",
+                _ => "lost",
+            };
             self.states.publish(MessageRef { head: state, items })?;
         }
         while let Some(keyframe) = past.next_keyframe() {

@@ -1,6 +1,7 @@
 //! `randt-recorder`: every topic to MCAP, as a process.
 
 use clap::Parser;
+use randt_config::Config;
 use randt_recorder::Viewer;
 use randt_recorder::process::{Inputs, preamble};
 use randt_recorder::{BUDGET, Disk, Queue, Recorder, Settings, Worker};
@@ -40,6 +41,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         .clone()
         .unwrap_or(record.folder.clone().into());
     let mut stage = arguments.stage.open("recorder")?;
+    // What it writes says by what the others compute.
+    let all: Vec<_> = Config::SECTIONS.iter().map(|it| it.name).collect();
+    stage.follow(&arguments.stage.selection, &loaded.config, &all, None);
     let clock = stage.clock();
     let mut inputs = Inputs::open(&mut stage)?;
     let queue = Arc::new(Queue::new(BUDGET));
@@ -60,6 +64,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             file = condition.file;
             if !file.is_empty() {
                 stage.say(&format!("{}", folder.join(&file).display()));
+                stage.note(&format!("writing {file}"));
             }
         }
         if worker.has_died() {

@@ -12,6 +12,8 @@
 )]
 
 pub mod bag;
+pub mod blows;
+pub mod boot;
 pub mod calls;
 pub mod drive;
 pub mod hall;
@@ -27,6 +29,7 @@ pub mod spoilt;
 pub mod stages;
 pub mod up;
 pub mod viewer;
+pub mod watch;
 
 pub use recordings::recording;
 

@@ -1,7 +1,7 @@
 //! The process shell: what makes a stage's algorithm a process of the pipeline.
 //!
 //! Responsible for shared-memory ports and their quality of service, the wait loop, signals, loss counters, health,
-//! the one clock, and state that outlives a process. The only crate that knows iceoryx2. Not responsible for what a
+//! the one clock, state that outlives a process, and what systemd is told. The only crate that knows iceoryx2. Not responsible for what a
 //! stage computes: the algorithms do not know this crate, their `main.rs` brings both together.
 //!
 //! ```no_run
@@ -28,9 +28,11 @@ mod error;
 mod exit;
 mod health;
 mod janitor;
+mod journal;
 mod keyframes;
 mod mapped;
 mod memory;
+mod notify;
 mod observer;
 mod parent;
 mod ports;
@@ -38,8 +40,11 @@ mod publisher;
 mod qos;
 mod realm;
 mod registry;
+mod reload;
 mod stage;
+mod status;
 mod subscriber;
+mod supervised;
 mod wait;
 mod wire;
 

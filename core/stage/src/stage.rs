@@ -4,14 +4,16 @@ use crate::{
     Clock, Error, Presence, Publisher, Qos, Realm, Registry, Subscriber,
     bus::Bus,
     health::{Condition, PERIOD_NS},
+    journal::{Journal, Moment, Priority},
     memory::Memory,
     ports::PortCounters,
     publisher::HandsOver,
+    supervised::Supervised,
     wait::{Slept, Waits, Wakes, Woken},
 };
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::ipc;
-use randt_config::Sensor;
+use randt_config::{Config, SelectionArguments, Sensor};
 use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
 use std::fs::File;
 use std::path::Path;
@@ -41,6 +43,10 @@ pub struct Stage {
     realm: Realm,
     clock: Clock,
     condition: Condition,
+    journal: Journal,
+    supervised: Supervised,
+    /// A configuration that waits to be taken.
+    changed: Option<Config>,
     ports: Vec<Rc<PortCounters>>,
     next_health_ns: i64,
     navtech: bool,
@@ -51,6 +57,7 @@ impl Stage {
     /// Enters the realm under a name; refuses where that name is taken or memory is short. One a process: a second one
     /// would take the first one for dead, because a process does not see its own locks.
     pub fn open(name: &str, realm: &Realm) -> Result<Self, Error> {
+        let supervised = Supervised::begin()?;
         let presence = realm.enter()?;
         let clock = Clock::of(realm)?;
         let started_ns = clock.now_ns();
@@ -90,6 +97,9 @@ impl Stage {
                 message: String::new(),
                 lost: 0,
             },
+            journal: Journal::open(name),
+            supervised,
+            changed: None,
             registry,
             ports: Vec::new(),
             next_health_ns: i64::MAX,
@@ -103,6 +113,23 @@ impl Stage {
     /// Says which radar's scans are to be expected: they decide how much memory is needed.
     pub fn expect(&mut self, sensor: &Sensor) {
         self.navtech = sensor.range_max_m > LONG_RANGE_M;
+    }
+
+    /// Says how the configuration is read again on SIGHUP. `reads`: the sections that matter to this stage; `live`: the one
+    /// (`radar` or `imu`) that it takes without a restart, by [`Self::take_changed`].
+    pub fn follow(
+        &mut self,
+        selection: &SelectionArguments,
+        config: &Config,
+        reads: &[&'static str],
+        live: Option<&'static str>,
+    ) {
+        self.supervised.follow(selection, config, reads, live);
+    }
+
+    /// A configuration to take over, once.
+    pub fn take_changed(&mut self) -> Option<Config> {
+        self.changed.take()
     }
 
     /// The realm that it is in.
@@ -179,7 +206,7 @@ impl Stage {
         if changed {
             message.clone_into(&mut self.condition.message);
             if !message.is_empty() {
-                self.say(message);
+                self.log(Priority::Warning, message);
             }
         }
     }
@@ -192,27 +219,47 @@ impl Stage {
         }
     }
 
+    /// Something that `systemctl status` shall show beside rate and age, such as "trust good".
+    pub fn note(&mut self, note: &str) {
+        self.supervised.set_note(note);
+    }
+
     /// There is nothing more to do, but what was sent last stays in reach.
     pub fn finished(&mut self) -> Result<(), Error> {
         self.condition.state = StageState::Finished;
         self.tell()
     }
 
-    /// A line on standard error, for the journal.
+    /// A line for the journal.
     pub fn say(&self, text: &str) {
-        crate::exit::say(&self.condition.name, text);
+        self.log(Priority::Info, text);
     }
 
-    /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile.
+    fn log(&self, priority: Priority, text: &str) {
+        let sent = self.ports.iter().map(|port| port.health());
+        let sent = sent.into_iter().find(|port| port.publishes == 1);
+        let moment = Moment {
+            epoch: self.epoch(),
+            sequence: sent.and_then(|port| port.messages.checked_sub(1)),
+        };
+        self.journal.say(priority, moment, text);
+    }
+
+    /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile, and
+    /// signs of life: a loop that does not come here any more hangs.
     pub fn wait(&mut self, on: &[&dyn Wakes], timeout: Option<Duration>) -> Result<Woken, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
+            if self.reload() {
+                return Ok(Woken::Event);
+            }
             let now_ns = self.clock.now_ns();
             if now_ns >= self.next_health_ns {
                 self.tell()?;
             }
-            let to_health = self.next_health_ns.saturating_sub(now_ns).max(0);
-            let mut pause = Duration::from_nanos(to_health.unsigned_abs());
+            let next_ns = self.supervised.works(now_ns).min(self.next_health_ns);
+            let to_next = next_ns.saturating_sub(now_ns).max(0);
+            let mut pause = Duration::from_nanos(to_next.unsigned_abs());
             if let Some(end) = end {
                 pause = pause.min(end.saturating_duration_since(Instant::now()));
             }
@@ -230,11 +277,36 @@ impl Stage {
     }
 
     fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {
-        let slept = self.waits.sleep(on, pause)?;
+        let request = self.supervised.descriptor()?;
+        let request = request.iter().map(|request| request as &dyn Wakes);
+        let on: Vec<&dyn Wakes> = on.iter().copied().chain(request).collect();
+        let slept = self.waits.sleep(&on, pause)?;
         if slept.joins {
             self.writers.iter().for_each(|writer| writer.hand_over());
         }
         Ok(slept)
+    }
+
+    /// Reads the configuration again where that was asked for; gives whether the stage has to take one over. What is wrong
+    /// with a file is said, and what was in force stays so.
+    fn reload(&mut self) -> bool {
+        let Some(read) = self.supervised.read_again(&self.condition.name) else {
+            return false;
+        };
+        match read {
+            Ok(changes) => {
+                self.say("the configuration was read again");
+                changes.says.iter().for_each(|text| self.say(text));
+                self.changed = changes.live;
+            }
+            Err(error) => self.log(
+                Priority::Error,
+                &format!("the configuration stays as it was: {error}"),
+            ),
+        }
+        // Ready again when the loop comes back.
+        self.next_health_ns = i64::MIN;
+        self.changed.is_some()
     }
 
     /// Sends health now.
@@ -243,6 +315,7 @@ impl Stage {
         self.next_health_ns = now_ns + PERIOD_NS;
         let head = self.condition.health(now_ns, &self.ports);
         let items = &[];
+        self.supervised.tell(now_ns, &self.condition, &self.ports);
         self.health.publish(MessageRef { head: &head, items })
     }
 

@@ -16,7 +16,7 @@ use std::time::Duration;
 /// Why a wait ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Woken {
-    /// Something came; ask all ports.
+    /// Something came; ask all ports, and whoever can take a configuration live, [`crate::Stage::take_changed`].
     Event,
     /// The time was over.
     Timeout,

@@ -31,8 +31,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let sensor = SensorKind::from_name(&config.sensor.name);
     let mut stage = arguments.stage.open("radar")?;
     stage.expect(&config.sensor);
+    let selection = &arguments.stage.selection;
+    stage.follow(selection, &config, &["record", "sensor"], Some("radar"));
     let mut scans = stage.publisher::<RadarScan>()?;
     let mut failure = None;
+    let mut lost_before = 0;
     stage.running()?;
     loop {
         radar.poll(stage.clock().now_ns(), &mut |sweep| {
@@ -43,12 +46,20 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         if let Some(error) = failure.take() {
             return Err(error.into());
         }
-        stage.report(radar.link().text(), radar.lost());
+        stage.report(radar.link().text(), lost_before + radar.lost());
         let pause_ns = radar.due_ns().saturating_sub(stage.clock().now_ns());
         let pause = Duration::from_nanos(pause_ns.max(0).unsigned_abs());
         let descriptor = Descriptor::new(radar.descriptor())?;
         if stage.wait(&[&descriptor], Some(pause))? == Woken::Stop {
             return Ok(stage.close()?);
+        }
+        match stage.take_changed().map(|config| Radar::new(&config)) {
+            Some(Ok(other)) => {
+                lost_before += radar.lost();
+                radar = other;
+            }
+            Some(Err(error)) => stage.say(&format!("the radar stays as it was: {error}")),
+            None => {}
         }
     }
 }

@@ -7,7 +7,7 @@ use randt_stage::Entry;
 use std::collections::BTreeMap;
 
 /// A stage speaks twice a second; one that is silent for so long hangs.
-const HANGS_NS: i64 = 3_000_000_000;
+const HANGS_NS: i64 = 1_000_000_000;
 
 /// The last words and samples of all stages.
 #[derive(Debug, Default)]
@@ -90,7 +90,7 @@ fn state(
             let silent_s = silent_ns as f64 * 1e-9;
             (
                 StageState::Degraded.name(),
-                format!("has said nothing for {silent_s:.0} s"),
+                format!("has said nothing for {silent_s:.1} s"),
             )
         }
         _ => (state.name(), message),

@@ -1,0 +1,235 @@
+//! What is done to a stage of a booted machine, how long it takes to come back, and whether anybody else noticed.
+
+use super::boot::Machine;
+use super::watch::{Heard, Watch, now_us};
+use std::time::{Duration, Instant};
+
+/// The stages, from the sensors on.
+pub const STAGES: [&str; 6] = ["radar", "imu", "filter", "odometry", "mapper", "recorder"];
+/// Nothing is waited for longer.
+const WAIT_MAX: Duration = Duration::from_secs(15);
+/// Two sweeps of 0.2 s, and a tenth for what is computed of them; and of a stage that is heard of only twice a second, by
+/// its health, so much more.
+const FLOWS_MAX_MS: f64 = 500.0;
+const BY_HEALTH_MS: f64 = 200.0;
+/// A hang is seen by others when the data are older than 1 s, which they look for twice a second.
+const SEEN_MAX_MS: f64 = 2000.0;
+
+/// What is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Blow {
+    Restart,
+    StopStart,
+    Kill,
+    Hang,
+}
+
+impl Blow {
+    /// Within this time a stage is back, ms: WatchdogSec and 1 s for one that hangs.
+    fn back_max_ms(self) -> f64 {
+        match self {
+            Self::Restart | Self::StopStart => 300.0,
+            Self::Kill => 700.0,
+            Self::Hang => 3000.0,
+        }
+    }
+}
+
+/// One blow and what came of it.
+struct Row {
+    stage: &'static str,
+    blow: Blow,
+    back_ms: f64,
+    /// From being back to data that flow.
+    flows_ms: f64,
+    /// Until another stage's status said it.
+    seen_ms: Option<f64>,
+}
+
+impl Row {
+    fn print(&self) {
+        let seen = self.seen_ms.map_or(String::new(), |ms| format!("{ms:.0}"));
+        let (stage, blow) = (self.stage, format!("{:?}", self.blow));
+        let (back_ms, flows_ms) = (self.back_ms, self.flows_ms);
+        println!("{stage:9} {blow:9} {back_ms:8.0} {flows_ms:14.0} {seen:>20}");
+    }
+}
+
+/// All of them.
+pub struct Blows<'m> {
+    machine: &'m Machine,
+    watch: &'m Watch,
+    rows: Vec<Row>,
+}
+
+/// Main processes by unit.
+pub fn pids(machine: &Machine) -> Vec<(String, u32)> {
+    let units = STAGES.map(|stage| format!("randt-{stage}.service"));
+    let mut words = vec!["systemctl", "show", "--property=MainPID", "--value"];
+    words.extend(units.iter().map(String::as_str));
+    let text = machine.good(&words);
+    let numbers = text.split_whitespace().map(|word| word.parse().unwrap());
+    units.iter().cloned().zip(numbers).collect()
+}
+
+/// By what it is heard that data flow through a stage: its own, or what comes of them.
+fn sent_by(stage: &str) -> &str {
+    match stage {
+        "radar" | "imu" | "filter" | "odometry" => "state",
+        "mapper" => "graph",
+        _ => stage,
+    }
+}
+
+impl<'m> Blows<'m> {
+    pub fn new(machine: &'m Machine, watch: &'m Watch) -> Self {
+        println!("stage     blow       back ms  data ms later  seen by a reader ms");
+        Self {
+            machine,
+            watch,
+            rows: Vec::new(),
+        }
+    }
+
+    /// Does it, waits until the stage is back and data flow, and looks whether the others are who they were.
+    pub fn strike(&mut self, stage: &'static str, blow: Blow) {
+        let unit = format!("randt-{stage}.service");
+        let before = pids(self.machine);
+        let epoch_before = self.watch.epoch(sent_by(stage));
+        let mut begin_us = now_us();
+        let mut seen_ms = None;
+        match blow {
+            Blow::Restart => drop(self.machine.good(&["systemctl", "restart", &unit])),
+            Blow::StopStart => {
+                self.machine.good(&["systemctl", "stop", &unit]);
+                let stopped = pids(self.machine);
+                self.others_are(&stopped, &before, &unit);
+                begin_us = now_us();
+                self.machine.good(&["systemctl", "start", &unit]);
+            }
+            Blow::Kill => self.signal("KILL", &unit),
+            Blow::Hang => {
+                self.signal("STOP", &unit);
+                seen_ms = self.seen(stage, begin_us);
+            }
+        }
+        let back_us = self.back(&unit, begin_us);
+        let after = pids(self.machine);
+        self.others_are(&after, &before, &unit);
+        let what = sent_by(stage);
+        let is_other = matches!(stage, "odometry" | "mapper" | "recorder");
+        let flows = |heard: &Heard| {
+            let is_new = !is_other || Some(heard.epoch) != epoch_before;
+            let is_whole = heard.flows || !matches!(stage, "imu" | "recorder");
+            heard.what == what && is_new && is_whole
+        };
+        // What a stage itself sends may be there before systemd has read that it is ready.
+        let from_us = if is_other { begin_us } else { back_us };
+        let flows_us = self.watch.first(stage, from_us, flows).at_us;
+        let row = Row {
+            stage,
+            blow,
+            back_ms: (back_us - begin_us) as f64 * 1e-3,
+            flows_ms: flows_us.saturating_sub(back_us) as f64 * 1e-3,
+            seen_ms,
+        };
+        row.print();
+        self.rows.push(row);
+        // The next blow falls on a pipeline that runs.
+        std::thread::sleep(Duration::from_millis(600));
+    }
+
+    fn signal(&self, signal: &str, unit: &str) {
+        self.machine.good(&[
+            "systemctl",
+            "kill",
+            "--kill-who=main",
+            "--signal",
+            signal,
+            unit,
+        ]);
+    }
+
+    /// When a unit was active again, microseconds.
+    fn back(&self, unit: &str, begin_us: u64) -> u64 {
+        let begin = Instant::now();
+        loop {
+            let text = self.machine.good(&[
+                "systemctl",
+                "show",
+                "--property=ActiveState,ActiveEnterTimestampMonotonic",
+                unit,
+            ]);
+            let value = |name: &str| text.lines().find_map(|line| line.strip_prefix(name));
+            let entered_us = value("ActiveEnterTimestampMonotonic=")
+                .unwrap()
+                .parse()
+                .unwrap();
+            if value("ActiveState=") == Some("active") && entered_us > begin_us {
+                return entered_us;
+            }
+            assert!(
+                begin.elapsed() < WAIT_MAX,
+                "{unit} did not come back: {text}"
+            );
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    fn others_are(&self, now: &[(String, u32)], before: &[(String, u32)], unit: &str) {
+        for (now, before) in now.iter().zip(before) {
+            assert!(
+                now == before || now.0 == unit,
+                "{unit} was hit: {now:?} was {before:?}"
+            );
+        }
+    }
+
+    /// How long it took until somebody else's status said that a stage hangs. Nobody reads what the recorder writes.
+    fn seen(&self, stage: &str, begin_us: u64) -> Option<f64> {
+        let (by, words) = match stage {
+            "radar" | "filter" => ("odometry", "stale: no scan for "),
+            "imu" => ("odometry", "no IMU sample for "),
+            "odometry" => ("recorder", "no pose for "),
+            "mapper" => ("odometry", "no word of the mapper for "),
+            _ => return None,
+        };
+        let begin = Instant::now();
+        let mut status = String::new();
+        while begin.elapsed() < WAIT_MAX / 3 {
+            status = self.machine.status(&format!("randt-{by}"));
+            if status.contains(words) {
+                return Some((now_us() - begin_us) as f64 * 1e-3);
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        panic!("randt-{by} did not see that {stage} hangs: {status}");
+    }
+
+    /// Whether all came back in time.
+    pub fn check(&self) {
+        for row in &self.rows {
+            let (stage, blow) = (row.stage, row.blow);
+            assert!(
+                row.back_ms < blow.back_max_ms(),
+                "{stage} {blow:?}: {} ms",
+                row.back_ms
+            );
+            let by_health_ms = if stage == "recorder" {
+                BY_HEALTH_MS
+            } else {
+                0.0
+            };
+            assert!(
+                row.flows_ms < FLOWS_MAX_MS + by_health_ms,
+                "{stage} {blow:?}: {} ms",
+                row.flows_ms
+            );
+            assert!(
+                row.seen_ms.is_none_or(|ms| ms < SEEN_MAX_MS),
+                "{stage}: {:?}",
+                row.seen_ms
+            );
+        }
+    }
+}

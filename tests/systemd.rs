@@ -1,0 +1,475 @@
+//! Under systemd: the units' text, and a machine that boots with them while every stage suffers what a robot's stages do.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use std::time::{Duration, Instant};
+use support::blows::{Blow, Blows, STAGES};
+use support::boot::{Image, Machine, units_folder};
+use support::pipeline::log;
+use support::sensors::unix_s;
+use support::watch::{WATCHES, Watch};
+use support::{Ended, ended};
+
+/// Where this test's own program is on the machine, and the drive.
+const WATCHER: &str = "/usr/bin/randt-test-watch";
+const DRIVE: &str = "/usr/bin/drive.mcap";
+/// The robot of the test: a radar that sends, and an IMU on a terminal.
+const ROBOT: &str = "[robot]\nradar_x_m = 0.12\n[radar]\nsource = \"beam-udp\"\naddress = \"127.0.0.1:6320\"\n\
+     [imu]\nsource = \"mip\"\ndevice = \"/run/randt/imu\"\n[record]\nfree_min_gb = 0.1\n";
+/// A journal to begin with, where it is set: a map of thousands of keyframes takes minutes to be driven.
+const JOURNAL: &str = "RANDT_TEST_JOURNAL";
+/// The whole test of a machine takes no longer.
+const ALL_MAX: Duration = Duration::from_secs(180);
+
+/// Whether it can be tested here. Under CI it must.
+fn can_boot() -> bool {
+    let missing = if !rustix::process::geteuid().is_root() {
+        "root"
+    } else if !Path::new("/lib/systemd/systemd").exists() {
+        "systemd"
+    } else if words(&[
+        "unshare", "--pid", "--fork", "--mount", "--cgroup", "--net", "true",
+    ])
+    .code
+        != Some(0)
+    {
+        "namespaces"
+    } else {
+        return true;
+    };
+    assert!(
+        std::env::var("CI").as_deref() != Ok("true"),
+        "needs {missing}"
+    );
+    println!("not tested: it needs {missing}");
+    false
+}
+
+fn words(command: &[&str]) -> Ended {
+    let mut it = Command::new(command[0]);
+    it.args(&command[1..]);
+    ended(it)
+}
+
+/// The units, with their text.
+fn units() -> Vec<(String, String)> {
+    let mut units: Vec<_> = fs::read_dir(units_folder())
+        .unwrap()
+        .map(|entry| entry.unwrap())
+        .filter(|entry| {
+            entry
+                .path()
+                .extension()
+                .is_some_and(|kind| kind == "service")
+        })
+        .map(|entry| {
+            let text = fs::read_to_string(entry.path()).unwrap();
+            (entry.file_name().into_string().unwrap(), text)
+        })
+        .collect();
+    units.sort();
+    assert_eq!(units.len(), STAGES.len() + 1, "every stage, and the view");
+    units
+}
+
+#[test]
+fn units_are_understood_and_let_out_little() {
+    if !Path::new("/usr/bin/systemd-analyze").exists() {
+        assert!(
+            std::env::var("CI").as_deref() != Ok("true"),
+            "needs systemd"
+        );
+        return println!("not tested: it needs systemd");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut paths = Vec::new();
+    for name in ["randt.target", "randt.slice"] {
+        let path = folder.path().join(name);
+        fs::copy(units_folder().join(name), &path).unwrap();
+        paths.push(path.display().to_string());
+    }
+    for (name, text) in units() {
+        let stage = name.strip_suffix(".service").unwrap();
+        let path = folder.path().join(&name);
+        // A program that is there.
+        fs::write(
+            &path,
+            text.replace(&format!("/usr/bin/{stage} "), "/bin/true "),
+        )
+        .unwrap();
+        let path = path.display().to_string();
+        let analysed = words(&[
+            "systemd-analyze",
+            "security",
+            "--offline=yes",
+            "--threshold=20",
+            &path,
+        ]);
+        let last = analysed
+            .stdout
+            .lines()
+            .last()
+            .unwrap_or_default()
+            .to_owned();
+        println!("{last}");
+        assert_eq!(analysed.code, Some(0), "{last}");
+        paths.push(path);
+    }
+    let mut command = vec!["systemd-analyze", "verify"];
+    command.extend(paths.iter().map(String::as_str));
+    let verified = words(&command);
+    assert_eq!((verified.code, verified.stderr.as_str()), (Some(0), ""));
+}
+
+/// Directives that are in use, with the release that brought them where that is no ancient one. Ubuntu 20.04 has 245; a
+/// newer one needs a fallback, and a reason here.
+const DIRECTIVES: &[(&str, &[&str])] = &[
+    (
+        "ancient",
+        &[
+            "Description",
+            "PartOf",
+            "After",
+            "Type",
+            "NotifyAccess",
+            "Environment",
+            "EnvironmentFile",
+            "ExecStart",
+            "ExecReload",
+            "Restart",
+            "RestartSec",
+            "RestartPreventExitStatus",
+            "WatchdogSec",
+            "LimitCORE",
+            "TimeoutStartSec",
+            "TimeoutStopSec",
+            "Slice",
+            "User",
+            "UMask",
+            "NoNewPrivileges",
+            "CapabilityBoundingSet",
+            "ProtectHome",
+            "PrivateTmp",
+            "SystemCallArchitectures",
+            "SystemCallFilter",
+            "SystemCallErrorNumber",
+            "DevicePolicy",
+            "DeviceAllow",
+            "PrivateDevices",
+            "PrivateNetwork",
+            "RestrictAddressFamilies",
+            "WantedBy",
+        ],
+    ),
+    (
+        "229 to 235",
+        &[
+            "StartLimitIntervalSec",
+            "AmbientCapabilities",
+            "ReadWritePaths",
+            "RemoveIPC",
+            "PrivateUsers",
+            "ProtectSystem",
+            "ProtectKernelTunables",
+            "ProtectKernelModules",
+            "ProtectControlGroups",
+            "RestrictNamespaces",
+            "RestrictRealtime",
+            "LockPersonality",
+            "MemoryDenyWriteExecute",
+            "KeyringMode",
+            "IPAddressDeny",
+        ],
+    ),
+    ("240", &["WatchdogSignal"]),
+    ("242", &["ProtectHostname", "RestrictSUIDSGID"]),
+    ("244", &["ProtectKernelLogs"]),
+    ("245", &["ProtectClock"]),
+];
+
+#[test]
+fn units_need_no_newer_systemd_than_245_and_agree_in_what_they_share() {
+    let known = |name: &str| DIRECTIVES.iter().any(|(_, names)| names.contains(&name));
+    // What may differ from stage to stage.
+    let own = [
+        "Description",
+        "After",
+        "ExecStart",
+        "ReadWritePaths",
+        "PrivateDevices",
+        "PrivateNetwork",
+        "IPAddressDeny",
+        "RestrictAddressFamilies",
+        "DeviceAllow",
+        "TimeoutStopSec",
+        "TimeoutStartSec",
+    ];
+    let mut shared: Option<Vec<String>> = None;
+    for (name, text) in units() {
+        let lines = text
+            .lines()
+            .filter(|line| !line.is_empty() && !line.starts_with(['#', '[']));
+        let lines: Vec<(&str, &str)> = lines.map(|line| line.split_once('=').unwrap()).collect();
+        for (directive, value) in &lines {
+            assert!(known(directive), "{name}: {directive} is not in the table");
+            let stops_others = ["Requires", "BindsTo", "RuntimeDirectory"];
+            assert!(
+                !stops_others.contains(directive) && *value != "notify-reload",
+                "{name}"
+            );
+        }
+        let agree = lines
+            .iter()
+            .filter(|(directive, _)| !own.contains(directive));
+        let agree: Vec<String> = agree
+            .map(|(directive, value)| format!("{directive}={value}"))
+            .collect();
+        assert_eq!(*shared.get_or_insert(agree.clone()), agree, "{name}");
+    }
+    let target = fs::read_to_string(units_folder().join("randt.target")).unwrap();
+    assert!(!target.contains("Wants="), "a stage could not be disabled");
+}
+
+/// No test: the program that [`Watch`] runs on a machine.
+#[test]
+fn watches() {
+    if std::env::var_os(WATCHES).is_some() {
+        support::watch::print();
+    }
+}
+
+/// A machine with everything on it, as it is when neither sensor is there yet.
+fn boot(folder: &Path) -> Machine {
+    let image = Image::new(&STAGES);
+    image.program(&std::env::current_exe().unwrap(), "randt-test-watch");
+    image.program(&log(folder, 900), "drive.mcap");
+    image.write("etc/randt/robot.toml", ROBOT);
+    // The emulated IMU's terminal.
+    let terminal = "[Service]\nDeviceAllow=char-pts rw\n";
+    image.write("etc/systemd/system/randt-imu.service.d/test.conf", terminal);
+    if let Some(journal) = std::env::var_os(JOURNAL) {
+        // tmpfiles gives it to the stages' user.
+        let to = image.file("var/lib/randt/missions/first/map.journal");
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        fs::copy(journal, to).unwrap();
+        image.write(
+            "etc/tmpfiles.d/test.conf",
+            "Z /var/lib/randt - randt randt -\n",
+        );
+    }
+    image.enable_all(&STAGES);
+    image.boot()
+}
+
+/// Waits until something is so on a machine.
+fn until(what: &str, time_max: Duration, mut is_so: impl FnMut() -> bool) -> Duration {
+    let begin = Instant::now();
+    while !is_so() {
+        assert!(begin.elapsed() < time_max, "{what}: waited for in vain");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    begin.elapsed()
+}
+
+fn emulate(machine: &Machine, sensor: &str, at: &str, more: &[&str]) {
+    let unit = format!("--unit=emulate-{sensor}");
+    let mut words = vec!["systemd-run", "--quiet", "--collect", "--uid=randt", &unit];
+    words.extend([
+        "/usr/bin/randt",
+        "emulate",
+        sensor,
+        "--log",
+        DRIVE,
+        "--loop",
+        "--at",
+        at,
+    ]);
+    words.extend(more);
+    machine.good(&words);
+}
+
+#[test]
+fn a_machine_boots_without_sensors_and_every_stage_suffers_alone() {
+    if !can_boot() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let begin = Instant::now();
+    let machine = boot(folder.path());
+    println!(
+        "booted {:.1} s after the test began",
+        begin.elapsed().as_secs_f64()
+    );
+
+    // The radar is off and the IMU is not plugged in.
+    let active = |unit: &str| machine.property(unit, "ActiveState") == "active";
+    until("the target", Duration::from_secs(15), || {
+        active("randt.target") && STAGES.iter().all(|stage| active(&format!("randt-{stage}")))
+    });
+    until("what is missing", Duration::from_secs(3), || {
+        let missing = |stage: &str, one: &str| {
+            let status = machine.status(&format!("randt-{stage}"));
+            status.starts_with(&format!("no {one} yet; "))
+        };
+        missing("radar", "scan") && missing("imu", "IMU sample")
+    });
+    for stage in STAGES {
+        println!("  {stage:9} {}", machine.status(&format!("randt-{stage}")));
+    }
+    let shown = machine
+        .run(&["systemctl", "status", "--no-pager", "randt-imu"])
+        .stdout;
+    assert!(shown.contains("/run/randt/imu"), "{shown}");
+
+    // Both appear.
+    let at = unix_s().to_string();
+    emulate(
+        &machine,
+        "radar",
+        &at,
+        &["--proto", "beam-udp", "--address", "127.0.0.1:6320"],
+    );
+    emulate(
+        &machine,
+        "imu",
+        &at,
+        &["--proto", "mip", "--link", "/run/randt/imu"],
+    );
+    let alive = until("all is alive", Duration::from_secs(10), || {
+        let status = machine.status("randt-odometry");
+        status.starts_with("5.0 Hz, last scan 0.") && status.ends_with("s ago, trust good")
+    });
+    println!("alive {:.1} s after the sensors", alive.as_secs_f64());
+    for stage in STAGES {
+        println!("  {stage:9} {}", machine.status(&format!("randt-{stage}")));
+    }
+
+    let watch = Watch::begin(&machine, WATCHER);
+    let mut blows = Blows::new(&machine, &watch);
+    for stage in STAGES {
+        for blow in [Blow::Restart, Blow::StopStart, Blow::Kill, Blow::Hang] {
+            blows.strike(stage, blow);
+        }
+    }
+    reload(&machine);
+    wrong_configuration(&machine);
+    real_time(&machine);
+    fields(&machine);
+    let all = begin.elapsed();
+    println!("all of it took {:.0} s", all.as_secs_f64());
+    blows.check();
+    assert!(all < ALL_MAX);
+}
+
+/// SIGHUP: what can change live does, the rest is named, nobody is restarted.
+fn reload(machine: &Machine) {
+    let pids = support::blows::pids(machine);
+    let robot = machine.path("/etc/randt/robot.toml");
+    let changed = ROBOT.replace("[imu]\n", "silence_s = 2.0\n[imu]\nsilence_s = 1.5\n");
+    fs::write(&robot, changed.replace("0.12", "0.25")).unwrap();
+    for stage in STAGES {
+        machine.good(&["systemctl", "reload", &format!("randt-{stage}")]);
+    }
+    let says = |stage: &str, words: &str| {
+        let journal = machine.journal(&format!("randt-{stage}"), &[]);
+        assert!(journal.contains(words), "randt-{stage}: {words}: {journal}");
+    };
+    for stage in STAGES {
+        let unit = format!("randt-{stage}");
+        until("reloaded", Duration::from_secs(3), || {
+            machine.property(&unit, "SubState") == "running"
+        });
+        says(stage, "the configuration was read again");
+    }
+    says(
+        "radar",
+        "radar.silence_s is 2.0 from now on, not 1.0 (/etc/randt/robot.toml:6)",
+    );
+    says("imu", "imu.silence_s is 1.5 from now on");
+    says(
+        "odometry",
+        "robot.radar_x_m is 0.25 (/etc/randt/robot.toml:2), but 0.12 stays in force",
+    );
+    says("odometry", "systemctl restart randt-odometry");
+    says("filter", "nothing of it has changed");
+    assert_eq!(support::blows::pids(machine), pids);
+    fs::write(&robot, ROBOT).unwrap();
+}
+
+/// A stage with a wrong configuration stays down and says what would be right; the others go on.
+fn wrong_configuration(machine: &Machine) {
+    let robot = machine.path("/etc/randt/robot.toml");
+    fs::write(&robot, ROBOT.replace("address =", "adress =")).unwrap();
+    let pids = support::blows::pids(machine);
+    // One that runs keeps what it has.
+    machine.good(&["systemctl", "reload", "randt-filter"]);
+    machine.run(&["systemctl", "restart", "randt-imu"]);
+    let property = |name: &str| machine.property("randt-imu", name);
+    until("the end", Duration::from_secs(3), || {
+        property("ActiveState") == "failed"
+    });
+    std::thread::sleep(Duration::from_secs(1));
+    assert_eq!(
+        (property("ActiveState"), property("ExecMainStatus")),
+        ("failed".into(), "78".into())
+    );
+    let right =
+        "/etc/randt/robot.toml:5: unknown key \"radar.adress\"; did you mean \"radar.address\"?";
+    for unit in ["randt-imu", "randt-filter"] {
+        let journal = machine.journal(unit, &["--priority", "err"]);
+        assert!(journal.contains(right), "{unit}: {journal}");
+    }
+    let others = |pids: Vec<(String, u32)>| -> Vec<(String, u32)> {
+        pids.into_iter()
+            .filter(|(unit, _)| unit != "randt-imu.service")
+            .collect()
+    };
+    assert_eq!(others(support::blows::pids(machine)), others(pids));
+    fs::write(&robot, ROBOT).unwrap();
+    machine.good(&["systemctl", "start", "randt-imu"]);
+}
+
+/// The optional drop-in.
+fn real_time(machine: &Machine) {
+    let drop_in = fs::read_to_string(units_folder().join("realtime/50-realtime.conf")).unwrap();
+    let folder = machine.path("/etc/systemd/system/randt-radar.service.d");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("50-realtime.conf"), drop_in).unwrap();
+    machine.good(&["systemctl", "daemon-reload"]);
+    machine.good(&["systemctl", "restart", "randt-radar"]);
+    let pid = machine.property("randt-radar", "MainPID");
+    assert_eq!(machine.good(&["ps", "-o", "cls=", "-p", &pid]).trim(), "FF");
+}
+
+/// What the journal knows of a line, and what the units look like where they are installed.
+fn fields(machine: &Machine) {
+    let journal = machine.journal("randt-odometry", &["--output=json", "--lines=200"]);
+    let entries = journal
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let ours: Vec<_> = entries
+        .filter(|entry| entry["RANDT_STAGE"] == "odometry")
+        .collect();
+    assert!(!ours.is_empty(), "{journal}");
+    for name in ["RANDT_EPOCH", "PRIORITY", "SYSLOG_IDENTIFIER", "MESSAGE"] {
+        assert!(ours.iter().all(|entry| entry[name].is_string()), "{name}");
+    }
+    assert!(ours.iter().any(|entry| entry["RANDT_SEQUENCE"].is_string()));
+    let units: Vec<String> = STAGES
+        .iter()
+        .map(|stage| format!("randt-{stage}.service"))
+        .collect();
+    let mut verify = vec!["systemd-analyze", "verify", "randt.target", "randt.slice"];
+    verify.extend(units.iter().map(String::as_str));
+    let verified = machine.run(&verify);
+    assert_eq!((verified.code, verified.stderr.as_str()), (Some(0), ""));
+}
