@@ -68,6 +68,7 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
 /// Crates with a price in size, build time or determinism, and who may use them.
 const USERS: &[(&str, &[&str])] = &[
     ("anyhow", &["randt"]),
+    ("base64", &["randt-view"]),
     ("bzip2", &["randt-readers"]),
     (
         "clap",
@@ -81,6 +82,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-radar",
             "randt-recorder",
             "randt-stage",
+            "randt-view",
         ],
     ),
     ("clap_complete", &["randt-stage"]),
@@ -113,6 +115,7 @@ const USERS: &[(&str, &[&str])] = &[
     ),
     ("serialport", &["randt-imu"]),
     ("toml", &["randt-config"]),
+    ("tungstenite", &["randt-view"]),
     ("wide", &["randt-ndt"]),
 ];
 

@@ -176,7 +176,11 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
     let exported = export(&name);
     assert_eq!(exported.code, Some(0), "{}", exported.stderr);
     assert!(out.join(&name).join("report/map.pgm").is_file());
-    assert_eq!(names(&out), [name.clone()], "nothing beside it");
+    assert_eq!(
+        names(&out),
+        std::slice::from_ref(&name),
+        "nothing beside it"
+    );
     let again = export(&name);
     assert_eq!(again.code, Some(1));
     assert!(again.stderr.contains("exists already"), "{}", again.stderr);

@@ -100,16 +100,17 @@ fn a_run_is_recorded_whole_and_computes_again() {
     let input = log(folder.path(), 50);
     let out = folder.path().join("logs");
     let mut pipeline = Pipeline::new("rr");
-    compute(&mut pipeline, folder.path());
-    let set = ["--set", "record.file_max_s=6"];
+    // The recorder first, as on a robot.
+    let set = ["--set", "record.file_max_s=9"];
     let recorder = record(&mut pipeline, &out, &set);
+    compute(&mut pipeline, folder.path());
     let play = pipeline.play(&input, &["--stay"]);
     // Ten seconds of drive, and a moment for the rest.
     std::thread::sleep(Duration::from_secs(12));
     pipeline.end(recorder, Signal::TERM);
     pipeline.end(play, Signal::TERM);
     let files = logs(&out);
-    assert!(files.len() >= 2, "{files:?}: each is 6 s long");
+    assert!(files.len() >= 2, "{files:?}: each is 9 s long");
     let mut counts: BTreeMap<String, u64> = BTreeMap::new();
     for file in &files {
         assert_eq!(file.extension().unwrap(), "mcap", "{file:?} is finished");
@@ -125,6 +126,10 @@ fn a_run_is_recorded_whole_and_computes_again() {
                 info["metadata"][format!("randt/{name}")].is_object(),
                 "{name} in {file:?}"
             );
+        }
+        let versions = info["metadata"]["randt/versions"].as_object().unwrap();
+        for name in ["filter", "odometry", "mapper", "recorder"] {
+            assert!(versions.contains_key(name), "{name} in {versions:?}");
         }
         assert_eq!(info["missing"].as_array().unwrap().len(), 0, "{info}");
         for (topic, found) in info["topics"].as_object().unwrap() {

@@ -61,6 +61,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         at_once |= intake.sync();
         if intake.is_other_drive {
             intake = intake.begin_anew(&journal, &config, &stage)?;
+            outlet.begin_anew();
             at_once = true;
         }
         stage.report(&intake.trouble, intake.lost);

@@ -113,8 +113,12 @@ impl OpenLog {
         self.append(sink)
     }
 
-    /// Ends the log.
-    pub fn finish(self, sink: &mut impl Sink) -> io::Result<()> {
+    /// Ends the log with what can only be said now.
+    pub fn finish(mut self, metadata: Metadata, sink: &mut impl Sink) -> io::Result<()> {
+        for (record, says) in metadata {
+            let written = self.stream.write_metadata(record, says);
+            written.map_err(io::Error::other)?;
+        }
         let last = self.stream.finish().map_err(io::Error::other)?;
         sink.append(&last)?;
         sink.finish()

@@ -3,7 +3,12 @@
 //! Responsible for that nothing older than a second or so is lost, whatever happens, and that a file is complete by
 //! itself. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
 
-use crate::{Raw, Sink, metadata::says, open_log::OpenLog, viewer::Viewer};
+use crate::{
+    Raw, Sink,
+    metadata::{VERSIONS_METADATA, says},
+    open_log::OpenLog,
+    viewer::Viewer,
+};
 use randt_log::{Options, name_of_date};
 use randt_messages::{DropCause, LogDrop, LogDropTopic, MessageRef};
 use std::collections::BTreeMap;
@@ -146,13 +151,20 @@ impl<S: Sink> Recorder<S> {
         // Where that fails the last second goes into another one, which must be ended too.
         for _ in 0..2 {
             if let Some(file) = self.file.take() {
-                let done = file.finish(&mut self.sink);
+                let done = file.finish(self.closing(), &mut self.sink);
                 if done.is_ok() {
                     self.unsynced.clear();
                 }
                 self.check(done, now_ns);
             }
         }
+    }
+
+    /// The recorder is the first to run: only at the end it knows who else did.
+    fn closing(&mut self) -> Metadata {
+        let mut records = (self.preamble)();
+        records.retain(|(name, _)| *name == VERSIONS_METADATA);
+        records
     }
 
     fn sync(&mut self, now_ns: i64) -> io::Result<()> {
@@ -172,7 +184,7 @@ impl<S: Sink> Recorder<S> {
 
     fn rotate(&mut self, now_ns: i64) -> io::Result<()> {
         if let Some(file) = self.file.take() {
-            file.finish(&mut self.sink)?;
+            file.finish(self.closing(), &mut self.sink)?;
             self.unsynced.clear();
         }
         self.open(now_ns);

@@ -29,6 +29,7 @@ pub mod sensors;
 pub mod spoilt;
 pub mod stages;
 pub mod up;
+pub mod viewer;
 pub mod watch;
 
 pub use recordings::recording;

@@ -1,45 +1,66 @@
-//! Logs as Python reads them: by its mcap package and the official schemas, in an environment of its own.
+//! Python with the packages that read what we write: `mcap` and the official protobuf schemas, in an environment of its own.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::OnceLock;
 
-/// Reads files by Python's mcap package and the official protobuf schemas.
-pub fn read_logs(files: &[PathBuf]) {
+/// What is installed, and what it is imported as.
+const PACKAGES: [&str; 3] = [
+    "mcap==1.6.0",
+    "mcap-protobuf-support==0.6.0",
+    "foxglove-schemas-protobuf==0.4.0",
+];
+const IMPORTS: &str = "import mcap, mcap_protobuf, foxglove_schemas_protobuf";
+
+/// A script of this folder, ready for its arguments. `None` where there is no network: a developer goes without, CI does
+/// not.
+pub fn script(name: &str) -> Option<Command> {
+    static READY: OnceLock<bool> = OnceLock::new();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let venv = root.join("target/python-logs");
     let python = venv.join("bin/python");
-    let mut ready = Command::new(&python);
-    ready.args([
-        "-c",
-        "import mcap, mcap_protobuf, foxglove_schemas_protobuf",
-    ]);
-    if !ready.output().is_ok_and(|output| output.status.success()) {
-        // Where there is no network a developer goes without; CI does not.
-        let made = Command::new("python3")
-            .args(["-m", "venv"])
-            .arg(&venv)
-            .output();
+    let is_ready = *READY.get_or_init(|| {
+        let imports = || Command::new(&python).args(["-c", IMPORTS]).output();
+        if imports().is_ok_and(|output| output.status.success()) {
+            return true;
+        }
+        let mut make = Command::new("python3");
+        let made = make.args(["-m", "venv"]).arg(&venv).output();
         let mut install = Command::new(&python);
-        install.args(["-m", "pip", "install", "--quiet", "mcap==1.6.0"]);
-        install.args([
-            "mcap-protobuf-support==0.6.0",
-            "foxglove-schemas-protobuf==0.4.0",
-        ]);
+        install
+            .args(["-m", "pip", "install", "--quiet"])
+            .args(PACKAGES);
         let installed = made.and_then(|_| install.output());
         let good = installed
             .as_ref()
             .is_ok_and(|output| output.status.success());
-        if !good && std::env::var("CI").as_deref() != Ok("true") {
+        assert!(
+            good || std::env::var("CI").as_deref() != Ok("true"),
+            "{installed:?}"
+        );
+        if !good {
             println!("skipped: {installed:?}");
-            return;
         }
-        assert!(good, "{installed:?}");
-    }
-    let mut read = Command::new(&python);
-    read.arg(root.join("tests/support/read_logs.py"))
-        .args(files);
-    let output = read.output().unwrap();
+        good
+    });
+    is_ready.then(|| {
+        let mut command = Command::new(&python);
+        command.arg(root.join("tests/support").join(name));
+        command
+    })
+}
+
+/// Runs it; it has to end well.
+pub fn run(command: &mut Command) {
+    let output = command.output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     println!("{}", text(&output.stdout));
     assert!(output.status.success(), "{}", text(&output.stderr));
+}
+
+/// Reads logs by Python's mcap package and the official protobuf schemas.
+pub fn read_logs(files: &[PathBuf]) {
+    if let Some(mut read) = script("read_logs.py") {
+        run(read.args(files));
+    }
 }

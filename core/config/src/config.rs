@@ -3,7 +3,7 @@
 use crate::section::Refusal;
 use crate::sections::{
     Attitude, Filter, Grid, ImuDriver, Keyframe, Loops, Ndt, Odometry, RadarDriver, Record, Robot,
-    Sensor, Submap,
+    Sensor, Submap, View,
 };
 use crate::{Error, Key, Origins};
 use toml::de::DeValue;
@@ -113,10 +113,12 @@ config! {
     imu: ImuDriver,
     /// What is recorded beside the log.
     record: Record,
+    /// What is shown live.
+    view: View,
 }
 
 /// Sections that say how messages come about, not what follows from them: another address makes no other map.
-const DRIVERS: &[&str] = &["radar", "imu", "record"];
+const DRIVERS: &[&str] = &["radar", "imu", "record", "view"];
 
 /// What must be below what, as section and key.
 const BELOW: &[[(&str, &str); 2]] = &[

@@ -32,7 +32,7 @@ pub(crate) const SENSOR_FILE: &Kind = &Kind {
 /// What is particular to a robot: where its sensors sit, and how they are reached.
 pub(crate) const ROBOT_FILE: &Kind = &Kind {
     name: "robot",
-    sections: &["robot", "radar", "imu", "record"],
+    sections: &["robot", "radar", "imu", "record", "view"],
 };
 
 /// A TOML text and where it comes from.

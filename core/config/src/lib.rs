@@ -41,5 +41,5 @@ pub use rule::Rule;
 pub use section::Key;
 pub use sections::{
     Attitude, ByteOrder, Filter, Grid, ImuDriver, ImuSource, Keyframe, Loops, Ndt, Odometry,
-    RadarDriver, RadarSource, Record, Robot, Sensor, Submap,
+    RadarDriver, RadarSource, Record, Robot, Sensor, Submap, View,
 };

@@ -324,3 +324,14 @@ section! {
         pub leave_out: String = String::new(),
     }
 }
+
+section! {
+    /// What randt-view shows, and to whom.
+    pub struct View {
+        /// Address with port that viewers connect to; 8765 is what they try by themselves. Nobody is asked who he is: so only
+        /// this machine, and others through ssh. "0.0.0.0:8765" lets everybody in the network watch.
+        pub listen: String = "127.0.0.1:8765".to_owned(),
+        /// Viewers at once; one more is turned away. Each costs a few per cent of a core at most.
+        pub clients_max: u32 = 8 => Within(1.0, 64.0),
+    }
+}

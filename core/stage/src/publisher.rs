@@ -2,12 +2,14 @@
 
 use crate::bus::{Bus, Service};
 use crate::{Clock, Error, Qos, ports::PortCounters, wire::Wire};
+use iceoryx2::identifiers::UniqueSubscriberId;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher as Port;
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::{AllocationStrategy, ipc};
+use iceoryx2::prelude::{AllocationStrategy, CallbackProgression, ipc};
 use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
+use iceoryx2::service::port_factory::PortFactory;
 use randt_messages::{MessageRef, Topic};
 use std::mem::MaybeUninit;
 use std::rc::Rc;
@@ -62,6 +64,9 @@ impl<T: Topic> Loan<T> {
 #[derive(Debug)]
 pub struct Publisher<T: Topic> {
     pub(crate) outgoing: Rc<Outgoing<T>>,
+    service: Service<T>,
+    /// Who read when that was last asked.
+    readers: Vec<UniqueSubscriberId>,
     counters: Rc<PortCounters>,
     clock: Clock,
     epoch: u64,
@@ -71,7 +76,7 @@ pub struct Publisher<T: Topic> {
 impl<T: Topic> Publisher<T> {
     pub(crate) fn new(
         bus: &Bus,
-        service: &Service<T>,
+        service: Service<T>,
         clock: Clock,
         epoch: u64,
         counters: Rc<PortCounters>,
@@ -90,11 +95,25 @@ impl<T: Topic> Publisher<T> {
                 port,
                 notifier: bus.notifier(T::NAME)?,
             }),
+            service,
+            readers: Vec::new(),
             counters,
             clock,
             epoch,
             sequence: 0,
         })
+    }
+
+    /// Whether somebody reads who did not when this was last asked: what is larger than the history can be sent again.
+    pub fn has_new_reader(&mut self) -> bool {
+        let mut readers = Vec::with_capacity(self.readers.len());
+        self.service.dynamic_config().list_subscribers(|reader| {
+            readers.push(reader.subscriber_id);
+            CallbackProgression::Continue
+        });
+        let is_new = readers.iter().any(|id| !self.readers.contains(id));
+        self.readers = readers;
+        is_new
     }
 
     /// Sends a message. Sequence, epoch and publish time are this publisher's; the rest is as given.

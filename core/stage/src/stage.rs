@@ -77,7 +77,7 @@ impl Stage {
         let epoch = started_ns.unsigned_abs();
         // Not among the ports that are reported: it would only report itself.
         let counters = PortCounters::new(StageHealthTopic::NAME, true);
-        let health = Publisher::new(&bus, &service, clock, epoch, counters)?;
+        let health = Publisher::new(&bus, service, clock, epoch, counters)?;
         let waits = Waits::new(bus.listener(JOINED)?)?;
         let stage = Self {
             writers: vec![Rc::clone(&health.outgoing) as Rc<dyn HandsOver>],
@@ -155,7 +155,7 @@ impl Stage {
         let service = self.bus.topic::<T>()?;
         self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
         let counters = self.port(T::NAME, true);
-        let publisher = Publisher::new(&self.bus, &service, self.clock, self.epoch(), counters)?;
+        let publisher = Publisher::new(&self.bus, service, self.clock, self.epoch(), counters)?;
         self.writers
             .push(Rc::clone(&publisher.outgoing) as Rc<dyn HandsOver>);
         self.say(&qos.budget(self.navtech));
@@ -208,6 +208,14 @@ impl Stage {
             if !message.is_empty() {
                 self.log(Priority::Warning, message);
             }
+        }
+    }
+
+    /// Says what people may want to know while all is well: not for the journal. Nothing is taken back that
+    /// [`Self::report`] has said.
+    pub fn remark(&mut self, message: &str) {
+        if self.condition.state == StageState::Running && self.condition.message != message {
+            message.clone_into(&mut self.condition.message);
         }
     }
 

@@ -14,23 +14,30 @@ const GRAIN: f64 = 1.0 / 4.0;
 
 /// What the filter left, in the radar's frame, each return where its beam saw it: motion during the sweep is not removed.
 pub fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
+    of_some_points(message, usize::MAX)
+}
+
+/// The same, with every n-th return only, so that the data take at most so many bytes.
+pub fn of_some_points(message: MessageRef<'_, RadarPoints>, bytes_max: usize) -> PointCloud {
     let head = message.head;
-    cloud(head.header.stamp_ns, &head.sweep, message.items)
+    let count = (bytes_max / STRIDE).max(1);
+    let step = message.items.len().div_ceil(count).max(1);
+    cloud(head.header.stamp_ns, &head.sweep, message.items, step)
 }
 
 /// Every return of a sweep, likewise.
 pub fn of_scan(message: MessageRef<'_, RadarScan>) -> PointCloud {
     let head = message.head;
-    cloud(head.header.stamp_ns, &head.sweep, message.items)
+    cloud(head.header.stamp_ns, &head.sweep, message.items, 1)
 }
 
-fn cloud(stamp_ns: i64, sweep: &SweepHead, returns: &[Return]) -> PointCloud {
+fn cloud(stamp_ns: i64, sweep: &SweepHead, returns: &[Return], step: usize) -> PointCloud {
     let beams = sweep.beams().iter();
     let directions: Vec<_> = beams
         .map(|beam| sin_cos(f64::from(beam.azimuth_rad)))
         .collect();
-    let mut data = Vec::with_capacity(returns.len() * STRIDE);
-    for point in returns {
+    let mut data = Vec::with_capacity(returns.len().div_ceil(step) * STRIDE);
+    for point in returns.iter().step_by(step) {
         let Some((sine, cosine)) = directions.get(usize::from(point.beam)) else {
             continue;
         };
@@ -94,7 +101,12 @@ mod tests {
         assert_eq!(cloud.point_stride, 12);
         assert_eq!(values, [2.0, 0.0, 9.5, 0.0, 3.0, 9.5]);
         let mut scan = Message::<RadarScan>::default();
-        (scan.head.sweep, scan.items) = (points.head.sweep, points.items);
+        (scan.head.sweep, scan.items) = (points.head.sweep, points.items.clone());
         assert_eq!(of_scan(scan.as_ref()), cloud);
+        // Thinned evenly.
+        points.items = (0..100).map(|_| at(0, 2.0)).collect();
+        assert_eq!(of_some_points(points.as_ref(), 600).data.len(), 600);
+        assert_eq!(of_some_points(points.as_ref(), 599).data.len(), 34 * STRIDE);
+        assert_eq!(of_some_points(points.as_ref(), 0).data.len(), STRIDE);
     }
 }

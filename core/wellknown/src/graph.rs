@@ -5,7 +5,7 @@ use crate::scene::{Colour, color, drawing, lines, point};
 use foxglove::messages::SceneUpdate;
 use foxglove::messages::line_primitive::Type;
 use randt_geometry::elementary::sin_cos;
-use randt_messages::{GraphEntry, GraphEntryKind, MapperGraph, Message};
+use randt_messages::{GraphEntry, GraphEntryKind, MapperGraph, MessageRef};
 use std::collections::BTreeMap;
 
 /// Keyframes of the part of the map in which the newest one is.
@@ -37,8 +37,8 @@ impl Graph {
     }
 
     /// Takes a page; says whether with it a whole graph has become known. Of one that lacks a page there is nothing.
-    pub fn take(&mut self, message: &Message<MapperGraph>) -> bool {
-        let head = &message.head;
+    pub fn take(&mut self, message: MessageRef<'_, MapperGraph>) -> bool {
+        let head = message.head;
         if message.items.is_empty() {
             return false;
         }
@@ -49,7 +49,7 @@ impl Graph {
         if self.version != head.graph_version || self.pages.len() != head.first_entry as usize {
             return false;
         }
-        self.pages.extend_from_slice(&message.items);
+        self.pages.extend_from_slice(message.items);
         if (self.pages.len() as u64) < head.keyframes.saturating_add(head.loops) {
             return false;
         }
@@ -146,6 +146,7 @@ fn place(node: &GraphEntry) -> foxglove::messages::Point3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use randt_messages::Message;
 
     fn node(id: u64, part: u64) -> GraphEntry {
         GraphEntry {
@@ -181,15 +182,15 @@ mod tests {
     fn a_graph_is_there_when_all_its_pages_are() {
         let mut graph = Graph::default();
         let nodes: Vec<_> = (0..4).map(|id| node(id, 0)).collect();
-        assert!(!graph.take(&page(1, 0, [4, 1], &nodes[..2])));
+        assert!(!graph.take(page(1, 0, [4, 1], &nodes[..2]).as_ref()));
         // The beat says nothing of entries.
-        assert!(!graph.take(&page(1, 0, [4, 1], &[])));
-        assert!(graph.take(&page(1, 2, [4, 1], &[nodes[2], nodes[3], edge(0, 3, 1.0)])));
+        assert!(!graph.take(page(1, 0, [4, 1], &[]).as_ref()));
+        assert!(graph.take(page(1, 2, [4, 1], &[nodes[2], nodes[3], edge(0, 3, 1.0)]).as_ref()));
         assert_eq!((graph.nodes().count(), graph.loops().count()), (4, 1));
         // One page is missing: the one before is still the newest whole one.
-        assert!(!graph.take(&page(2, 0, [6, 0], &nodes[..2])));
-        assert!(!graph.take(&page(2, 4, [6, 0], &nodes[..2])));
-        assert!(!graph.take(&page(3, 2, [3, 0], &nodes[2..3])));
+        assert!(!graph.take(page(2, 0, [6, 0], &nodes[..2]).as_ref()));
+        assert!(!graph.take(page(2, 4, [6, 0], &nodes[..2]).as_ref()));
+        assert!(!graph.take(page(3, 2, [3, 0], &nodes[2..3]).as_ref()));
         assert_eq!(graph.nodes().count(), 4);
     }
 
@@ -197,7 +198,7 @@ mod tests {
     fn neither_parts_nor_frames_are_joined_by_odometry() {
         let mut graph = Graph::default();
         let nodes = [node(0, 0), node(1, 0), node(2, 0), node(3, 3), node(4, 3)];
-        assert!(graph.take(&page(1, 0, [5, 0], &nodes)));
+        assert!(graph.take(page(1, 0, [5, 0], &nodes).as_ref()));
         assert_eq!(
             graph.runs().iter().map(Vec::len).collect::<Vec<_>>(),
             [3, 2]
@@ -225,7 +226,7 @@ mod tests {
             edge(0, 1, 0.1),
             edge(0, 9, 1.0),
         ];
-        assert!(graph.take(&page(1, 0, [2, 3], &entries)));
+        assert!(graph.take(page(1, 0, [2, 3], &entries).as_ref()));
         let update = graph.draw_loops(0);
         let line = &update.entities[0].lines[0];
         // One leads to a keyframe that is not there.

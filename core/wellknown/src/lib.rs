@@ -8,17 +8,22 @@ mod ellipse;
 mod graph;
 mod grid;
 mod notice;
+mod pieces;
 mod pose;
 mod scene;
+pub mod status;
+pub mod tile;
 mod transform;
 
-pub use cloud::{of_points, of_scan};
+pub use cloud::{of_points, of_scan, of_some_points};
 pub use ellipse::of_cells;
 pub use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame, SceneUpdate};
 pub use graph::Graph;
 pub use grid::Tiles;
 pub use notice::of_drop;
+pub use pieces::{nothing, pieces};
 pub use pose::of_state as pose_of_state;
+pub use scene::clear;
 pub use transform::{mounting, transforms};
 
 pub use foxglove::Encode;

@@ -1,8 +1,11 @@
-//! `SceneUpdate`: drawings of lines.
+//! `SceneUpdate`: drawings, most of them of lines.
 
 use crate::{pose_of, timestamp};
 use foxglove::messages::line_primitive::Type;
-use foxglove::messages::{Color, LinePrimitive, Point3, SceneEntity, SceneUpdate};
+use foxglove::messages::{
+    Color, LinePrimitive, Point3, SceneEntity, SceneEntityDeletion, SceneUpdate,
+    scene_entity_deletion,
+};
 
 /// Red, green, blue, alpha, from 0 to 1.
 pub(crate) type Colour = [f64; 4];
@@ -55,9 +58,27 @@ pub(crate) fn drawing(
         lines,
         ..SceneEntity::default()
     };
+    update(entity)
+}
+
+/// An update with one entity.
+pub(crate) fn update(entity: SceneEntity) -> SceneUpdate {
     SceneUpdate {
         deletions: Vec::new(),
         entities: vec![entity],
+    }
+}
+
+/// An update by which a viewer forgets all that this channel has drawn.
+pub fn clear(stamp_ns: i64) -> SceneUpdate {
+    let all = SceneEntityDeletion {
+        timestamp: timestamp(stamp_ns),
+        r#type: scene_entity_deletion::Type::All as i32,
+        id: String::new(),
+    };
+    SceneUpdate {
+        deletions: vec![all],
+        entities: Vec::new(),
     }
 }
 

@@ -67,12 +67,23 @@ impl Outlet {
             self.graph.items.clear();
             self.send_graph(intake, true)?;
         }
-        if now >= self.paint && self.drawn != Some(version) {
+        if self.grids.has_new_reader() {
+            // The history holds 8 messages: a map has hundreds of tiles, and they seldom change once they are known.
+            self.begin_anew();
+        }
+        // What is listed goes out first, so that a map that keeps changing reaches its readers whole all the same.
+        if now >= self.paint && self.drawn != Some(version) && self.tiles.is_empty() {
             self.paint = now + PAINT;
             self.drawn = Some(version);
             self.draw(intake)?;
         }
         self.send_tiles(intake)
+    }
+
+    /// The whole map is to be told, be it that it is another one.
+    pub fn begin_anew(&mut self) {
+        (self.paint, self.drawn, self.listed) = (Instant::now(), None, 0);
+        self.tiles.clear();
     }
 
     /// Sends the whole graph, page by page, and lists the tiles that have changed.

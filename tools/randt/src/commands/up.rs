@@ -76,6 +76,9 @@ pub struct Arguments {
     /// Record every topic into this folder, as randt-recorder does
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
+    /// Show it live to Foxglove and Lichtblick, as randt-view does: at view.listen
+    #[arg(long)]
+    view: bool,
     /// Do not use the IMU, nor start its driver
     #[arg(long)]
     no_imu: bool,
@@ -176,6 +179,11 @@ impl Pipeline {
             let mut program = Program::stage("recorder", realm)?;
             program.option("--profile", &profile);
             program.option("--out", std::path::absolute(folder)?);
+            pipeline.add(program);
+        }
+        if arguments.view {
+            let mut program = Program::stage("view", realm)?;
+            program.option("--profile", &profile);
             pipeline.add(program);
         }
         for name in ["mapper", "odometry", "filter"] {

@@ -129,7 +129,7 @@ impl Recording {
         } else if let Some(correction) = entry.decode::<MapperCorrection>()? {
             self.correction = Some(*correction.head);
         } else if let Some(page) = entry.decode::<MapperGraph>()? {
-            self.graph.take(&page);
+            self.graph.take(page.as_ref());
         } else if let Some(pose) = entry.decode::<TruthPoseTopic>()? {
             let pose = &pose.head;
             self.truth

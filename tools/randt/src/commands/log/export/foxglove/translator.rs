@@ -115,7 +115,7 @@ impl Translator {
         } else if let Some(correction) = entry.decode::<MapperCorrection>()? {
             self.correction = Some(*correction.head);
         } else if let Some(page) = entry.decode::<MapperGraph>()? {
-            if self.graph.take(&page) {
+            if self.graph.take(page.as_ref()) {
                 self.graph_pace.change();
             }
         } else if let Some(tile) = entry.decode::<MapperGrid>()? {

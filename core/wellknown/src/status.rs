@@ -1,0 +1,80 @@
+//! How fresh and how good what is shown is: as text beside the robot, and as a line of a log.
+
+use crate::{BASE_LINK, MAP, pose_of, scene, timestamp};
+use foxglove::messages::{Color, Log, SceneEntity, SceneUpdate, TextPrimitive, log};
+
+/// Height of the letters, pixels.
+const LETTERS: f64 = 14.0;
+/// The text stands above the robot, m.
+const ABOVE_M: f64 = 1.0;
+
+/// How good it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mood {
+    /// As it should be.
+    Good,
+    /// To be looked at with care.
+    Doubtful,
+    /// Not to be believed.
+    Bad,
+}
+
+/// The text at the robot, or at the map's origin while nobody knows where the robot is.
+pub fn text(stamp_ns: i64, words: &str, mood: Mood, knows_robot: bool) -> SceneUpdate {
+    let [r, g, b] = match mood {
+        Mood::Good => [0.0, 0.6, 0.2],
+        Mood::Doubtful => [0.9, 0.55, 0.0],
+        Mood::Bad => [0.95, 0.0, 0.0],
+    };
+    let mut pose = pose_of([0.0; 3]);
+    if let Some(position) = &mut pose.position {
+        position.z = ABOVE_M;
+    }
+    scene::update(SceneEntity {
+        timestamp: timestamp(stamp_ns),
+        frame_id: if knows_robot { BASE_LINK } else { MAP }.to_owned(),
+        id: "status".to_owned(),
+        // It goes with the robot between two of them.
+        frame_locked: true,
+        texts: vec![TextPrimitive {
+            pose: Some(pose),
+            billboard: true,
+            font_size: LETTERS,
+            scale_invariant: true,
+            color: Some(Color { r, g, b, a: 1.0 }),
+            text: words.to_owned(),
+        }],
+        ..SceneEntity::default()
+    })
+}
+
+/// The same for a log.
+pub fn line(stamp_ns: i64, words: &str, mood: Mood) -> Log {
+    let level = match mood {
+        Mood::Good => log::Level::Info,
+        Mood::Doubtful => log::Level::Warning,
+        Mood::Bad => log::Level::Error,
+    };
+    Log {
+        timestamp: timestamp(stamp_ns),
+        level: level as i32,
+        message: words.to_owned(),
+        name: "randt-view".to_owned(),
+        ..Log::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bad_news_are_red_and_errors() {
+        let update = text(5, "pose 7 s old", Mood::Bad, true);
+        let entity = &update.entities[0];
+        let colour = entity.texts[0].color.unwrap();
+        assert!(colour.r > 0.9 && colour.g < 0.1 && colour.b < 0.1);
+        assert_eq!(entity.frame_id, BASE_LINK);
+        assert_eq!(line(5, "", Mood::Bad).level, log::Level::Error as i32);
+    }
+}

@@ -1,0 +1,267 @@
+//! What there is to show: of everything the newest.
+
+use crate::Shown;
+use randt_config::Robot;
+use randt_messages::{
+    Correction, MapperGraph, MapperGrid, Message, MessageRef, OdometryState, RadarPoints,
+};
+use randt_wellknown::tile::{Detail, of_tile};
+use randt_wellknown::{Graph, SceneUpdate};
+use std::collections::{BTreeMap, VecDeque};
+
+/// Over so many poses their rate is told.
+const RATE_OVER: usize = 10;
+/// A stamp that is older than this when its message is published is of another clock: a recording's.
+const OTHER_CLOCK_NS: i64 = 10_000_000_000;
+
+/// Something that is sent when it changes and stays with the viewer by its name: a tile, a piece of the path.
+#[derive(Debug)]
+pub(crate) struct Piece {
+    /// Rises with every change of any piece.
+    pub version: u64,
+    /// The message.
+    pub bytes: Vec<u8>,
+    /// The same with less detail, where there is one.
+    pub coarse: Option<Vec<u8>>,
+    /// Where it lies in `map`, m; of a path nowhere.
+    pub place_m: Option<[f64; 2]>,
+}
+
+/// The newest of everything.
+#[derive(Debug, Default)]
+pub struct Board {
+    pub(crate) robot: Robot,
+    /// The newest state, and how many there were.
+    pub(crate) state: Option<OdometryState>,
+    pub(crate) states: u64,
+    /// When the last ones were published, ns.
+    published_ns: VecDeque<i64>,
+    pub(crate) correction: Option<Correction>,
+    /// The newest cloud, and how many there were.
+    pub(crate) points: Option<Message<RadarPoints>>,
+    pub(crate) clouds: u64,
+    graph: Graph,
+    /// By channel and name.
+    pub(crate) pieces: BTreeMap<(Shown, String), Piece>,
+    /// Of the newest change of a piece.
+    pub(crate) version: u64,
+    /// How often the map began anew.
+    pub(crate) maps: u64,
+}
+
+impl Board {
+    /// Nothing yet, of a robot.
+    pub fn new(robot: Robot) -> Self {
+        Self {
+            robot,
+            ..Self::default()
+        }
+    }
+
+    /// A pose.
+    pub fn take_state(&mut self, state: &OdometryState) {
+        if self
+            .state
+            .is_some_and(|known| known.header.epoch != state.header.epoch)
+        {
+            self.published_ns.clear();
+        }
+        if self.published_ns.len() == RATE_OVER {
+            self.published_ns.pop_front();
+        }
+        self.published_ns.push_back(state.header.published_ns);
+        self.state = Some(*state);
+        self.states += 1;
+    }
+
+    /// Where `odom` lies in `map`.
+    pub fn take_correction(&mut self, correction: &Correction) {
+        let known = self.correction.replace(*correction);
+        if known.is_some_and(|known| known.graph_version > correction.graph_version) {
+            // Another drive: nothing of the map holds any more.
+            self.pieces.clear();
+            self.graph = Graph::default();
+            self.maps += 1;
+        }
+    }
+
+    /// Filtered returns.
+    pub fn take_points(&mut self, message: MessageRef<'_, RadarPoints>) {
+        let points = self.points.get_or_insert_default();
+        *points.head = *message.head;
+        points.items.clear();
+        points.items.extend_from_slice(message.items);
+        self.clouds += 1;
+    }
+
+    /// A tile as it now is.
+    pub fn take_tile(&mut self, message: MessageRef<'_, MapperGrid>) {
+        let [fine, coarse] = [Detail::Fine, Detail::Coarse].map(|detail| of_tile(message, detail));
+        for (fine, coarse) in fine.into_iter().zip(coarse) {
+            let key = (Shown::Grid, fine.name);
+            // What was never known need not be taken away.
+            if let Some(bytes) = randt_wellknown::bytes(&fine.update)
+                && (!fine.is_empty || self.pieces.contains_key(&key))
+            {
+                let coarse = randt_wellknown::bytes(&coarse.update);
+                self.put(key, Some(fine.middle_m), bytes, coarse);
+            }
+        }
+    }
+
+    /// A page of the pose graph.
+    pub fn take_graph(&mut self, page: MessageRef<'_, MapperGraph>) {
+        if !self.graph.take(page) {
+            return;
+        }
+        let pieces = randt_wellknown::pieces(&self.graph);
+        let is_there = |name: &String| pieces.iter().any(|(there, _)| there == name);
+        let known = self
+            .pieces
+            .keys()
+            .filter(|(shown, _)| *shown == Shown::Path);
+        let gone: Vec<String> = known
+            .map(|(_, name)| name.clone())
+            .filter(|n| !is_there(n))
+            .collect();
+        for name in gone {
+            // Drawn empty, so that viewers take it away.
+            self.draw(randt_wellknown::nothing(&name), name);
+        }
+        for (name, update) in pieces {
+            self.draw(update, name);
+        }
+    }
+
+    fn draw(&mut self, update: SceneUpdate, name: String) {
+        if let Some(bytes) = randt_wellknown::bytes(&update) {
+            self.put((Shown::Path, name), None, bytes, None);
+        }
+    }
+
+    fn put(
+        &mut self,
+        key: (Shown, String),
+        place_m: Option<[f64; 2]>,
+        bytes: Vec<u8>,
+        coarse: Option<Vec<u8>>,
+    ) {
+        if self
+            .pieces
+            .get(&key)
+            .is_some_and(|known| known.bytes == bytes)
+        {
+            return;
+        }
+        self.version += 1;
+        let piece = Piece {
+            version: self.version,
+            bytes,
+            coarse,
+            place_m,
+        };
+        self.pieces.insert(key, piece);
+    }
+
+    /// Where the robot is in `map`, m, as far as is known.
+    pub(crate) fn robot_m(&self) -> [f64; 2] {
+        let pose = self.state.map_or([0.0; 3], |state| state.pose);
+        let at = randt_geometry::Pose2::from_array(pose);
+        let correction = self
+            .correction
+            .map_or([0.0; 3], |correction| correction.pose);
+        let [x, y, _] = randt_geometry::Pose2::from_array(correction)
+            .compose(&at)
+            .to_array();
+        [x, y]
+    }
+
+    /// How old the newest pose is, s; `None` before there is one.
+    pub(crate) fn age_s(&self, now_ns: i64) -> Option<f64> {
+        let header = self.state?.header;
+        let late_ns = header.published_ns.saturating_sub(header.stamp_ns);
+        let is_ours = (0..OTHER_CLOCK_NS).contains(&late_ns);
+        let born_ns = if is_ours {
+            header.stamp_ns
+        } else {
+            header.published_ns
+        };
+        Some(now_ns.saturating_sub(born_ns).max(0) as f64 * 1e-9)
+    }
+
+    /// What time it is for the data: that of their stamps, which in a recording is not ours.
+    pub(crate) fn time_ns(&self, now_ns: i64) -> i64 {
+        self.state.map_or(now_ns, |state| {
+            let since_ns = now_ns.saturating_sub(state.header.published_ns).max(0);
+            state.header.stamp_ns.saturating_add(since_ns)
+        })
+    }
+
+    /// Poses a second.
+    pub(crate) fn rate_hz(&self) -> Option<f64> {
+        let (first, last) = (self.published_ns.front()?, self.published_ns.back()?);
+        let steps = self.published_ns.len() - 1;
+        (last > first).then(|| steps as f64 / ((last - first) as f64 * 1e-9))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_messages::TILE_CELLS;
+
+    fn state(published_ns: i64) -> OdometryState {
+        let mut state = OdometryState::default();
+        state.header.published_ns = published_ns;
+        state.header.stamp_ns = 7_000_000_000;
+        state
+    }
+
+    #[test]
+    fn age_and_time_are_right_for_a_recording_too() {
+        let mut board = Board::new(Robot::default());
+        assert_eq!((board.age_s(5), board.rate_hz()), (None, None));
+        for i in 0..20 {
+            board.take_state(&state(1_000_000_000_000 + i * 200_000_000));
+        }
+        let now_ns = 1_000_000_000_000 + 19 * 200_000_000 + 500_000_000;
+        assert_eq!(board.age_s(now_ns), Some(0.5));
+        assert_eq!(board.time_ns(now_ns), 7_500_000_000);
+        assert!((board.rate_hz().unwrap() - 5.0).abs() < 1e-9);
+        // Live, the age is that of what was measured.
+        board.take_state(&state(7_100_000_000));
+        assert!((board.age_s(7_300_000_000).unwrap() - 0.3).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_tile_is_news_only_where_it_differs_and_another_drive_has_none_of_it() {
+        let mut board = Board::new(Robot::default());
+        let mut tile = Message::<MapperGrid> {
+            items: vec![0; TILE_CELLS * TILE_CELLS],
+            ..Message::default()
+        };
+        board.take_tile(tile.as_ref());
+        tile.head.header.stamp_ns = 1_000_000_000;
+        board.take_tile(tile.as_ref());
+        assert_eq!(board.version, 4);
+        tile.items[0] = 100;
+        board.take_tile(tile.as_ref());
+        assert_eq!(
+            (board.version, board.pieces.len()),
+            (5, 4),
+            "a quarter of it"
+        );
+        (tile.head.row, tile.items) = (9, vec![255; TILE_CELLS * TILE_CELLS]);
+        board.take_tile(tile.as_ref());
+        assert_eq!(board.pieces.len(), 4, "never known, never shown");
+        let mut correction = Correction {
+            graph_version: 5,
+            ..Correction::default()
+        };
+        board.take_correction(&correction);
+        assert_eq!(board.pieces.len(), 4);
+        correction.graph_version = 1;
+        board.take_correction(&correction);
+        assert_eq!((board.pieces.len(), board.maps), (0, 1));
+    }
+}

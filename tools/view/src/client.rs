@@ -1,0 +1,462 @@
+//! What one viewer has, and what it gets next: the newest of the most important.
+
+use crate::board::Piece;
+use crate::protocol::Request;
+use crate::{Board, Flow, Shown, protocol, words};
+use randt_wellknown::{bytes, clear, pose_of_state, status, transforms};
+use std::collections::{BTreeMap, VecDeque};
+
+/// The status is told once a second, also when nothing comes.
+const STATUS_NS: i64 = 1_000_000_000;
+/// A cloud comes so often: it is the largest of what always changes ...
+const CLOUD_NS: i64 = 950_000_000;
+/// ... and takes this much of the link's time, s. ...
+const CLOUD_TAKES_S: f64 = 0.2;
+/// ... Where a whole one is a matter of moments, from this rate on in bytes a second, ...
+const FAST: f64 = 250_000.0;
+/// ... it comes so often.
+const CLOUD_FAST_NS: i64 = 450_000_000;
+/// A cloud of fewer bytes than this is none.
+const CLOUD_LEAST: f64 = 1_200.0;
+/// Below this rate tiles are shown without detail at first, bytes a second: a building takes 10 s and more.
+const SLOW: f64 = 100_000.0;
+/// The version of a piece that is there without its detail: no piece's.
+const COARSE: u64 = 0;
+/// Beside what may be under way: pose and status do not wait for what fills the link.
+const BEYOND: f64 = 2_000.0;
+/// Time never goes back for viewers by less than this, ns: they would forget everything.
+const JITTER_NS: i64 = 10_000_000_000;
+
+/// A message on its way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// Words.
+    Text(String),
+    /// Bytes.
+    Binary(Vec<u8>),
+}
+
+impl Frame {
+    /// Bytes on the link.
+    pub fn size(&self) -> usize {
+        let head = 4;
+        head + match self {
+            Self::Text(text) => text.len(),
+            Self::Binary(bytes) => bytes.len(),
+        }
+    }
+}
+
+/// One viewer.
+#[derive(Debug, Default)]
+pub struct Client {
+    /// What is to be said first, in order.
+    greeting: VecDeque<String>,
+    /// By channel: the subscription's number.
+    subscriptions: [Option<u32>; Shown::ALL.len()],
+    /// By channel: the number of the last state or cloud that went out, or the map that the pieces belong to.
+    had: [Option<u64>; Shown::ALL.len()],
+    /// Versions of the pieces that it has.
+    pieces: BTreeMap<(Shown, String), u64>,
+    /// No piece is newer than this, as far as was looked.
+    looked: u64,
+    status_ns: i64,
+    log_ns: i64,
+    cloud_ns: i64,
+    time_ns: i64,
+    time_of: u64,
+    /// Frames that were overtaken by newer ones before they could go.
+    pub dropped: u64,
+}
+
+impl Client {
+    /// One who has just come.
+    pub fn new(session: &str) -> Self {
+        let mut greeting = VecDeque::from([protocol::server_info(session)]);
+        let adverts = Shown::ALL.map(|shown| protocol::advertise(shown.id(), &shown.channel()));
+        greeting.extend(adverts);
+        Self {
+            greeting,
+            ..Self::default()
+        }
+    }
+
+    /// It says something.
+    pub fn hear(&mut self, text: &str) {
+        match protocol::request(text) {
+            Request::Subscribe(wanted) => {
+                for (subscription, channel) in wanted {
+                    self.subscribe(subscription, channel);
+                }
+            }
+            Request::Unsubscribe(gone) => {
+                for subscription in &mut self.subscriptions {
+                    *subscription = subscription.filter(|number| !gone.contains(number));
+                }
+            }
+            Request::Other => {}
+        }
+    }
+
+    fn subscribe(&mut self, subscription: u32, channel: u32) {
+        let Some(shown) = Shown::of_id(channel) else {
+            let warning = format!("there is no channel {channel}");
+            // One is enough for whoever asks for many.
+            if self.greeting.is_empty() {
+                self.greeting.push_back(protocol::warning(&warning));
+            }
+            return;
+        };
+        // Everything anew: a panel that was opened just now has nothing.
+        self.pieces.retain(|(of, _), _| *of != shown);
+        self.looked = 0;
+        match shown {
+            Shown::Status => self.status_ns = 0,
+            Shown::Log => self.log_ns = 0,
+            Shown::Points => self.cloud_ns = 0,
+            _ => {}
+        }
+        set(&mut self.had, shown, None);
+        set(&mut self.subscriptions, shown, Some(subscription));
+    }
+
+    fn subscription(&self, shown: Shown) -> Option<u32> {
+        self.subscriptions.get(shown.place()).copied().flatten()
+    }
+
+    fn had(&self, shown: Shown) -> Option<u64> {
+        self.had.get(shown.place()).copied().flatten()
+    }
+
+    /// The next message, where there is one and it may go now.
+    pub fn next(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
+        if flow.has_room(0, BEYOND) {
+            let urgent = self.status(board, flow, now_ns);
+            let urgent = urgent.or_else(|| self.state(board, now_ns));
+            if urgent.is_some() {
+                return urgent;
+            }
+        }
+        if !flow.has_room(0, 0.0) {
+            return None;
+        }
+        if let Some(words) = self.greeting.pop_front() {
+            return Some(Frame::Text(words));
+        }
+        match self.cloud(board, now_ns) {
+            Some(subscription) => self.points(subscription, board, flow, now_ns),
+            None => self.piece(board, flow, now_ns),
+        }
+    }
+
+    fn status(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
+        let is_due = |then_ns: i64| now_ns.saturating_sub(then_ns) >= STATUS_NS;
+        let text = self
+            .subscription(Shown::Status)
+            .filter(|_| is_due(self.status_ns));
+        let line = self
+            .subscription(Shown::Log)
+            .filter(|_| is_due(self.log_ns));
+        if text.is_none() && line.is_none() {
+            return None;
+        }
+        if let Some(time) = self.time(board, now_ns, u64::MAX) {
+            return Some(time);
+        }
+        let (said, mood) = words::of(board, now_ns, flow.round_trip_s(now_ns));
+        let stamp_ns = self.time_ns;
+        self.time_of = 0;
+        let (subscription, payload) = match (text, line) {
+            (Some(text), _) => {
+                self.status_ns = now_ns;
+                let update = status::text(stamp_ns, &said, mood, board.state.is_some());
+                (text, bytes(&update)?)
+            }
+            (None, line) => {
+                self.log_ns = now_ns;
+                (line?, bytes(&status::line(stamp_ns, &said, mood))?)
+            }
+        };
+        Some(data(subscription, stamp_ns, &payload))
+    }
+
+    /// What time it is, once before what is told of that time.
+    fn time(&mut self, board: &Board, now_ns: i64, of: u64) -> Option<Frame> {
+        if self.time_of == of {
+            return None;
+        }
+        self.time_of = of;
+        let time_ns = board.time_ns(now_ns);
+        let is_back = (self.time_ns - JITTER_NS..self.time_ns).contains(&time_ns);
+        self.time_ns = if is_back { self.time_ns } else { time_ns };
+        Some(Frame::Binary(protocol::time(self.time_ns)))
+    }
+
+    fn state(&mut self, board: &Board, now_ns: i64) -> Option<Frame> {
+        let state = board.state?;
+        for shown in [Shown::Transforms, Shown::Pose] {
+            let had = self.had(shown);
+            let Some(subscription) = self
+                .subscription(shown)
+                .filter(|_| had != Some(board.states))
+            else {
+                continue;
+            };
+            if let Some(time) = self.time(board, now_ns, board.states) {
+                return Some(time);
+            }
+            let payload = match shown {
+                Shown::Pose => bytes(&pose_of_state(&state))?,
+                _ => bytes(&transforms(&board.robot, &state, board.correction.as_ref()))?,
+            };
+            self.dropped += had.map_or(0, |had| board.states - had - 1);
+            set(&mut self.had, shown, Some(board.states));
+            return Some(data(subscription, state.header.stamp_ns, &payload));
+        }
+        None
+    }
+
+    /// The subscription of the cloud where one is due.
+    fn cloud(&self, board: &Board, now_ns: i64) -> Option<u32> {
+        let is_new = board.points.is_some() && self.had(Shown::Points) != Some(board.clouds);
+        let subscription = self.subscription(Shown::Points);
+        subscription.filter(|_| is_new && now_ns >= self.cloud_ns)
+    }
+
+    /// The cloud, thinned to what the link takes. Where there is no room for it now, tiles wait as well: they would
+    /// always be smaller.
+    fn points(
+        &mut self,
+        subscription: u32,
+        board: &Board,
+        flow: &Flow,
+        now_ns: i64,
+    ) -> Option<Frame> {
+        let points = board.points.as_ref()?;
+        let bytes_max = (flow.rate() * CLOUD_TAKES_S).max(CLOUD_LEAST);
+        let cloud = randt_wellknown::of_some_points(points.as_ref(), bytes_max as usize);
+        let payload = bytes(&cloud)?;
+        if !flow.has_room(payload.len(), 0.0) {
+            return None;
+        }
+        let is_fast = flow.rate() > FAST;
+        self.cloud_ns = now_ns + if is_fast { CLOUD_FAST_NS } else { CLOUD_NS };
+        set(&mut self.had, Shown::Points, Some(board.clouds));
+        Some(data(subscription, points.head.header.stamp_ns, &payload))
+    }
+
+    /// A piece that it does not have: of the path first, then of the grid what is nearest to the robot. On a slow link
+    /// all of it without detail, then with it: never the other way round.
+    fn piece(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
+        for shown in [Shown::Path, Shown::Grid] {
+            if let Some(subscription) = self.subscription(shown)
+                && self.had(shown) != Some(board.maps)
+            {
+                let is_first = self.had(shown).is_none();
+                set(&mut self.had, shown, Some(board.maps));
+                self.pieces.retain(|(of, _), _| *of != shown);
+                if !is_first {
+                    let time_ns = board.time_ns(now_ns);
+                    return Some(data(subscription, time_ns, &bytes(&clear(time_ns))?));
+                }
+            }
+        }
+        if self.looked == board.version {
+            return None;
+        }
+        let robot_m = board.robot_m();
+        let wanted = board.pieces.iter().filter(|(key, piece)| {
+            self.subscription(key.0).is_some() && self.pieces.get(*key) != Some(&piece.version)
+        });
+        let is_slow = flow.rate() < SLOW;
+        let urgency = |key: &(Shown, String), piece: &Piece| {
+            let Some([x, y]) = piece.place_m else {
+                return (false, -1.0);
+            };
+            let [x, y] = [x - robot_m[0], y - robot_m[1]];
+            (is_slow && self.pieces.contains_key(key), x * x + y * y)
+        };
+        let next = wanted.min_by(|(key, piece), (other, than)| {
+            // What lies nowhere comes first; then, on a slow link, what there is nothing of yet.
+            let ((known, far), (than_known, than)) = (urgency(key, piece), urgency(other, than));
+            known.cmp(&than_known).then(far.total_cmp(&than))
+        });
+        let Some((key, piece)) = next else {
+            self.looked = board.version;
+            return None;
+        };
+        let coarse = piece.coarse.as_ref();
+        let coarse = coarse.filter(|_| is_slow && !self.pieces.contains_key(key));
+        let payload = coarse.unwrap_or(&piece.bytes);
+        if !flow.has_room(payload.len(), 0.0) {
+            return None;
+        }
+        let version = if coarse.is_some() {
+            COARSE
+        } else {
+            piece.version
+        };
+        let subscription = self.subscription(key.0)?;
+        self.pieces.insert(key.clone(), version);
+        Some(data(subscription, board.time_ns(now_ns), payload))
+    }
+}
+
+fn set<T>(of: &mut [T], shown: Shown, value: T) {
+    if let Some(place) = of.get_mut(shown.place()) {
+        *place = value;
+    }
+}
+
+fn data(subscription: u32, log_time_ns: i64, payload: &[u8]) -> Frame {
+    Frame::Binary(protocol::message_data(subscription, log_time_ns, payload))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_config::Robot;
+    use randt_messages::{MapperGrid, Message, OdometryState, RadarPoints, Return, TILE_CELLS};
+
+    const S: i64 = 1_000_000_000;
+
+    fn state(id: i64) -> OdometryState {
+        let mut state = OdometryState::default();
+        state.header.stamp_ns = 100 * S + id * S / 5;
+        state.header.published_ns = state.header.stamp_ns;
+        state
+    }
+
+    /// A board with a cloud, a pose, and tiles at the columns.
+    fn board(columns: &[i32]) -> Board {
+        let mut board = Board::new(Robot::default());
+        board.take_state(&state(0));
+        let mut points = Message::<RadarPoints> {
+            items: vec![Return::default(); 2000],
+            ..Message::default()
+        };
+        points.head.sweep.beam_count = 1;
+        board.take_points(points.as_ref());
+        for column in columns {
+            let mut tile = Message::<MapperGrid>::default();
+            tile.head.column = *column;
+            tile.head.resolution_m = 0.1;
+            tile.items = vec![0; TILE_CELLS * TILE_CELLS];
+            board.take_tile(tile.as_ref());
+        }
+        board
+    }
+
+    /// All that goes at once: of messages their subscription, size and text.
+    fn all(client: &mut Client, board: &Board, flow: &mut Flow, now_ns: i64) -> Vec<(u32, String)> {
+        let mut found = Vec::new();
+        while let Some(frame) = client.next(board, flow, now_ns) {
+            flow.wrote(frame.size());
+            if let Frame::Binary(bytes) = frame
+                && bytes[0] == 1
+            {
+                let subscription = u32::from_le_bytes([bytes[1], bytes[2], bytes[3], bytes[4]]);
+                found.push((
+                    subscription,
+                    String::from_utf8_lossy(&bytes[13..]).into_owned(),
+                ));
+            }
+        }
+        found
+    }
+
+    /// Answers everything that is under way, from far away.
+    fn answer(flow: &mut Flow, now_ns: i64) {
+        if let Some(content) = flow.ping(now_ns, true) {
+            flow.pong(&content, now_ns + S);
+        }
+    }
+
+    fn subscribed(flow: &mut Flow) -> Client {
+        let mut client = Client::new("1");
+        for _ in 0..20 {
+            all(&mut client, &Board::default(), flow, 0);
+            answer(flow, 0);
+        }
+        for shown in Shown::ALL {
+            let (id, channel) = (100 + shown.id(), shown.id());
+            client.hear(&format!(
+                r#"{{"op":"subscribe","subscriptions":[{{"id":{id},"channelId":{channel}}}]}}"#
+            ));
+        }
+        client
+    }
+
+    #[test]
+    fn the_most_important_goes_first_and_tiles_by_their_distance() {
+        let mut flow = Flow::default();
+        let mut client = subscribed(&mut flow);
+        let board = board(&[5, -40, 1, 0]);
+        let mut got = Vec::new();
+        for _ in 0..10 {
+            got.extend(all(&mut client, &board, &mut flow, 101 * S));
+            answer(&mut flow, 101 * S);
+        }
+        let order: Vec<_> = got
+            .iter()
+            .map(|(subscription, _)| *subscription - 100)
+            .collect();
+        assert_eq!(order[..5], [1, 2, 3, 4, 5]);
+        // Four quarters of four tiles, without detail first, and again with it.
+        assert_eq!(order[5..], [7; 32]);
+        let columns = [0, 1, 5, -40, 0, 1, 5, -40];
+        for (column, pieces) in columns.into_iter().zip(got[5..].chunks(4)) {
+            let name = format!("tile 0 {column}.");
+            assert!(
+                pieces.iter().all(|(_, text)| text.contains(&name)),
+                "{name} {pieces:?}"
+            );
+        }
+        assert!(got[0].1.contains("old, trust"));
+    }
+
+    #[test]
+    fn what_waits_is_overtaken_by_what_is_newer_and_counted() {
+        let mut flow = Flow::default();
+        let mut client = subscribed(&mut flow);
+        let mut board = board(&[]);
+        all(&mut client, &board, &mut flow, 101 * S);
+        answer(&mut flow, 101 * S);
+        // The link is full.
+        flow.wrote(1_000_000);
+        for id in 1..=10 {
+            board.take_state(&state(id));
+            assert!(all(&mut client, &board, &mut flow, 102 * S).is_empty());
+        }
+        answer(&mut flow, 102 * S);
+        let got = all(&mut client, &board, &mut flow, 103 * S);
+        let poses = got
+            .iter()
+            .filter(|(subscription, _)| *subscription == 104)
+            .count();
+        assert_eq!((poses, client.dropped), (1, 2 * 9));
+    }
+
+    #[test]
+    fn a_panel_that_is_opened_anew_gets_everything_anew() {
+        let mut flow = Flow::default();
+        let mut client = subscribed(&mut flow);
+        let board = board(&[1, 2]);
+        let mut count = |client: &mut Client, now_s: i64| {
+            let mut got = Vec::new();
+            for _ in 0..10 {
+                got.extend(all(client, &board, &mut flow, now_s * S));
+                answer(&mut flow, now_s * S);
+            }
+            got.iter()
+                .filter(|(subscription, _)| *subscription >= 107)
+                .count()
+        };
+        assert_eq!(count(&mut client, 101), 16, "without detail and with it");
+        assert_eq!(count(&mut client, 102), 0);
+        client.hear(r#"{"op":"unsubscribe","subscriptionIds":[107]}"#);
+        assert_eq!(count(&mut client, 103), 0);
+        client.hear(r#"{"op":"subscribe","subscriptions":[{"id":200,"channelId":7},{"id":9,"channelId":99}]}"#);
+        assert_eq!(count(&mut client, 104), 16);
+    }
+}

@@ -1,0 +1,59 @@
+//! What the view reads of the bus.
+
+use randt_messages::{MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic, RadarPoints};
+use randt_stage::{Error, Stage, Subscriber, Wakes};
+use randt_view::Board;
+
+/// The topics that are shown.
+pub struct Inputs {
+    states: Subscriber<OdometryStateTopic>,
+    points: Subscriber<RadarPoints>,
+    corrections: Subscriber<MapperCorrection>,
+    graphs: Subscriber<MapperGraph>,
+    tiles: Subscriber<MapperGrid>,
+}
+
+impl Inputs {
+    /// Begins to read them.
+    pub fn open(stage: &mut Stage) -> Result<Self, Error> {
+        Ok(Self {
+            states: stage.subscriber()?,
+            points: stage.subscriber()?,
+            corrections: stage.subscriber()?,
+            graphs: stage.subscriber()?,
+            tiles: stage.subscriber()?,
+        })
+    }
+
+    /// Takes what has come.
+    pub fn drain(&mut self, board: &mut Board) -> Result<(), Error> {
+        while let Some(state) = self.states.receive()? {
+            board.take_state(state.message().head);
+        }
+        while let Some(points) = self.points.receive()? {
+            board.take_points(points.message());
+        }
+        // Before the map: it says whether that is another one.
+        while let Some(correction) = self.corrections.receive()? {
+            board.take_correction(correction.message().head);
+        }
+        while let Some(page) = self.graphs.receive()? {
+            board.take_graph(page.message());
+        }
+        while let Some(tile) = self.tiles.receive()? {
+            board.take_tile(tile.message());
+        }
+        Ok(())
+    }
+
+    /// What to sleep on.
+    pub fn wakes(&self) -> Vec<&dyn Wakes> {
+        vec![
+            &self.states,
+            &self.points,
+            &self.corrections,
+            &self.graphs,
+            &self.tiles,
+        ]
+    }
+}

@@ -1,0 +1,54 @@
+//! `randt-view`: the live pipeline for Foxglove and Lichtblick, as a process.
+
+mod inputs;
+
+use clap::Parser;
+use inputs::Inputs;
+use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended};
+use randt_view::{Board, Server};
+use std::error::Error;
+use std::process::ExitCode;
+
+/// The view stage: pose, returns, map and what they are worth, live, for Foxglove and Lichtblick.
+///
+/// Viewers connect to ws://127.0.0.1:8765 and see what is young: on a slow link less often, never what was minutes ago. It only reads the
+/// bus; nothing waits for it.
+#[derive(Debug, Parser)]
+#[command(name = "randt-view", version, max_term_width = 100)]
+struct Arguments {
+    /// Address with port for viewers, instead of view.listen
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    listen: Option<String>,
+    #[command(flatten)]
+    stage: StageArguments,
+}
+
+fn main() -> ExitCode {
+    ended("view", run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let config = arguments.stage.selection.load(None)?.config;
+    let listen = arguments.listen.as_ref().unwrap_or(&config.view.listen);
+    let mut stage = arguments.stage.open("view")?;
+    let clock = stage.clock();
+    let mut inputs = Inputs::open(&mut stage)?;
+    let mut board = Board::new(config.robot);
+    let mut server = Server::new(listen, config.view.clients_max as usize, stage.epoch());
+    stage.running()?;
+    loop {
+        inputs.drain(&mut board)?;
+        let now_ns = clock.now_ns();
+        server.turn(&board, now_ns, &mut |line| stage.say(line));
+        stage.report(server.trouble(), 0);
+        stage.remark(&server.remark(now_ns));
+        let sockets = server.descriptors().map(Descriptor::new);
+        let sockets = sockets.collect::<Result<Vec<_>, _>>()?;
+        let mut on = inputs.wakes();
+        on.extend(sockets.iter().map(|socket| socket as &dyn Wakes));
+        if stage.wait(&on, Some(server.pause()))? == Woken::Stop {
+            break;
+        }
+    }
+    Ok(stage.close()?)
+}
