@@ -4,7 +4,7 @@ mod inputs;
 
 use clap::Parser;
 use inputs::Inputs;
-use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended};
+use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, parse};
 use randt_view::{Board, Server};
 use std::error::Error;
 use std::process::ExitCode;
@@ -24,13 +24,15 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("view", run(&Arguments::parse()))
+    ended("view", run(&parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let listen = arguments.listen.as_ref().unwrap_or(&config.view.listen);
     let mut stage = arguments.stage.open("view")?;
+    let selection = &arguments.stage.selection;
+    stage.follow(selection, &config, &["robot", "view"], None);
     let clock = stage.clock();
     let mut inputs = Inputs::open(&mut stage)?;
     let mut board = Board::new(config.robot);
@@ -42,6 +44,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         server.turn(&board, now_ns, &mut |line| stage.say(line));
         stage.report(server.trouble(), 0);
         stage.remark(&server.remark(now_ns));
+        stage.note(&server.remark(now_ns));
         let sockets = server.descriptors().map(Descriptor::new);
         let sockets = sockets.collect::<Result<Vec<_>, _>>()?;
         let mut on = inputs.wakes();
