@@ -9,50 +9,23 @@
 mod support;
 
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 use support::blows::{Blow, Blows, STAGES};
 use support::boot::{Image, Machine, units_folder};
-use support::pipeline::log;
+use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
 use support::sensors::unix_s;
 use support::watch::{WATCHES, Watch};
 use support::{Ended, ended};
 
-/// Where this test's own program is on the machine, and the drive.
+/// Where this test's own program is on the machine.
 const WATCHER: &str = "/usr/bin/randt-test-watch";
-const DRIVE: &str = "/usr/bin/drive.mcap";
-/// The robot of the test: a radar that sends, and an IMU on a terminal.
-const ROBOT: &str = "[robot]\nradar_x_m = 0.12\n[radar]\nsource = \"beam-udp\"\naddress = \"127.0.0.1:6320\"\n\
-     [imu]\nsource = \"mip\"\ndevice = \"/run/randt/imu\"\n[record]\nfree_min_gb = 0.1\n";
 /// A journal to begin with, where it is set: a map of thousands of keyframes takes minutes to be driven.
 const JOURNAL: &str = "RANDT_TEST_JOURNAL";
 /// The whole test of a machine takes no longer.
 const ALL_MAX: Duration = Duration::from_secs(180);
-
-/// Whether it can be tested here. Under CI it must.
-fn can_boot() -> bool {
-    let missing = if !rustix::process::geteuid().is_root() {
-        "root"
-    } else if !Path::new("/lib/systemd/systemd").exists() {
-        "systemd"
-    } else if words(&[
-        "unshare", "--pid", "--fork", "--mount", "--cgroup", "--net", "true",
-    ])
-    .code
-        != Some(0)
-    {
-        "namespaces"
-    } else {
-        return true;
-    };
-    assert!(
-        std::env::var("CI").as_deref() != Ok("true"),
-        "needs {missing}"
-    );
-    println!("not tested: it needs {missing}");
-    false
-}
 
 fn words(command: &[&str]) -> Ended {
     let mut it = Command::new(command[0]);
@@ -77,7 +50,8 @@ fn units() -> Vec<(String, String)> {
         })
         .collect();
     units.sort();
-    assert_eq!(units.len(), STAGES.len() + 1, "every stage, and the view");
+    let others = ["view", "mission", "recover"];
+    assert_eq!(units.len(), STAGES.len() + others.len());
     units
 }
 
@@ -98,14 +72,11 @@ fn units_are_understood_and_let_out_little() {
         paths.push(path.display().to_string());
     }
     for (name, text) in units() {
-        let stage = name.strip_suffix(".service").unwrap();
         let path = folder.path().join(&name);
         // A program that is there.
-        fs::write(
-            &path,
-            text.replace(&format!("/usr/bin/{stage} "), "/bin/true "),
-        )
-        .unwrap();
+        let program = text.split("ExecStart=").nth(1).unwrap();
+        let program = program.split(' ').next().unwrap();
+        fs::write(&path, text.replace(&format!("={program} "), "=/bin/true ")).unwrap();
         let path = path.display().to_string();
         let analysed = words(&[
             "systemd-analyze",
@@ -139,7 +110,12 @@ const DIRECTIVES: &[(&str, &[&str])] = &[
             "Description",
             "PartOf",
             "After",
+            "Before",
             "Type",
+            "RemainAfterExit",
+            "Nice",
+            "CPUSchedulingPolicy",
+            "IOSchedulingClass",
             "NotifyAccess",
             "Environment",
             "EnvironmentFile",
@@ -214,6 +190,7 @@ fn units_need_no_newer_systemd_than_245_and_agree_in_what_they_share() {
         "TimeoutStartSec",
     ];
     let mut shared: Option<Vec<String>> = None;
+    let mut oneshots = Vec::new();
     for (name, text) in units() {
         let lines = text
             .lines()
@@ -233,7 +210,25 @@ fn units_need_no_newer_systemd_than_245_and_agree_in_what_they_share() {
         let agree: Vec<String> = agree
             .map(|(directive, value)| format!("{directive}={value}"))
             .collect();
-        assert_eq!(*shared.get_or_insert(agree.clone()), agree, "{name}");
+        // What is no stage is kept in by the same walls.
+        let walls = |lines: &[String]| -> Vec<String> {
+            lines
+                .iter()
+                .skip_while(|line| !line.starts_with("User="))
+                .cloned()
+                .collect()
+        };
+        if text.contains("Type=oneshot") {
+            oneshots.push((name, walls(&agree)));
+        } else {
+            assert_eq!(*shared.get_or_insert(agree.clone()), agree, "{name}");
+        }
+    }
+    for (name, walls) in oneshots {
+        assert!(
+            !walls.is_empty() && shared.as_ref().unwrap().ends_with(&walls),
+            "{name}"
+        );
     }
     let target = fs::read_to_string(units_folder().join("randt.target")).unwrap();
     assert!(!target.contains("Wants="), "a stage could not be disabled");
@@ -251,16 +246,18 @@ fn watches() {
 fn boot(folder: &Path) -> Machine {
     let image = Image::new(&STAGES);
     image.program(&std::env::current_exe().unwrap(), "randt-test-watch");
-    image.program(&log(folder, 900), "drive.mcap");
+    equip(&image, folder, 900);
     image.write("etc/randt/robot.toml", ROBOT);
-    // The emulated IMU's terminal.
-    let terminal = "[Service]\nDeviceAllow=char-pts rw\n";
-    image.write("etc/systemd/system/randt-imu.service.d/test.conf", terminal);
     if let Some(journal) = std::env::var_os(JOURNAL) {
-        // tmpfiles gives it to the stages' user.
-        let to = image.file("var/lib/randt/missions/first/map.journal");
-        fs::create_dir_all(to.parent().unwrap()).unwrap();
-        fs::copy(journal, to).unwrap();
+        // As a mission that was interrupted a moment ago; tmpfiles gives it to the stages' user.
+        let folder = "var/lib/randt/missions/first";
+        let begun_ns = unix_s() * 1e9;
+        let record = format!(
+            "{{\"randt\":\"\",\"begun_ns\":{begun_ns:.0},\"stopped_ns\":null,\"resumed_ns\":[]}}"
+        );
+        image.write(&format!("{folder}/mission.json"), &record);
+        fs::copy(journal, image.file(&format!("{folder}/map.journal"))).unwrap();
+        symlink("missions/first", image.file("var/lib/randt/current")).unwrap();
         image.write(
             "etc/tmpfiles.d/test.conf",
             "Z /var/lib/randt - randt randt -\n",
@@ -268,33 +265,6 @@ fn boot(folder: &Path) -> Machine {
     }
     image.enable_all(&STAGES);
     image.boot()
-}
-
-/// Waits until something is so on a machine.
-fn until(what: &str, time_max: Duration, mut is_so: impl FnMut() -> bool) -> Duration {
-    let begin = Instant::now();
-    while !is_so() {
-        assert!(begin.elapsed() < time_max, "{what}: waited for in vain");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    begin.elapsed()
-}
-
-fn emulate(machine: &Machine, sensor: &str, at: &str, more: &[&str]) {
-    let unit = format!("--unit=emulate-{sensor}");
-    let mut words = vec!["systemd-run", "--quiet", "--collect", "--uid=randt", &unit];
-    words.extend([
-        "/usr/bin/randt",
-        "emulate",
-        sensor,
-        "--log",
-        DRIVE,
-        "--loop",
-        "--at",
-        at,
-    ]);
-    words.extend(more);
-    machine.good(&words);
 }
 
 #[test]
@@ -331,23 +301,8 @@ fn a_machine_boots_without_sensors_and_every_stage_suffers_alone() {
     assert!(shown.contains("/run/randt/imu"), "{shown}");
 
     // Both appear.
-    let at = unix_s().to_string();
-    emulate(
-        &machine,
-        "radar",
-        &at,
-        &["--proto", "beam-udp", "--address", "127.0.0.1:6320"],
-    );
-    emulate(
-        &machine,
-        "imu",
-        &at,
-        &["--proto", "mip", "--link", "/run/randt/imu"],
-    );
-    let alive = until("all is alive", Duration::from_secs(10), || {
-        let status = machine.status("randt-odometry");
-        status.starts_with("5.0 Hz, last scan 0.") && status.ends_with("s ago, trust good")
-    });
+    emulate(&machine);
+    let alive = until_alive(&machine);
     println!("alive {:.1} s after the sensors", alive.as_secs_f64());
     for stage in STAGES {
         println!("  {stage:9} {}", machine.status(&format!("randt-{stage}")));

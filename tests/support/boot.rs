@@ -42,8 +42,8 @@ pub struct Machine {
 }
 
 impl Image {
-    /// Programs and units in place, nothing enabled.
-    pub fn new(stages: &[&str]) -> Self {
+    /// Nothing that is not on this machine.
+    pub fn bare() -> Self {
         let folder = tempfile::tempdir().unwrap();
         // It becomes the machine's root.
         open_to_all(folder.path());
@@ -52,6 +52,14 @@ impl Image {
             fs::create_dir(image.folder.path().join(name)).unwrap();
         }
         open_to_all(&image.file(""));
+        let target = "[Unit]\nRequires=basic.target\nAfter=basic.target\nAllowIsolate=yes\n";
+        image.write(&format!("etc/systemd/system/{TARGET}"), target);
+        image
+    }
+
+    /// Programs and units in place, nothing enabled.
+    pub fn new(stages: &[&str]) -> Self {
+        let image = Self::bare();
         image.program(Path::new(env!("CARGO_BIN_EXE_randt")), "randt");
         for stage in stages {
             image.program(&program(stage), &format!("randt-{stage}"));
@@ -73,8 +81,6 @@ impl Image {
                 image.write(&format!("{to}/{name}"), &text);
             }
         }
-        let target = "[Unit]\nRequires=basic.target\nAfter=basic.target\nAllowIsolate=yes\n";
-        image.write(&format!("etc/systemd/system/{TARGET}"), target);
         image
     }
 
@@ -112,6 +118,14 @@ impl Image {
         for stage in stages {
             self.enable(&format!("randt-{stage}.service"), "randt.target");
         }
+        for unit in ["randt-mission.service", "randt-recover.service"] {
+            self.enable(unit, "randt.target");
+        }
+    }
+
+    /// Keeps what lies in /var/lib/randt in a file, as on a disk of its own; it must have a file system.
+    pub fn disk(&self, file: &Path) {
+        symlink(file, self.folder.path().join("kept")).unwrap();
     }
 
     /// Boots it.

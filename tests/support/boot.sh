@@ -13,6 +13,11 @@ mkdir "$work/disk/upper" "$work/disk/work"
 root=$work/root
 mount -t overlay -o "lowerdir=/,upperdir=$work/disk/upper,workdir=$work/disk/work" overlay "$root"
 cp -a "$work/files/." "$root/"
+# A disk of its own for what must survive a power cut.
+if [ -e "$work/kept" ]; then
+    mkdir -p "$root/var/lib/randt"
+    mount -o loop "$(realpath "$work/kept")" "$root/var/lib/randt"
+fi
 # Units are started, whatever this machine's packages are told.
 rm -f "$root/usr/sbin/policy-rc.d"
 

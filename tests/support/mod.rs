@@ -25,6 +25,7 @@ pub mod pipeline;
 pub mod python;
 pub mod recorded;
 mod recordings;
+pub mod robot;
 pub mod sensors;
 pub mod spoilt;
 pub mod stages;

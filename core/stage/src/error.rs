@@ -59,7 +59,7 @@ pub enum Error {
     },
     /// Another stage was built with another layout.
     #[error(
-        "{topic}: this build has the layout {ours}, but {holder} has {theirs}: the two were built from different sources; restart {restart} from the same build as the rest"
+        "{topic}: this build has the layout {ours}, but {holder} has {theirs}: the two were built from different sources; restart {restart} from the same build as this one, or put the build back that this one had before"
     )]
     Layout {
         /// Topic.

@@ -1,0 +1,336 @@
+//! The Debian package: what is in it, and a machine on which it is installed, upgraded in part and whole, and purged.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use support::boot::{Image, Machine};
+use support::ended;
+use support::package::{OTHER_LAYOUT, PROGRAMS, build, collect};
+use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
+
+/// This test's own program on the machine.
+const OURS: &str = "/usr/bin/test-package";
+
+/// Runs dpkg-deb on a package.
+fn dpkg_deb(option: &str, package: &Path) -> String {
+    let mut command = std::process::Command::new("dpkg-deb");
+    command.arg(option).arg(package);
+    let said = ended(command);
+    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
+    said.stdout
+}
+
+#[test]
+fn a_package_has_what_debian_asks_for() {
+    if !can_boot() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let programs = collect(folder.path(), "programs", &[]);
+    let package = build(&programs, "0.1.0", &folder.path().join("a"));
+    let again = build(&programs, "0.1.0", &folder.path().join("b"));
+    assert!(
+        fs::read(&package).unwrap() == fs::read(again).unwrap(),
+        "not the same bytes"
+    );
+
+    let info = dpkg_deb("--info", &package);
+    println!("{info}");
+    for words in [
+        " Package: randt\n",
+        " Version: 0.1.0\n",
+        " Architecture: amd64\n",
+        "libc6 (>= 2.",
+        "systemd (>= 245)",
+    ] {
+        assert!(info.contains(words), "{words}: {info}");
+    }
+    for script in ["conffiles", "md5sums", "postinst", "postrm", "prerm"] {
+        assert!(info.contains(script), "{script}");
+    }
+    let listed = dpkg_deb("--contents", &package);
+    let rows: Vec<(&str, &str, &str)> = listed
+        .lines()
+        .map(|line| {
+            let words: Vec<&str> = line.split_whitespace().collect();
+            (words[0], words[1], words[5].strip_prefix('.').unwrap())
+        })
+        .collect();
+    for (mode, owner, path) in &rows {
+        let right = match mode.chars().next().unwrap() {
+            'd' => "drwxr-xr-x",
+            _ if path.starts_with("/usr/bin/") => "-rwxr-xr-x",
+            _ => "-rw-r--r--",
+        };
+        assert_eq!((*mode, *owner), (right, "root/root"), "{path}");
+    }
+    let has = |path: &str| rows.iter().any(|(_, _, at)| *at == path);
+    for program in PROGRAMS.lines() {
+        assert!(has(&format!("/usr/bin/{program}")), "{program}");
+        let section = if program == "randt" { 1 } else { 8 };
+        assert!(has(&format!(
+            "/usr/share/man/man{section}/{program}.{section}.gz"
+        )));
+        for shell in [
+            format!("bash-completion/completions/{program}"),
+            format!("zsh/vendor-completions/_{program}"),
+            format!("fish/vendor_completions.d/{program}.fish"),
+        ] {
+            assert!(has(&format!("/usr/share/{shell}")), "{shell}");
+        }
+        if program != "randt" {
+            assert!(has(&format!("/usr/lib/systemd/system/{program}.service")));
+        }
+    }
+    for path in [
+        "/etc/randt/robot.toml",
+        "/etc/randt/randt.env",
+        "/usr/lib/systemd/system/randt.target",
+        "/usr/lib/systemd/system/randt.slice",
+        "/usr/lib/systemd/system/randt-mission.service",
+        "/usr/lib/systemd/system/randt-recover.service",
+        "/usr/lib/sysusers.d/randt.conf",
+        "/usr/lib/tmpfiles.d/randt.conf",
+        "/usr/lib/sysctl.d/60-randt.conf",
+        "/usr/lib/modules-load.d/randt.conf",
+        "/usr/lib/udev/rules.d/60-randt.rules",
+        "/usr/share/doc/randt/copyright",
+        "/usr/share/doc/randt/changelog.gz",
+        "/usr/share/doc/randt/operate.md",
+        "/usr/share/doc/randt/examples/sensors/isdr-c.toml",
+    ] {
+        assert!(has(path), "{path}");
+    }
+    // Every file of /etc, and nothing else, is the administrator's.
+    let unpacked = folder.path().join("unpacked");
+    let mut command = std::process::Command::new("dpkg-deb");
+    command.arg("--raw-extract").arg(&package).arg(&unpacked);
+    assert_eq!(ended(command).code, Some(0));
+    let conffiles = fs::read_to_string(unpacked.join("DEBIAN/conffiles")).unwrap();
+    let of_etc: Vec<&str> = rows
+        .iter()
+        .filter(|(mode, _, path)| mode.starts_with('-') && path.starts_with("/etc/"))
+        .map(|(_, _, path)| *path)
+        .collect();
+    assert_eq!(conffiles.lines().collect::<Vec<_>>(), of_etc);
+    for script in ["postinst", "prerm", "postrm"] {
+        let mut command = std::process::Command::new("sh");
+        command.arg("-n").arg(unpacked.join("DEBIAN").join(script));
+        assert_eq!(ended(command).code, Some(0), "{script}");
+    }
+}
+
+/// No test: the odometry of a build whose states have another layout, as a machine runs it.
+#[test]
+fn odometry_of_another_layout() {
+    if std::env::var_os(OTHER_LAYOUT).is_some() {
+        support::package::run_other_odometry();
+    }
+}
+
+/// Units with a main process, by the process.
+fn pids(machine: &Machine) -> Vec<(String, u32)> {
+    let stages = PROGRAMS.lines().filter(|name| *name != "randt");
+    stages
+        .map(|name| {
+            (
+                name.to_owned(),
+                machine.property(name, "MainPID").parse().unwrap(),
+            )
+        })
+        .collect()
+}
+
+/// Whose process is another one now, or none.
+fn changed(before: &[(String, u32)], after: &[(String, u32)]) -> Vec<String> {
+    let pairs = before.iter().zip(after);
+    pairs
+        .filter(|(a, b)| a != b)
+        .map(|(a, _)| a.0.clone())
+        .collect()
+}
+
+/// Puts a program on a machine, as `install` does: in the old one's place at once.
+fn place(machine: &Machine, from: &Path, name: &str) {
+    let to = machine.path("/usr/bin");
+    let new = to.join(".new");
+    fs::copy(from, &new).unwrap();
+    fs::rename(new, to.join(name)).unwrap();
+}
+
+#[test]
+fn it_is_installed_upgraded_and_purged() {
+    if !can_boot() {
+        return;
+    }
+    let begin = Instant::now();
+    let folder = tempfile::tempdir().unwrap();
+    let old = collect(folder.path(), "old", &[]);
+    let other = ["randt-filter", "randt-mapper", "randt-recorder"];
+    let new = collect(folder.path(), "new", &other);
+    let image = Image::bare();
+    equip(&image, folder.path(), 900);
+    image.program(&std::env::current_exe().unwrap(), "test-package");
+    fs::create_dir_all(image.file("opt")).unwrap();
+    for (programs, version) in [(&old, "0.1.0"), (&new, "0.1.1")] {
+        let package = build(programs, version, &folder.path().join(version));
+        fs::copy(package, image.file(&format!("opt/{version}.deb"))).unwrap();
+    }
+    let machine = image.boot();
+    println!("{:.1} s: booted", begin.elapsed().as_secs_f64());
+
+    let said = machine.good(&["dpkg", "--install", "/opt/0.1.0.deb"]);
+    assert!(said.contains("systemctl start randt.target"), "{said}");
+    let is = |unit: &str, what: &str| {
+        machine
+            .run(&["systemctl", what, unit])
+            .stdout
+            .trim()
+            .to_owned()
+    };
+    assert_eq!(is("randt.target", "is-enabled"), "enabled");
+    assert_eq!(
+        is("randt.target", "is-active"),
+        "inactive",
+        "nobody has set addresses yet"
+    );
+    assert!(pids(&machine).iter().all(|(_, pid)| *pid == 0));
+    let user = machine.good(&["getent", "passwd", "randt"]);
+    assert!(user.trim_end().ends_with("/nologin"), "{user}");
+    let robot = machine.path("/etc/randt/robot.toml");
+    fs::write(&robot, ROBOT).unwrap();
+    machine.good(&["systemctl", "start", "randt.target"]);
+    emulate(&machine);
+    until_alive(&machine);
+    until("all stages", Duration::from_secs(5), || {
+        pids(&machine)
+            .iter()
+            .all(|(name, pid)| *pid != 0 && is(name, "is-active") == "active")
+    });
+    println!("{:.1} s: alive", begin.elapsed().as_secs_f64());
+
+    // A newer one, while a stage is stopped: what runs and is another program is restarted.
+    machine.good(&["systemctl", "stop", "randt-recorder"]);
+    machine.good(&["systemctl", "disable", "randt-view"]);
+    let before = pids(&machine);
+    let said = machine.good(&["dpkg", "--install", "/opt/0.1.1.deb"]);
+    assert!(
+        said.contains("restarted: randt-filter.service randt-mapper.service"),
+        "{said}"
+    );
+    let after = pids(&machine);
+    assert_eq!(changed(&before, &after), ["randt-filter", "randt-mapper"]);
+    assert_eq!(is("randt-recorder", "is-active"), "inactive");
+    assert_eq!(
+        is("randt-view", "is-enabled"),
+        "disabled",
+        "the administrator's word"
+    );
+    assert_eq!(
+        fs::read_to_string(&robot).unwrap(),
+        ROBOT,
+        "the administrator's file"
+    );
+    machine.good(&["systemctl", "start", "randt-recorder"]);
+    until_alive(&machine);
+    println!("{:.1} s: upgraded", begin.elapsed().as_secs_f64());
+
+    // Odometry alone, while it drives.
+    let newer = collect(folder.path(), "newer", &["randt-odometry"]);
+    let before = pids(&machine);
+    place(&machine, &newer.join("randt-odometry"), "randt-odometry");
+    let restart = Instant::now();
+    machine.good(&["systemctl", "restart", "randt-odometry"]);
+    println!(
+        "new odometry: back after {:.0} ms",
+        restart.elapsed().as_secs_f64() * 1e3
+    );
+    until_alive(&machine);
+    assert_eq!(changed(&before, &pids(&machine)), ["randt-odometry"]);
+
+    // The same of a build whose messages are others: it is refused and says what to do.
+    let before = pids(&machine);
+    let script = folder.path().join("script");
+    let mut text = fs::File::create(&script).unwrap();
+    let test = "--exact odometry_of_another_layout --nocapture";
+    writeln!(text, "#!/bin/sh\n{OTHER_LAYOUT}=1 exec {OURS} {test}").unwrap();
+    drop(text);
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    fs::set_permissions(&script, mode).unwrap();
+    place(&machine, &script, "randt-odometry");
+    let mut restart = machine.command(&["systemctl", "restart", "--no-block", "randt-odometry"]);
+    assert!(restart.status().unwrap().success());
+    let mut journal = String::new();
+    until("a refusal", Duration::from_secs(10), || {
+        journal = machine.journal("randt-odometry", &["--priority", "err", "--output", "cat"]);
+        journal.contains("was built") || journal.contains("were built")
+    });
+    let refusal = journal
+        .lines()
+        .rev()
+        .find(|line| line.contains("odometry/state"))
+        .unwrap();
+    println!("{refusal}");
+    for words in [
+        "has the layout",
+        "randt-recorder (process",
+        "put the build back",
+    ] {
+        assert!(refusal.contains(words), "{words}: {refusal}");
+    }
+    assert_eq!(
+        changed(&before, &pids(&machine)),
+        ["randt-odometry"],
+        "the others run"
+    );
+    place(&machine, &newer.join("randt-odometry"), "randt-odometry");
+    until_alive(&machine);
+    assert_eq!(changed(&before, &pids(&machine)), ["randt-odometry"]);
+    println!(
+        "{:.1} s: odometry replaced and refused",
+        begin.elapsed().as_secs_f64()
+    );
+
+    // Removed: nothing runs, what was recorded and configured stays. Purged: nothing stays.
+    machine.good(&["systemctl", "stop", "emulate-radar", "emulate-imu"]);
+    machine.good(&["dpkg", "--remove", "randt"]);
+    assert_eq!(
+        machine.run(&["ps", "-u", "randt", "-o", "comm="]).stdout,
+        ""
+    );
+    assert!(robot.exists() && machine.path("/var/lib/randt/current").exists());
+    machine.good(&["dpkg", "--purge", "randt"]);
+    let places = ["/etc", "/usr", "/var/lib", "/run", "/dev/shm"];
+    let mut find = vec!["find"];
+    find.extend(places);
+    find.extend(["-xdev", "-name", "*randt*"]);
+    let left = machine.run(&find).stdout;
+    assert_eq!(left, "");
+    println!("{:.1} s: purged", begin.elapsed().as_secs_f64());
+}
+
+/// The programs that run on a machine without the package are the package's.
+#[test]
+fn every_stage_is_packaged_and_has_a_unit() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let manifest = fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let line = manifest
+        .lines()
+        .find(|line| line.starts_with("default-members"))
+        .unwrap();
+    let members = line.matches('"').count() / 2;
+    assert_eq!(PROGRAMS.lines().count(), members, "{line}");
+    for program in PROGRAMS.lines().filter(|name| *name != "randt") {
+        let unit: PathBuf = root.join(format!("systemd/{program}.service"));
+        assert!(unit.is_file(), "{unit:?}");
+    }
+}
