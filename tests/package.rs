@@ -318,6 +318,57 @@ fn it_is_installed_upgraded_and_purged() {
     println!("{:.1} s: purged", begin.elapsed().as_secs_f64());
 }
 
+/// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test --test package -- --ignored`.
+/// The root, for example: `mmdebstrap --variant=minbase --include=systemd,procps bullseye DIR`. The package:
+/// `systemd/package/build`.
+#[test]
+#[ignore = "needs the root of another system, and a package built for it, which takes minutes"]
+fn it_runs_on_an_older_system() {
+    let [root, package] = ["RANDT_TEST_ROOT", "RANDT_TEST_PACKAGE"]
+        .map(|name| PathBuf::from(std::env::var_os(name).expect(name)));
+    let folder = tempfile::tempdir().unwrap();
+    let image = Image::bare();
+    image.of(&root);
+    equip(&image, folder.path(), 900);
+    image.write("opt/robot.toml", ROBOT);
+    fs::copy(package, image.file("opt/randt.deb")).unwrap();
+    let machine = image.boot();
+    println!(
+        "{}",
+        machine
+            .good(&["systemctl", "--version"])
+            .lines()
+            .next()
+            .unwrap()
+    );
+    machine.good(&["dpkg", "--install", "/opt/randt.deb"]);
+    println!("{}", machine.good(&["randt", "--version"]).trim_end());
+    let demo = machine.good(&["sh", "-c", "cd /tmp && randt demo"]);
+    println!("{}", demo.lines().last().unwrap());
+    let units = "cd /usr/lib/systemd/system && systemd-analyze verify randt* 2>&1 | grep randt";
+    let verified = machine.run(&["sh", "-c", units]);
+    // systemd itself may complain of the namespaces.
+    assert_eq!(verified.stdout, "");
+    machine.good(&["cp", "/opt/robot.toml", "/etc/randt/robot.toml"]);
+    machine.good(&["systemctl", "start", "randt.target"]);
+    emulate(&machine);
+    until_alive(&machine);
+    for (stage, pid) in pids(&machine) {
+        println!("{stage}: {}", machine.status(&stage));
+        assert_ne!(pid, 0, "{stage}");
+    }
+    machine.good(&["dpkg", "--purge", "randt"]);
+    let find = [
+        "find", "/etc", "/usr", "/var/lib", "/run", "/dev/shm", "-name", "*randt*",
+    ];
+    assert_eq!(
+        machine
+            .good(&find)
+            .replace("/etc/systemd/system/test.target\n", ""),
+        ""
+    );
+}
+
 /// The programs that run on a machine without the package are the package's.
 #[test]
 fn every_stage_is_packaged_and_has_a_unit() {

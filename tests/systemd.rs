@@ -109,6 +109,7 @@ const DIRECTIVES: &[(&str, &[&str])] = &[
         &[
             "Description",
             "PartOf",
+            "ReloadPropagatedFrom",
             "After",
             "Before",
             "Type",
@@ -317,6 +318,7 @@ fn a_machine_boots_without_sensors_and_every_stage_suffers_alone() {
     }
     reload(&machine);
     wrong_configuration(&machine);
+    ends(&machine);
     real_time(&machine);
     fields(&machine);
     let all = begin.elapsed();
@@ -391,6 +393,18 @@ fn wrong_configuration(machine: &Machine) {
     assert_eq!(others(support::blows::pids(machine)), others(pids));
     fs::write(&robot, ROBOT).unwrap();
     machine.good(&["systemctl", "start", "randt-imu"]);
+}
+
+/// Each stop is heard, although systemd sends a SIGCONT right behind the SIGTERM.
+fn ends(machine: &Machine) {
+    for _ in 0..12 {
+        let begin = Instant::now();
+        machine.good(&["systemctl", "restart", "randt-recorder"]);
+        assert!(
+            begin.elapsed() < Duration::from_secs(5),
+            "a stop was not heard"
+        );
+    }
 }
 
 /// The optional drop-in.

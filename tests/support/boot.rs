@@ -123,6 +123,11 @@ impl Image {
         }
     }
 
+    /// Another system's files instead of this machine's, such as an older Debian's.
+    pub fn of(&self, root: &Path) {
+        symlink(root, self.folder.path().join("lower")).unwrap();
+    }
+
     /// Keeps what lies in /var/lib/randt in a file, as on a disk of its own; it must have a file system.
     pub fn disk(&self, file: &Path) {
         symlink(file, self.folder.path().join("kept")).unwrap();

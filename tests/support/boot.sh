@@ -2,7 +2,8 @@
 # Boots systemd as the first process of namespaces of its own, on an overlay of this machine's files: nothing is installed
 # here, and all of it goes with its last process. Run by `unshare`, as root.
 #
-# boot.sh WORK TARGET: WORK has the empty folders disk and root; what lies in WORK/files is laid over this machine's files.
+# boot.sh WORK TARGET: WORK has the empty folders disk and root; what lies in WORK/files is laid over this machine's files,
+# or over those of another system's root where the link WORK/lower leads to one.
 set -eu
 work=$1
 target=$2
@@ -11,7 +12,9 @@ mount --make-rprivate /
 mount -t tmpfs -o size=1000M tmpfs "$work/disk"
 mkdir "$work/disk/upper" "$work/disk/work"
 root=$work/root
-mount -t overlay -o "lowerdir=/,upperdir=$work/disk/upper,workdir=$work/disk/work" overlay "$root"
+lower=/
+[ ! -e "$work/lower" ] || lower=$(realpath "$work/lower")
+mount -t overlay -o "lowerdir=$lower,upperdir=$work/disk/upper,workdir=$work/disk/work" overlay "$root"
 cp -a "$work/files/." "$root/"
 # A disk of its own for what must survive a power cut.
 if [ -e "$work/kept" ]; then

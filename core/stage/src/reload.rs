@@ -1,4 +1,5 @@
-//! SIGHUP under systemd: the configuration is read again, what can change live does, and the rest is named.
+//! What systemd asks of a stage by signals: to end, and to read the configuration again, of which what can change live
+//! does, and the rest is named.
 
 use crate::{Error, wait::Descriptor};
 use nix::sys::signal::{SigSet, Signal};
@@ -6,20 +7,33 @@ use nix::sys::signalfd::{SfdFlags, SignalFd};
 use randt_config::{Config, Origins, SelectionArguments};
 use std::os::fd::AsFd;
 
-/// The request to read the configuration again.
-#[derive(Debug)]
-pub(crate) struct Request(SignalFd);
+/// What may be asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Asked {
+    /// The end.
+    Stop,
+    /// The configuration read again.
+    Reload,
+}
 
-impl Request {
-    /// Takes SIGHUP from now on. Call it before there is another thread: one that has not blocked the signal dies of it.
+/// The requests. SIGTERM is among them because systemd sends a SIGCONT right behind it, and iceoryx2 remembers only the
+/// last signal: now and then a stage would not hear that it has to end.
+#[derive(Debug)]
+pub(crate) struct Requests(SignalFd);
+
+impl Requests {
+    /// Takes both signals from now on. Call it before there is another thread: one that has not blocked them dies of them.
     pub(crate) fn new() -> Result<Self, Error> {
-        let mut hangup = SigSet::empty();
-        hangup.add(Signal::SIGHUP);
-        let fd = hangup.thread_block().and_then(|()| {
+        let mut signals = SigSet::empty();
+        signals.add(Signal::SIGHUP);
+        signals.add(Signal::SIGTERM);
+        let fd = signals.thread_block().and_then(|()| {
             let flags = SfdFlags::SFD_NONBLOCK | SfdFlags::SFD_CLOEXEC;
-            SignalFd::with_flags(&hangup, flags)
+            SignalFd::with_flags(&signals, flags)
         });
-        Ok(Self(fd.map_err(|cause| Error::bus("SIGHUP", cause))?))
+        Ok(Self(fd.map_err(|cause| {
+            Error::bus("SIGHUP and SIGTERM", cause)
+        })?))
     }
 
     /// What to sleep on.
@@ -27,9 +41,11 @@ impl Request {
         Descriptor::new(self.0.as_fd())
     }
 
-    /// Whether it was made since the last look.
-    pub(crate) fn take(&self) -> bool {
-        matches!(self.0.read_signal(), Ok(Some(_)))
+    /// One that was made since the last look.
+    pub(crate) fn take(&self) -> Option<Asked> {
+        let signal = self.0.read_signal().ok().flatten()?;
+        let is_end = signal.ssi_signo == Signal::SIGTERM as u32;
+        Some(if is_end { Asked::Stop } else { Asked::Reload })
     }
 }
 

@@ -8,6 +8,7 @@ use crate::{
     memory::Memory,
     ports::PortCounters,
     publisher::HandsOver,
+    reload::Asked,
     supervised::Supervised,
     wait::{Slept, Waits, Wakes, Woken},
 };
@@ -250,8 +251,10 @@ impl Stage {
     pub fn wait(&mut self, on: &[&dyn Wakes], timeout: Option<Duration>) -> Result<Woken, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
-            if self.reload() {
-                return Ok(Woken::Event);
+            match self.supervised.asked() {
+                Some(Asked::Stop) => return Ok(Woken::Stop),
+                Some(Asked::Reload) if self.reload() => return Ok(Woken::Event),
+                _ => {}
             }
             let now_ns = self.clock.now_ns();
             if now_ns >= self.next_health_ns {
@@ -287,13 +290,10 @@ impl Stage {
         Ok(slept)
     }
 
-    /// Reads the configuration again where that was asked for; gives whether the stage has to take one over. What is wrong
+    /// Reads the configuration again; gives whether the stage has to take one over. What is wrong
     /// with a file is said, and what was in force stays so.
     fn reload(&mut self) -> bool {
-        let Some(read) = self.supervised.read_again(&self.condition.name) else {
-            return false;
-        };
-        match read {
+        match self.supervised.read_again(&self.condition.name) {
             Ok(changes) => {
                 self.say("the configuration was read again");
                 changes.says.iter().for_each(|text| self.say(text));

@@ -5,7 +5,7 @@ use crate::{
     health::Condition,
     notify::Notify,
     ports::PortCounters,
-    reload::{Changes, Followed, Request},
+    reload::{Asked, Changes, Followed, Requests},
     status::Pulse,
     wait::Descriptor,
 };
@@ -18,7 +18,7 @@ use std::rc::Rc;
 pub(crate) struct Supervised {
     notify: Notify,
     /// Under systemd only: elsewhere SIGHUP says that the terminal has gone, and ends the stage.
-    request: Option<Request>,
+    requests: Option<Requests>,
     followed: Option<Followed>,
     pulse: Pulse,
     note: String,
@@ -28,10 +28,10 @@ impl Supervised {
     /// As the environment says. Call it before the process has a second thread.
     pub(crate) fn begin() -> Result<Self, Error> {
         let notify = Notify::from_environment();
-        let request = notify.is_heard().then(Request::new).transpose()?;
+        let requests = notify.is_heard().then(Requests::new).transpose()?;
         Ok(Self {
             notify,
-            request,
+            requests,
             followed: None,
             pulse: Pulse::default(),
             note: String::new(),
@@ -53,7 +53,7 @@ impl Supervised {
         reads: &[&'static str],
         live: Option<&'static str>,
     ) {
-        if self.request.is_some() {
+        if self.requests.is_some() {
             self.followed = Some(Followed::new(selection, config, reads, live));
         }
     }
@@ -82,19 +82,18 @@ impl Supervised {
 
     /// What else to sleep on.
     pub(crate) fn descriptor(&self) -> Result<Option<Descriptor<'_>>, Error> {
-        self.request.as_ref().map(Request::descriptor).transpose()
+        self.requests.as_ref().map(Requests::descriptor).transpose()
     }
 
-    /// The configuration read again, where that was asked for since the last look.
-    pub(crate) fn read_again(
-        &mut self,
-        stage: &str,
-    ) -> Option<Result<Changes, randt_config::Error>> {
-        if !self.request.as_ref().is_some_and(Request::take) {
-            return None;
-        }
+    /// What was asked for since the last look.
+    pub(crate) fn asked(&self) -> Option<Asked> {
+        self.requests.as_ref()?.take()
+    }
+
+    /// The configuration read again.
+    pub(crate) fn read_again(&mut self, stage: &str) -> Result<Changes, randt_config::Error> {
         self.notify.reloading();
         let followed = self.followed.as_mut();
-        Some(followed.map_or_else(|| Ok(Changes::default()), |it| it.read_again(stage)))
+        followed.map_or_else(|| Ok(Changes::default()), |it| it.read_again(stage))
     }
 }

@@ -44,7 +44,6 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         server.turn(&board, now_ns, &mut |line| stage.say(line));
         stage.report(server.trouble(), 0);
         stage.remark(&server.remark(now_ns));
-        stage.note(&server.remark(now_ns));
         let sockets = server.descriptors().map(Descriptor::new);
         let sockets = sockets.collect::<Result<Vec<_>, _>>()?;
         let mut on = inputs.wakes();

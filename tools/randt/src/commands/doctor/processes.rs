@@ -69,13 +69,13 @@ impl Process {
                 .map(|found| found.dev()),
             open: BTreeSet::new(),
         };
+        // Another user's, or one that systemd keeps in a user namespace of its own (PrivateUsers), lists its files to
+        // nobody or shows none of them: what it was told is all that is known.
+        let may_look = fs::read_link(proc.join("exe")).is_ok();
         match fs::read_dir(proc.join("fd")) {
-            Ok(files) => files.flatten().for_each(|file| process.add(&file.path())),
-            // Another user's: what it was told is all that is known.
-            Err(_) if is_stage(&arguments) => {
-                process.folder = told(&proc, &arguments, process.user)?
-            }
-            Err(_) => {}
+            Ok(files) if may_look => files.flatten().for_each(|file| process.add(&file.path())),
+            _ if is_stage(&arguments) => process.folder = told(&proc, &arguments, process.user)?,
+            _ => {}
         }
         (!process.folder.as_os_str().is_empty()).then_some(process)
     }
