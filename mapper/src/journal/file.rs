@@ -36,7 +36,7 @@ pub struct JournalFile {
     tail: Tail<File>,
     keyframes: u64,
     after_snapshot: u64,
-    /// Candidates that the snapshots have; none of those from before it was opened, which another build may have made.
+    /// Candidates that the snapshots have; none of those from before it was opened, which may be of another form.
     candidates: usize,
     /// One more than the number of the newest keyframe, and the same of the newest that is on the disk.
     end: u64,
@@ -125,6 +125,11 @@ impl JournalFile {
     /// Whether the next restart would take too long without a snapshot.
     pub fn is_snapshot_due(&self) -> bool {
         is_snapshot_due(self.keyframes, self.after_snapshot)
+    }
+
+    /// Whether there are keyframes that no snapshot has.
+    pub fn has_news(&self) -> bool {
+        self.after_snapshot > 0
     }
 
     /// Comes back when everything is on the disk.

@@ -16,7 +16,7 @@ const TRIED_MAX: usize = 2;
 /// Why a snapshot was not used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassedOver {
-    /// Another build or another configuration has made it.
+    /// Another configuration has made it, or a build whose snapshots look otherwise.
     Foreign,
     /// It does not fit the keyframes before it.
     Unfit,
@@ -49,7 +49,7 @@ struct Standing<'a> {
 }
 
 impl Mapper {
-    /// The mapper that took the keyframes of a journal, to the last bit. From the newest snapshot that fits on they are
+    /// The mapper that took the keyframes of a journal, to the last bit where this build wrote it. From the newest snapshot that fits on they are
     /// pushed anew; without any, all of them: slower, and the same map.
     pub fn restore(config: &Config, journal: &[u8]) -> Result<(Self, Restored), Error> {
         let (_, records) = journal::records(journal)?;

@@ -59,6 +59,7 @@ impl Intake {
         if let Some((aside, why)) = &opened.aside {
             stage.say(&format!("{name}: {why}; set aside as {}", aside.display()));
         }
+        let mut journal = opened.journal;
         let (mapper, restored) = Mapper::restore(config, &opened.bytes)?;
         if let Some(why) = restored.passed_over {
             stage.say(&format!(
@@ -71,8 +72,12 @@ impl Intake {
             restored.from_snapshot,
             begin.elapsed().as_secs_f64()
         ));
+        if restored.replayed > 0 {
+            // Not once more. A disk that does not take it will be told of with the next keyframe.
+            let _ = journal.append_snapshot(&mapper);
+        }
         Ok(Self {
-            next: opened.journal.end(),
+            next: journal.end(),
             mapper,
             unwritten: VecDeque::new(),
             synced: Instant::now(),
@@ -83,8 +88,8 @@ impl Intake {
             lost: 0,
             trouble: String::new(),
             is_unsure: false,
-            is_of_this_drive: opened.journal.end() == 0,
-            journal: opened.journal,
+            is_of_this_drive: journal.end() == 0,
+            journal,
             is_other_drive: false,
         })
     }
@@ -202,6 +207,11 @@ impl Intake {
     pub fn finish(&mut self) {
         self.synced = Instant::now();
         self.write();
+        // The next start then has nothing to push anew.
+        if self.unwritten.is_empty() && self.journal.has_news() {
+            let appended = self.journal.append_snapshot(&self.mapper);
+            self.note(appended);
+        }
         let synced = self.journal.sync();
         self.note(synced);
     }
