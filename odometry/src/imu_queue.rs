@@ -10,8 +10,9 @@ use randt_messages::ImuSample;
 use randt_saved::{Error, Reader, Saved, Writer};
 use std::collections::VecDeque;
 
-/// Samples that may wait: 8 s at 250 Hz, 2 s at 1 kHz.
-const ROOM: usize = 2048;
+/// Samples that may wait: 32 s at 250 Hz, 8 s at 1 kHz. A radar that was held up sends so late a sweep and no later; one
+/// whose samples had to make room would see what depends on who was faster.
+const ROOM: usize = 8192;
 /// No gyro measures more, rad/s.
 const RATE_MAX_RAD_S: f64 = 100.0;
 /// No accelerometer on a robot measures more, m/s^2 (200 g).

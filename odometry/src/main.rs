@@ -72,7 +72,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         has_past |= answer(&mut graph, &mut feed, &mut out, has_past)?;
         report(&mut stage, &feed);
         stage.note(out.trust);
-        let pause = feed.pause();
+        let pause = Some(feed.pause());
         if stage.wait(&[feed.wakes(), &graph], pause)? == Woken::Stop {
             return Ok(stage.close()?);
         }

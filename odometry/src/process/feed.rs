@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 /// What was published before a scan's deadline is here so long after it at the latest: it takes microseconds, but a
 /// publisher may be interrupted between stamp and sending.
 const DELIVERY: Duration = Duration::from_millis(20);
+/// Samples are taken so often where no scan comes: their buffer holds 8 s at 250 Hz, 2 s at 1 kHz.
+const DRAIN: Duration = Duration::from_secs(1);
 /// A process that has just started waits longer for its first samples: their publisher has to hand over its history.
 const FIRST_SAMPLE_WAIT: Duration = Duration::from_secs(1);
 
@@ -153,11 +155,13 @@ impl Feed {
         Ok(true)
     }
 
-    /// How long to sleep at most, where a scan waits for its samples.
-    pub fn pause(&self) -> Option<Duration> {
-        self.odometry.waiting_for_ns()?;
-        let deadline = self.deadline?;
-        Some(deadline.saturating_duration_since(Instant::now()))
+    /// How long to sleep at most: where a scan waits for its samples, until that is over; else samples are to be taken
+    /// before their buffer runs over, also while no scan comes.
+    pub fn pause(&self) -> Duration {
+        match (self.odometry.waiting_for_ns(), self.deadline) {
+            (Some(_), Some(deadline)) => deadline.saturating_duration_since(Instant::now()),
+            _ => DRAIN,
+        }
     }
 
     /// What to sleep on: scans, or while one waits for its samples those. 250 wakings a second cost a core 0.7 %.
