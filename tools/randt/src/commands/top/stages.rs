@@ -147,7 +147,7 @@ mod tests {
         let now = row(1_000_000_000);
         assert_eq!((now.state, now.restarts, now.epoch), ("degraded", 2, 7));
         assert_eq!(now.message, "scans that do not fit");
-        assert_eq!(row(5_000_000_000).message, "has said nothing for 5 s");
+        assert_eq!(row(5_000_000_000).message, "has said nothing for 5.0 s");
         assert!(row(6_000_000_000).cpu_percent.is_some());
     }
 }
