@@ -70,7 +70,7 @@ fn twenty_kills_and_a_stop_leave_no_trace_in_the_result() {
     ];
     check(&Ordeal {
         world,
-        scans: 790,
+        scans: 940,
         second_lap_s: 50.0,
         blows: blows.concat(),
         to_the_end: false,
