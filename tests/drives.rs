@@ -8,43 +8,19 @@
 
 mod support;
 
-use randt_mapper::journal::{self, Kind};
-use randt_messages::Message;
 use rustix::process::Signal;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::Duration;
+use support::journal::keyframes;
 use support::pipeline::{Pipeline, log_of, signal, until};
-use support::stages::program;
 use support::{ended, report};
-
-/// Number and odometry frame of every keyframe in a journal.
-fn keyframes(path: &Path) -> Vec<(u64, u64)> {
-    let bytes = fs::read(path).unwrap_or_default();
-    let Ok((_, records)) = journal::records(&bytes) else {
-        return Vec::new();
-    };
-    let mut message = Message::default();
-    let read = records.of(Kind::Keyframe).map(|record| {
-        assert!(journal::read_keyframe(record.payload, &mut message));
-        (message.head.id, message.head.odom_frame_id)
-    });
-    read.collect()
-}
-
-fn mapper(pipeline: &mut Pipeline, journal: &Path) -> u32 {
-    let mut command = Command::new(program("mapper"));
-    pipeline.enter(&mut command);
-    command.arg("--journal").arg(journal);
-    pipeline.start("mapper", command)
-}
 
 /// The journal of a drive that is over.
 fn old_map(folder: &Path) -> PathBuf {
     let path = folder.join("old.journal");
     let mut pipeline = Pipeline::new("old");
-    let mapper = mapper(&mut pipeline, &path);
+    let mapper = pipeline.mapper(&path);
     pipeline.stage("odometry");
     pipeline.stage("filter");
     pipeline.play(&log_of(folder, 100, 1), &["--rate", "10", "--stay"]);
@@ -62,7 +38,7 @@ fn a_new_drive_goes_on_after_the_map_that_there_is() {
     let mut pipeline = Pipeline::new("new");
     pipeline.play(&log_of(folder.path(), 100, 2), &["--rate", "4", "--stay"]);
     pipeline.stage("filter");
-    mapper(&mut pipeline, &journal);
+    pipeline.mapper(&journal);
     std::thread::sleep(Duration::from_secs(1));
     pipeline.stage("odometry");
     until("keyframes", || keyframes(&journal).len() >= old.len() + 5);
@@ -85,7 +61,7 @@ fn a_drive_that_had_not_heard_of_the_map_is_not_mixed_into_it() {
     pipeline.play(&log_of(folder.path(), 100, 2), &["--rate", "10", "--stay"]);
     // Longer than odometry listens; it has keyframes of its own by then.
     std::thread::sleep(Duration::from_secs(4));
-    mapper(&mut pipeline, &journal);
+    pipeline.mapper(&journal);
     let aside = folder.path().join("old.journal.aside-1");
     until("the old map set aside", || aside.is_file());
     until("a new map", || keyframes(&journal).len() >= 5);
@@ -107,7 +83,7 @@ fn a_clock_that_was_taken_anew_does_not_make_odometry_deaf() {
     let mut pipeline = Pipeline::new("clock");
     let rate = |pipeline: &mut Pipeline| {
         let stages = [
-            mapper(pipeline, &journal),
+            pipeline.mapper(&journal),
             pipeline.stage("odometry"),
             pipeline.stage("filter"),
         ];

@@ -8,7 +8,8 @@
 
 mod support;
 
-use randt_messages::{ImuSample, Message, RadarScan};
+use randt_log::{LogFile, ROBOT_METADATA, Robot};
+use randt_messages::{ImuSample, ImuSampleTopic, Message, RadarScan};
 use randt_readers::{Event, Options, Source};
 use serde_json::Value;
 use std::fs;
@@ -276,4 +277,52 @@ fn what_viewers_cannot_be_shown_is_said() {
     assert!(ended.says("not an MCAP file"), "{}", ended.stderr);
     let left = names(folder.path());
     assert!(!left.iter().any(|name| name.ends_with(".part")), "{left:?}");
+}
+
+#[test]
+fn a_robot_that_is_named_behind_the_messages_is_not_passed_over_in_silence() {
+    let folder = tempfile::tempdir().unwrap();
+    let late = folder.path().join("late.mcap");
+    let (scans, samples, _) = content(&log(folder.path(), 10));
+    let mut file = LogFile::create(&late, randt_log::Options::default()).unwrap();
+    for sample in samples {
+        let sample = Message::<ImuSampleTopic> {
+            head: Box::new(sample),
+            items: Vec::new(),
+        };
+        file.write(sample.as_ref()).unwrap();
+    }
+    for scan in &scans {
+        file.write(scan.as_ref()).unwrap();
+    }
+    let robot = Robot {
+        radar: Some([0.12, 0.0, 0.0]),
+        ..Robot::default()
+    };
+    file.write_metadata(ROBOT_METADATA, robot.to_metadata())
+        .unwrap();
+    file.finish().unwrap();
+    let computed = run(&late, &folder.path().join("run"), &[]);
+    assert_eq!(computed.code, Some(3), "{}", computed.stderr);
+    assert!(
+        computed.stderr.contains("behind the first message"),
+        "{}",
+        computed.stderr
+    );
+}
+
+#[test]
+fn a_span_that_ends_before_it_begins_is_wrong_usage() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = log(folder.path(), 5);
+    let out = folder.path().join("part.mcap");
+    let out = out.to_str().unwrap();
+    let cut = log_command("cut", &input, &["--from", "50", "--to", "20", "--out", out]);
+    assert_eq!(cut.code, Some(2), "{}", cut.stderr);
+    assert!(
+        cut.stderr.contains("--from is after --to"),
+        "{}",
+        cut.stderr
+    );
+    assert!(!Path::new(out).exists());
 }

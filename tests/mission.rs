@@ -8,14 +8,12 @@
 
 mod support;
 
-use randt_mapper::journal::{self, Kind};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::time::Duration;
+use support::journal::keyframes;
 use support::pipeline::{Pipeline, log, until};
-use support::stages::program;
 use support::{Ended, ended, names, randt};
 
 /// A robot: the folder of its missions.
@@ -52,18 +50,8 @@ impl Robot {
 
     /// The stages, and a drive.
     fn drive(&self, pipeline: &mut Pipeline, log: &Path) {
-        let mut recorder = Command::new(program("recorder"));
-        pipeline.enter(&mut recorder);
-        recorder.arg("--out").arg(self.current().join("logs"));
-        pipeline.start("recorder", recorder);
-        let mut mapper = Command::new(program("mapper"));
-        pipeline.enter(&mut mapper);
-        mapper
-            .arg("--journal")
-            .arg(self.current().join("map.journal"));
-        pipeline.start("mapper", mapper);
-        pipeline.stage("odometry");
-        pipeline.stage("filter");
+        pipeline.record(&self.current().join("logs"), &[]);
+        pipeline.compute(&self.current());
         pipeline.play(log, &["--rate", "2", "--stay"]);
     }
 
@@ -76,20 +64,6 @@ impl Robot {
         rows.map(|row| (text(row, "name"), text(row, "state")))
             .collect()
     }
-}
-
-/// Number and odometry frame of every keyframe in a journal.
-fn keyframes(path: &Path) -> Vec<(u64, u64)> {
-    let bytes = fs::read(path).unwrap_or_default();
-    let Ok((_, records)) = journal::records(&bytes) else {
-        return Vec::new();
-    };
-    let mut message = randt_messages::Message::default();
-    let read = records.of(Kind::Keyframe).map(|record| {
-        assert!(journal::read_keyframe(record.payload, &mut message));
-        (message.head.id, message.head.odom_frame_id)
-    });
-    read.collect()
 }
 
 fn name_in(said: &str) -> String {
@@ -141,7 +115,7 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
     // What has only just begun is a part by itself: nobody believes that it is in the map.
     let top = pipeline.randt(&["top", "--once", "--json"]);
     let figures: Value = serde_json::from_str(&top.stdout).unwrap();
-    println!("{}", figures["map"]);
+    assert_eq!(figures["map"]["parts"], 2, "{figures}");
     pipeline.kill_all();
 
     let stopped = robot.mission(&["stop"]);

@@ -8,7 +8,7 @@
 
 mod support;
 
-use randt_mapper::journal::{self, Kind};
+use randt_messages::KeyframeHead;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -16,6 +16,7 @@ use std::process::Command;
 use std::time::Duration;
 use support::blows::STAGES;
 use support::boot::{Image, Machine};
+use support::journal::heads;
 use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
 use support::sensors::unix_s;
 use support::{ended, names};
@@ -46,17 +47,8 @@ fn boot(disk: &Path) -> Machine {
 /// Number, odometry frame and stamp of every keyframe in the mission's map.
 fn keyframes(machine: &Machine) -> Vec<(u64, u64, i64)> {
     let path = machine.path("/var/lib/randt/current/map.journal");
-    let bytes = fs::read(path).unwrap_or_default();
-    let Ok((_, records)) = journal::records(&bytes) else {
-        return Vec::new();
-    };
-    let mut message = randt_messages::Message::default();
-    let read = records.of(Kind::Keyframe).map(|record| {
-        assert!(journal::read_keyframe(record.payload, &mut message));
-        let head = &message.head;
-        (head.id, head.odom_frame_id, head.header.stamp_ns)
-    });
-    read.collect()
+    let of = |head: KeyframeHead| (head.id, head.odom_frame_id, head.header.stamp_ns);
+    heads(&path).into_iter().map(of).collect()
 }
 
 #[test]

@@ -21,26 +21,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 use support::pipeline::{Pipeline, log, until};
 use support::python::read_logs;
-use support::stages::program;
 use support::{Random, ended, names, randt, run};
-
-/// The recorder of a pipeline, into a folder.
-fn record(pipeline: &mut Pipeline, folder: &Path, more: &[&str]) -> u32 {
-    let mut command = Command::new(program("recorder"));
-    pipeline.enter(&mut command);
-    command.arg("--out").arg(folder).args(more);
-    pipeline.start("recorder", command)
-}
-
-/// The stages that compute.
-fn compute(pipeline: &mut Pipeline, folder: &Path) {
-    let mut mapper = Command::new(program("mapper"));
-    pipeline.enter(&mut mapper);
-    mapper.arg("--journal").arg(folder.join("map.journal"));
-    pipeline.start("mapper", mapper);
-    pipeline.stage("odometry");
-    pipeline.stage("filter");
-}
 
 /// What `randt log info` says.
 fn info(file: &Path) -> Value {
@@ -102,8 +83,8 @@ fn a_run_is_recorded_whole_and_computes_again() {
     let mut pipeline = Pipeline::new("rr");
     // The recorder first, as on a robot.
     let set = ["--set", "record.file_max_s=9"];
-    let recorder = record(&mut pipeline, &out, &set);
-    compute(&mut pipeline, folder.path());
+    let recorder = pipeline.record(&out, &set);
+    pipeline.compute(folder.path());
     let play = pipeline.play(&input, &["--stay"]);
     // Ten seconds of drive, and a moment for the rest.
     std::thread::sleep(Duration::from_secs(12));
@@ -179,7 +160,7 @@ fn killed_fifty_times_it_never_loses_more_than_the_last_second() {
     let mut random = Random(seed);
     let mut lives = Vec::new();
     for _ in 0..50 {
-        let recorder = record(&mut pipeline, &out, &[]);
+        let recorder = pipeline.record(&out, &[]);
         let begin_ns = clock.now_ns();
         std::thread::sleep(Duration::from_millis(random.below(2600) as u64));
         let end_ns = clock.now_ns();
@@ -245,8 +226,8 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     let out = folder.path().join("logs");
     fs::write(&out, "a file").unwrap();
     let mut pipeline = Pipeline::new("rd");
-    compute(&mut pipeline, folder.path());
-    record(&mut pipeline, &out, &[]);
+    pipeline.compute(folder.path());
+    pipeline.record(&out, &[]);
     pipeline.play(&input, &["--stay"]);
     let (said, why) = state(&pipeline);
     assert_eq!(said, "degraded", "{why}");
@@ -321,14 +302,14 @@ fn a_real_disk_that_is_read_only_and_then_full_stops_nothing() {
     };
     disk.remount("ro");
     let mut pipeline = Pipeline::new("ro");
-    compute(&mut pipeline, folder.path());
+    pipeline.compute(folder.path());
     let set = [
         "--set",
         "record.free_min_gb=0",
         "--set",
         "record.file_max_mb=2",
     ];
-    let recorder = record(&mut pipeline, &out, &set);
+    let recorder = pipeline.record(&out, &set);
     pipeline.play(&input, &["--loop"]);
     until("it says that it cannot write", || {
         let (said, why) = state(&pipeline);
@@ -377,12 +358,8 @@ fn below_the_floor_it_is_red_and_mapping_goes_on() {
     let input = log(folder.path(), 40);
     let out = folder.path().join("logs");
     let mut pipeline = Pipeline::new("rf");
-    compute(&mut pipeline, folder.path());
-    record(
-        &mut pipeline,
-        &out,
-        &["--set", "record.free_min_gb=1000000"],
-    );
+    pipeline.compute(folder.path());
+    pipeline.record(&out, &["--set", "record.free_min_gb=1000000"]);
     pipeline.play(&input, &["--loop"]);
     let (said, why) = state(&pipeline);
     assert_eq!(said, "degraded");

@@ -13,7 +13,6 @@ use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::{SocketAddr, TcpListener};
-use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
 use support::pipeline::{Pipeline, log, until};
@@ -39,16 +38,6 @@ fn view(pipeline: &mut Pipeline, address: SocketAddr) -> u32 {
     pipeline.enter(&mut command);
     command.args(["--listen", &address.to_string()]);
     pipeline.start("view", command)
-}
-
-/// The stages that compute.
-fn compute(pipeline: &mut Pipeline, folder: &Path) {
-    let mut mapper = Command::new(program("mapper"));
-    pipeline.enter(&mut mapper);
-    mapper.arg("--journal").arg(folder.join("map.journal"));
-    pipeline.start("mapper", mapper);
-    pipeline.stage("odometry");
-    pipeline.stage("filter");
 }
 
 /// What `randt top` says.
@@ -88,7 +77,7 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
     let input = log(folder.path(), 5 * seconds as u32 + 50);
     let address = free_address();
     let mut pipeline = Pipeline::new("vs");
-    compute(&mut pipeline, folder.path());
+    pipeline.compute(folder.path());
     view(&mut pipeline, address);
     let play = pipeline.play(&input, &["--stay"]);
     let slow = Viewer::open(slow_link(address, LINK_BYTES_S, LINK_DELAY));
@@ -232,7 +221,7 @@ fn who_comes_late_gets_everything_and_again_after_a_kill() {
     let input = log(folder.path(), 150);
     let address = free_address();
     let mut pipeline = Pipeline::new("vl");
-    compute(&mut pipeline, folder.path());
+    pipeline.compute(folder.path());
     let process = view(&mut pipeline, address);
     let early = Viewer::open(address);
     pipeline.play(&input, &["--stay"]);
@@ -289,7 +278,7 @@ fn what_is_sent_is_read_by_the_official_schemas() {
     let input = log(folder.path(), 50);
     let address = free_address();
     let mut pipeline = Pipeline::new("vp");
-    compute(&mut pipeline, folder.path());
+    pipeline.compute(folder.path());
     view(&mut pipeline, address);
     let viewer = Viewer::open(address);
     pipeline.play(&input, &["--stay"]);
@@ -351,4 +340,22 @@ fn up_starts_it() {
     let ended = running.join().unwrap();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(viewer.has_ended());
+}
+
+#[test]
+fn what_is_no_address_is_refused_at_once() {
+    let view = |arguments: &[&str]| {
+        let pipeline = Pipeline::new("vb");
+        let mut command = Command::new(program("view"));
+        pipeline.enter(&mut command);
+        command.args(arguments);
+        support::ended(command)
+    };
+    let usage = view(&["--listen", "bad"]);
+    assert_eq!(usage.code, Some(2), "{}", usage.stderr);
+    let configuration = view(&["--set", "view.listen=\"bad\""]);
+    assert_eq!(configuration.code, Some(78), "{}", configuration.stderr);
+    for said in [usage.stderr, configuration.stderr] {
+        assert!(said.contains("127.0.0.1:8765"), "{said}");
+    }
 }

@@ -16,7 +16,6 @@ mod recorder;
 mod settings;
 mod sink;
 mod viewer;
-
 mod worker;
 
 pub use disk::Disk;

@@ -5,7 +5,7 @@ use randt_config::Config;
 use randt_recorder::Viewer;
 use randt_recorder::process::{Inputs, preamble};
 use randt_recorder::{BUDGET, Disk, Queue, Recorder, Settings, Worker};
-use randt_stage::{StageArguments, Woken, ended, parse};
+use randt_stage::{StageArguments, Woken, ended, go_behind, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -40,6 +40,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         .out
         .clone()
         .unwrap_or(record.folder.clone().into());
+    go_behind();
     let mut stage = arguments.stage.open("recorder")?;
     // What it writes says by what the others compute.
     let all: Vec<_> = Config::SECTIONS.iter().map(|it| it.name).collect();

@@ -7,13 +7,8 @@ use randt_messages::{
     Correction, MapperCorrection, MapperGrid, Message, OdometryState, OdometryStateTopic,
     RadarPoints, Topic,
 };
+use randt_wellknown::topic::{GRID, POINTS, POSE, TRANSFORMS};
 use randt_wellknown::{FrameTransforms, Grid, PointCloud, PoseInFrame, Tiles};
-
-/// Topics for viewers.
-const POSE: &str = "view/pose";
-const TRANSFORMS: &str = "view/transforms";
-const POINTS: &str = "view/points";
-const GRID: &str = "view/grid";
 
 /// A cloud is shown once a second, give or take a sweep: each takes as much as its scan does.
 const CLOUD_PERIOD_NS: i64 = 950_000_000;
@@ -73,8 +68,9 @@ impl Viewer {
             };
             self.see_state(&state.head, raw, out);
         } else if raw.topic == MapperCorrection::NAME {
-            let read = Message::<MapperCorrection>::from_bytes(&raw.bytes);
-            self.correction = read.map(|message| *message.head).or(self.correction);
+            if let Some(message) = Message::<MapperCorrection>::from_bytes(&raw.bytes) {
+                self.see_correction(*message.head);
+            }
         } else if raw.topic == RadarPoints::NAME {
             self.see_points(raw, out);
         } else if raw.topic == MapperGrid::NAME
@@ -82,6 +78,15 @@ impl Viewer {
         {
             self.tiles.take(tile);
             self.has_changed = true;
+        }
+    }
+
+    fn see_correction(&mut self, correction: Correction) {
+        let known = self.correction.replace(correction);
+        if known.is_some_and(|known| known.graph_version > correction.graph_version) {
+            // Another drive: nothing of the map before holds any more.
+            self.tiles = Tiles::default();
+            self.grid_ns = None;
         }
     }
 
@@ -155,6 +160,22 @@ mod tests {
         tile.head.resolution_m = 0.1;
         tile.items = vec![cell; TILE_CELLS * TILE_CELLS];
         Raw::of(tile.as_ref())
+    }
+
+    #[test]
+    fn another_drive_begins_with_an_empty_map() {
+        let mut viewer = Viewer::new(Robot::default());
+        let correct = |viewer: &mut Viewer, version| {
+            let mut correction = Message::<MapperCorrection>::default();
+            correction.head.graph_version = version;
+            viewer.see(&Raw::of(correction.as_ref()), &mut Vec::new());
+        };
+        viewer.see(&tile(0), &mut Vec::new());
+        correct(&mut viewer, 7);
+        correct(&mut viewer, 8);
+        assert!(viewer.tiles.size().is_some());
+        correct(&mut viewer, 1);
+        assert!(viewer.tiles.size().is_none());
     }
 
     #[test]

@@ -17,6 +17,7 @@ pub mod boot;
 pub mod calls;
 pub mod drive;
 pub mod hall;
+pub mod journal;
 pub mod killer;
 pub mod observer;
 pub mod package;

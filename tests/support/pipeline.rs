@@ -63,6 +63,29 @@ impl Pipeline {
         self.start(name, command)
     }
 
+    /// Starts the stages that compute; the map's journal lies in the folder.
+    pub fn compute(&mut self, folder: &Path) {
+        self.mapper(&folder.join("map.journal"));
+        self.stage("odometry");
+        self.stage("filter");
+    }
+
+    /// Starts the mapper.
+    pub fn mapper(&mut self, journal: &Path) -> u32 {
+        let mut command = Command::new(program("mapper"));
+        self.enter(&mut command);
+        command.arg("--journal").arg(journal);
+        self.start("mapper", command)
+    }
+
+    /// Starts the recorder.
+    pub fn record(&mut self, folder: &Path, more: &[&str]) -> u32 {
+        let mut command = Command::new(program("recorder"));
+        self.enter(&mut command);
+        command.arg("--out").arg(folder).args(more);
+        self.start("recorder", command)
+    }
+
     /// Starts `randt play`.
     pub fn play(&mut self, log: &Path, more: &[&str]) -> u32 {
         let mut command = self.command(&["play"]);

@@ -1,6 +1,6 @@
 //! Why a configuration is refused.
 
-use crate::Place;
+use crate::{Origins, Place};
 
 /// Why a configuration is refused (exit code 78).
 #[derive(Debug, thiserror::Error)]
@@ -120,6 +120,25 @@ pub enum Error {
 }
 
 impl Error {
+    /// A value that whoever uses it cannot work with, where it was written.
+    pub fn value(
+        origins: &Origins,
+        (section, key): (&'static str, &'static str),
+        found: &str,
+        expected: String,
+    ) -> Self {
+        let place = origins.get(&(section, key)).cloned();
+        Self::Value {
+            place: place.unwrap_or_else(|| Place {
+                source: "defaults".to_owned(),
+                line: None,
+            }),
+            name: format!("{section}.{key}"),
+            found: format!("{found:?}"),
+            expected,
+        }
+    }
+
     /// Several mistakes as one error; none as none.
     pub fn all(mut mistakes: Vec<Self>) -> Result<(), Self> {
         match mistakes.pop() {

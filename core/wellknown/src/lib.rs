@@ -1,6 +1,6 @@
 //! What viewers understand, made of our messages: Foxglove's well-known schemas in protobuf, one file a schema.
 //!
-//! Responsible for what a message looks like, not for which topic it goes by and how often. Pure: the same messages give
+//! Responsible for what a message looks like and what its topic is called, not for how often it goes. Pure: the same messages give
 //! the same bytes.
 
 mod cloud;
@@ -13,6 +13,7 @@ mod pose;
 mod scene;
 pub mod status;
 pub mod tile;
+pub mod topic;
 mod transform;
 
 pub use cloud::{of_points, of_scan, of_some_points};

@@ -1,7 +1,7 @@
 //! Why an IMU cannot be driven at all. What is wrong with a device is no error: it is its link's text, and it is tried
 //! again for ever.
 
-use randt_config::{Origins, Place};
+use randt_config::Origins;
 
 /// Why an IMU cannot be driven at all.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -27,15 +27,6 @@ impl Error {
             found,
             expected,
         } = self;
-        let place = origins.get(&("imu", key)).cloned();
-        randt_config::Error::Value {
-            place: place.unwrap_or(Place {
-                source: "defaults".to_owned(),
-                line: None,
-            }),
-            name: format!("imu.{key}"),
-            found: format!("{found:?}"),
-            expected: expected.to_owned(),
-        }
+        randt_config::Error::value(origins, ("imu", key), &found, expected.to_owned())
     }
 }

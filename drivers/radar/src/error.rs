@@ -1,6 +1,6 @@
 //! Why a radar cannot even be tried.
 
-use randt_config::{Origins, Place};
+use randt_config::Origins;
 
 /// A configuration that no radar fits, or a host that gives nothing to sleep on.
 #[derive(Debug, thiserror::Error)]
@@ -65,14 +65,6 @@ impl Error {
             ),
             Self::Record { .. } | Self::Poller(_) => return self.into(),
         };
-        let place = origins.get(&("radar", key)).cloned();
-        let source = "defaults".to_owned();
-        randt_config::Error::Value {
-            place: place.unwrap_or(Place { source, line: None }),
-            name: format!("radar.{key}"),
-            found: format!("{found:?}"),
-            expected,
-        }
-        .into()
+        randt_config::Error::value(origins, ("radar", key), &found, expected).into()
     }
 }

@@ -23,6 +23,9 @@ pub struct Comparison {
     pub published_only: u64,
     /// Computed again, and never published: odometry was not there yet, or the log lacks the state.
     pub computed_only: u64,
+    /// Scans that odometry had computed before the first one that was published here: what it knew by them is not in the
+    /// log.
+    pub unseen: u64,
     /// The first of those that differ.
     pub first: Option<Difference>,
 }
@@ -46,7 +49,10 @@ impl Comparison {
         let scan = |state: &OdometryState| -> Scan { (state.scan_epoch, state.scan_sequence) };
         let mut open: HashMap<Scan, &OdometryState> =
             published.iter().map(|state| (scan(state), state)).collect();
-        let mut comparison = Self::default();
+        let mut comparison = Self {
+            unseen: published.first().map_or(0, |state| state.id),
+            ..Self::default()
+        };
         // Frames are numbered from wherever odometry began.
         let mut frame_shift = None;
         for state in computed {
@@ -140,6 +146,13 @@ impl fmt::Display for Comparison {
                 first.by[2]
             )?,
         }
+        if self.unseen > 0 && self.differ > 0 {
+            write!(
+                f,
+                "; the log begins {} into the drive, so that odometry's past is missing: compare from the drive's first file",
+                count(self.unseen, "scan", "scans")
+            )?;
+        }
         if self.published_only > 0 {
             write!(
                 f,
@@ -167,6 +180,17 @@ mod tests {
             ..OdometryState::default()
         };
         (0..count).map(state).collect()
+    }
+
+    #[test]
+    fn a_log_that_begins_in_the_middle_of_a_drive_says_so() {
+        let live = states(20).split_off(5);
+        let mut again = live.clone();
+        again[0].pose[0] += 0.1;
+        let said = Comparison::of(&live, &again).to_string();
+        assert!(said.contains("begins 5 scans into the drive"), "{said}");
+        let said = Comparison::of(&live, &live).to_string();
+        assert!(said.ends_with("the same to the last bit"), "{said}");
     }
 
     #[test]

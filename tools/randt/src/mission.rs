@@ -5,7 +5,6 @@
 
 use crate::output::write_whole;
 use anyhow::Context;
-use randt_log::name_of_date;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::ErrorKind;
@@ -145,11 +144,6 @@ impl Mission {
         files.sort();
         Ok(files)
     }
-}
-
-/// The name of a mission that begins now.
-pub fn name_at(now_ns: i64) -> String {
-    name_of_date(now_ns)
 }
 
 #[cfg(test)]

@@ -2,8 +2,9 @@
 //!
 //! A folder `missions` with one folder each, and beside it a link `current`, through which the stages write.
 
-use crate::mission::{Mission, name_at};
+use crate::mission::Mission;
 use anyhow::{Context, bail, ensure};
+use randt_log::name_of_date;
 use std::fs;
 use std::io::ErrorKind;
 use std::os::unix::fs::{MetadataExt, lchown, symlink};
@@ -106,7 +107,7 @@ impl Missions {
 
     /// Two may begin within a second, and a clock without a battery reads the same at each start.
     fn begin_unnamed(&self, now_ns: i64) -> anyhow::Result<Mission> {
-        let date = name_at(now_ns);
+        let date = name_of_date(now_ns);
         let free = (1..).map(|n| match n {
             1 => date.clone(),
             _ => format!("{date}-{n}"),

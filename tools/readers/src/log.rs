@@ -4,7 +4,7 @@ use crate::limit::{is_instant, misreading};
 use crate::ros2::count_damage;
 use crate::summary::Summary;
 use crate::sweep::mend;
-use crate::{Counter, Error, Event, InputInfo, Source, tally::Tally};
+use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, tally::Tally};
 use randt_log::{Damage, LogReader};
 use randt_messages::{ImuSampleTopic, RadarScan, Topic, TruthPoseTopic};
 use std::fs::File;
@@ -48,6 +48,20 @@ impl LogSource {
             tally: Tally::default(),
             counted: Vec::new(),
         })
+    }
+
+    /// What stands behind the messages came too late for whoever has read them.
+    fn judge_late_metadata(&mut self) -> Result<(), Error> {
+        let configuration = self.reader.configuration().map(str::to_owned);
+        let robot = Extrinsics::from(self.reader.robot()?);
+        if robot != self.info.extrinsics || configuration != self.info.configuration {
+            self.tally.lost("metadata_too_late", 1, || {
+                "robot or configuration stand behind the first message, where no reader has them in time; \
+                 `randt run --robot FILE --profile FILE` says them"
+                    .to_owned()
+            });
+        }
+        Ok(())
     }
 
     /// The next message of a topic that matters; `Err` inside where it is not what its topic should hold.
@@ -99,7 +113,10 @@ impl Source for LogSource {
             let step = self.step()?;
             count_damage(self.reader.damage(), &mut self.counted, &mut self.tally);
             match step {
-                Step::End => return Ok(None),
+                Step::End => {
+                    self.judge_late_metadata()?;
+                    return Ok(None);
+                }
                 Step::Other => {}
                 Step::Malformed(why) => self.tally.lost("messages_malformed", 1, || why),
                 Step::Event(event) if !is_instant(event.stamp_ns()) => {

@@ -1,7 +1,7 @@
 //! The channels: what is shown.
 
 use randt_log::Channel;
-use randt_wellknown::{FrameTransforms, Log, PointCloud, PoseInFrame, SceneUpdate, channel};
+use randt_wellknown::{FrameTransforms, Log, PointCloud, PoseInFrame, SceneUpdate, channel, topic};
 
 /// What can be subscribed to, in the order of importance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -54,11 +54,11 @@ impl Shown {
         match self {
             Self::Status => "view/status",
             Self::Log => "view/log",
-            Self::Transforms => "view/transforms",
-            Self::Pose => "view/pose",
-            Self::Points => "view/points",
+            Self::Transforms => topic::TRANSFORMS,
+            Self::Pose => topic::POSE,
+            Self::Points => topic::POINTS,
             Self::Path => "view/path",
-            Self::Grid => "view/grid",
+            Self::Grid => topic::GRID,
         }
     }
 

@@ -1,10 +1,10 @@
 //! What one viewer has, and what it gets next: the newest of the most important.
 
-use crate::board::Piece;
+use crate::pieces::Pieces;
 use crate::protocol::Request;
 use crate::{Board, Flow, Shown, protocol, words};
-use randt_wellknown::{bytes, clear, pose_of_state, status, transforms};
-use std::collections::{BTreeMap, VecDeque};
+use randt_wellknown::{bytes, pose_of_state, status, transforms};
+use std::collections::VecDeque;
 
 /// The status is told once a second, also when nothing comes.
 const STATUS_NS: i64 = 1_000_000_000;
@@ -18,10 +18,6 @@ const FAST: f64 = 250_000.0;
 const CLOUD_FAST_NS: i64 = 450_000_000;
 /// A cloud of fewer bytes than this is none.
 const CLOUD_LEAST: f64 = 1_200.0;
-/// Below this rate tiles are shown without detail at first, bytes a second: a building takes 10 s and more.
-const SLOW: f64 = 100_000.0;
-/// The version of a piece that is there without its detail: no piece's.
-const COARSE: u64 = 0;
 /// Beside what may be under way: pose and status do not wait for what fills the link.
 const BEYOND: f64 = 2_000.0;
 /// Time never goes back for viewers by less than this, ns: they would forget everything.
@@ -54,12 +50,9 @@ pub struct Client {
     greeting: VecDeque<String>,
     /// By channel: the subscription's number.
     subscriptions: [Option<u32>; Shown::ALL.len()],
-    /// By channel: the number of the last state or cloud that went out, or the map that the pieces belong to.
+    /// By channel: the number of the last state or cloud that went out.
     had: [Option<u64>; Shown::ALL.len()],
-    /// Versions of the pieces that it has.
-    pieces: BTreeMap<(Shown, String), u64>,
-    /// No piece is newer than this, as far as was looked.
-    looked: u64,
+    pieces: Pieces,
     status_ns: i64,
     log_ns: i64,
     cloud_ns: i64,
@@ -108,8 +101,7 @@ impl Client {
             return;
         };
         // Everything anew: a panel that was opened just now has nothing.
-        self.pieces.retain(|(of, _), _| *of != shown);
-        self.looked = 0;
+        self.pieces.forget(shown);
         match shown {
             Shown::Status => self.status_ns = 0,
             Shown::Log => self.log_ns = 0,
@@ -245,60 +237,14 @@ impl Client {
         Some(data(subscription, points.head.header.stamp_ns, &payload))
     }
 
-    /// A piece that it does not have: of the path first, then of the grid what is nearest to the robot. On a slow link
-    /// all of it without detail, then with it: never the other way round.
+    /// A piece of path or grid that it does not have.
     fn piece(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
-        for shown in [Shown::Path, Shown::Grid] {
-            if let Some(subscription) = self.subscription(shown)
-                && self.had(shown) != Some(board.maps)
-            {
-                let is_first = self.had(shown).is_none();
-                set(&mut self.had, shown, Some(board.maps));
-                self.pieces.retain(|(of, _), _| *of != shown);
-                if !is_first {
-                    let time_ns = board.time_ns(now_ns);
-                    return Some(data(subscription, time_ns, &bytes(&clear(time_ns))?));
-                }
-            }
-        }
-        if self.looked == board.version {
-            return None;
-        }
-        let robot_m = board.robot_m();
-        let wanted = board.pieces.iter().filter(|(key, piece)| {
-            self.subscription(key.0).is_some() && self.pieces.get(*key) != Some(&piece.version)
-        });
-        let is_slow = flow.rate() < SLOW;
-        let urgency = |key: &(Shown, String), piece: &Piece| {
-            let Some([x, y]) = piece.place_m else {
-                return (false, -1.0);
-            };
-            let [x, y] = [x - robot_m[0], y - robot_m[1]];
-            (is_slow && self.pieces.contains_key(key), x * x + y * y)
+        let wanted = |shown: Shown| {
+            let subscription = self.subscriptions.get(shown.place());
+            subscription.copied().flatten()
         };
-        let next = wanted.min_by(|(key, piece), (other, than)| {
-            // What lies nowhere comes first; then, on a slow link, what there is nothing of yet.
-            let ((known, far), (than_known, than)) = (urgency(key, piece), urgency(other, than));
-            known.cmp(&than_known).then(far.total_cmp(&than))
-        });
-        let Some((key, piece)) = next else {
-            self.looked = board.version;
-            return None;
-        };
-        let coarse = piece.coarse.as_ref();
-        let coarse = coarse.filter(|_| is_slow && !self.pieces.contains_key(key));
-        let payload = coarse.unwrap_or(&piece.bytes);
-        if !flow.has_room(payload.len(), 0.0) {
-            return None;
-        }
-        let version = if coarse.is_some() {
-            COARSE
-        } else {
-            piece.version
-        };
-        let subscription = self.subscription(key.0)?;
-        self.pieces.insert(key.clone(), version);
-        Some(data(subscription, board.time_ns(now_ns), payload))
+        let (subscription, payload) = self.pieces.next(board, flow, now_ns, wanted)?;
+        Some(data(subscription, board.time_ns(now_ns), &payload))
     }
 }
 

@@ -4,8 +4,8 @@ mod inputs;
 
 use clap::Parser;
 use inputs::Inputs;
-use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, parse};
-use randt_view::{Board, Server};
+use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, go_behind, parse};
+use randt_view::{Board, Server, check_address};
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -17,7 +17,7 @@ use std::process::ExitCode;
 #[command(name = "randt-view", version, max_term_width = 100)]
 struct Arguments {
     /// Address with port for viewers, instead of view.listen
-    #[arg(long, value_name = "ADDRESS:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT", value_parser = check_address)]
     listen: Option<String>,
     #[command(flatten)]
     stage: StageArguments,
@@ -28,8 +28,14 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
-    let config = arguments.stage.selection.load(None)?.config;
+    let loaded = arguments.stage.selection.load(None)?;
+    let config = loaded.config;
+    check_address(&config.view.listen).map_err(|expected| {
+        let (key, found) = (("view", "listen"), &config.view.listen);
+        randt_config::Error::value(&loaded.origins, key, found, expected.to_owned())
+    })?;
     let listen = arguments.listen.as_ref().unwrap_or(&config.view.listen);
+    go_behind();
     let mut stage = arguments.stage.open("view")?;
     let selection = &arguments.stage.selection;
     stage.follow(selection, &config, &["robot", "view"], None);

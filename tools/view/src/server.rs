@@ -3,7 +3,7 @@
 use crate::Board;
 use crate::connection::Connection;
 use std::io::ErrorKind;
-use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
@@ -27,6 +27,16 @@ pub struct Server {
     again_ns: i64,
     trouble: String,
     connections: Vec<Connection>,
+}
+
+/// Refuses what can never be an address with a port; a name that nobody knows yet may be known later.
+pub fn check_address(text: &str) -> Result<String, &'static str> {
+    match text.to_socket_addrs() {
+        Err(cause) if cause.kind() == ErrorKind::InvalidInput => {
+            Err("ADDRESS:PORT, such as 127.0.0.1:8765")
+        }
+        _ => Ok(text.to_owned()),
+    }
 }
 
 impl Server {
@@ -154,6 +164,16 @@ impl Server {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_no_address_is_refused() {
+        for text in ["bad", "", "127.0.0.1", "127.0.0.1:99999", ":x"] {
+            assert!(check_address(text).is_err(), "{text:?}");
+        }
+        for text in ["127.0.0.1:0", "[::1]:8765", "0.0.0.0:1"] {
+            assert!(check_address(text).is_ok(), "{text:?}");
+        }
+    }
 
     #[test]
     fn an_address_that_is_taken_is_tried_again() {

@@ -30,7 +30,7 @@ enum Action {
     /// Begin a new mission with an empty map; the one before is stopped
     New(new::Arguments),
     /// End the mission: the pipeline stops, the report is written, and the next start begins a new one
-    Stop(stop::Arguments),
+    Stop,
     /// Say which missions there are
     List(list::Arguments),
     /// Copy a mission somewhere else, with whole logs and its report
@@ -46,7 +46,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let missions = Missions::open(&arguments.root)?;
     match arguments.action {
         Action::New(arguments) => new::run(&missions, &arguments),
-        Action::Stop(arguments) => stop::run(&missions, &arguments),
+        Action::Stop => stop::run(&missions),
         Action::List(arguments) => list::run(&missions, &arguments),
         Action::Export(arguments) => export::run(&missions, &arguments),
         Action::Boot(arguments) => boot::run(&missions, &arguments),

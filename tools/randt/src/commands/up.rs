@@ -105,7 +105,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     harvest::set_aside(&arguments.out)?;
     if randt_stage::wipe(&realm, true)?.is_none() {
         bail!(
-            "{}: a pipeline runs here already; stop it, or give this one another --prefix",
+            "{}: a pipeline runs here already, or a stage of one; stop it, or give this one another --prefix (a recorder is started by --record, a view by --view)",
             realm.folder().display()
         );
     }

@@ -4,7 +4,6 @@ use super::write_copy;
 use crate::exit::Outcome;
 use crate::output::print;
 use crate::units::bytes;
-use anyhow::ensure;
 use randt_log::LogReader;
 use std::path::PathBuf;
 
@@ -68,7 +67,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let begin_ns = reader.next_entry()?.map_or(0, |entry| entry.time_ns);
     let from_ns = arguments.from.time_ns(begin_ns);
     let to_ns = arguments.to.map_or(i64::MAX, |to| to.time_ns(begin_ns));
-    ensure!(from_ns <= to_ns, "--from is after --to");
+    if from_ns > to_ns {
+        let why = "--from is after --to\n";
+        clap::Error::raw(clap::error::ErrorKind::ValueValidation, why).exit();
+    }
     let mut reader = LogReader::open(&arguments.file)?;
     let span = from_ns..=to_ns;
     let keep = |entry: &randt_log::Entry<'_>| span.contains(&entry.time_ns);

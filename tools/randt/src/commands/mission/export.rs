@@ -43,7 +43,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     let copied = Mission::open(&part)?;
     recover::set_aside(&copied)?;
     recover::mend(&copied.logs())?;
-    if let Err(error) = report::write(&copied, &part.join(REPORT)) {
+    if let Err(error) = report::write(&copied, &mission.name(), &part.join(REPORT)) {
         eprintln!("{}: no report: {error:#}", mission.name());
     }
     fs::rename(&part, &to).with_context(|| to.display().to_string())?;

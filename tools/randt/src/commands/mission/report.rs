@@ -3,11 +3,12 @@
 use crate::conclusion::Conclusion;
 use crate::latency::Latency;
 use crate::mission::{CONFIGURATION, JOURNAL, Mission};
+use crate::recorded::configuration;
 use crate::report::{self, Cost, Count, Input};
 use crate::results::Results;
 use anyhow::Context;
-use randt_config::{Config, Selection};
-use randt_log::LogReader;
+use randt_config::Config;
+use randt_log::{LogReader, Robot};
 use randt_mapper::Mapper;
 use randt_messages::{LogDropTopic, OdometryState, OdometryStateTopic};
 use std::collections::{BTreeMap, HashSet};
@@ -24,9 +25,9 @@ struct Logged {
     first_unreadable: String,
 }
 
-/// Writes it into a folder.
-pub fn write(mission: &Mission, folder: &Path) -> anyhow::Result<()> {
-    let config = configuration(mission)?;
+/// Writes it into a folder. `name`: what it is called there, also while it is being copied.
+pub fn write(mission: &Mission, name: &str, folder: &Path) -> anyhow::Result<()> {
+    let config = configuration_of(mission)?;
     let journal = mission.folder().join(JOURNAL);
     let bytes = fs::read(&journal)
         .with_context(|| format!("{}: no keyframe was mapped", journal.display()))?;
@@ -59,7 +60,7 @@ pub fn write(mission: &Mission, folder: &Path) -> anyhow::Result<()> {
     let compute_ns: Vec<u64> = compute.map(|l| (l.compute_ms * 1e6) as u64).collect();
     Conclusion {
         input: Input {
-            name: mission.name(),
+            name: name.to_owned(),
             format: "mission",
             sha256: String::new(),
             imu: logged.states.iter().any(|state| state.imu_epoch != 0),
@@ -77,14 +78,10 @@ pub fn write(mission: &Mission, folder: &Path) -> anyhow::Result<()> {
 }
 
 /// The one in force when the mission began.
-fn configuration(mission: &Mission) -> anyhow::Result<Config> {
+fn configuration_of(mission: &Mission) -> anyhow::Result<Config> {
     let path = mission.folder().join(CONFIGURATION);
     let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
-    let loaded = Config::load(&Selection {
-        recorded: Some(text),
-        ..Selection::default()
-    });
-    Ok(loaded.with_context(|| path.display().to_string())?.config)
+    configuration(Robot::default(), Some(&text)).with_context(|| path.display().to_string())
 }
 
 impl Logged {

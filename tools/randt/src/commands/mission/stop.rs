@@ -7,12 +7,8 @@ use crate::missions::Missions;
 use crate::output::print;
 use anyhow::Context;
 
-/// Arguments of `randt mission stop`.
-#[derive(Debug, clap::Args)]
-pub struct Arguments {}
-
 /// Stops the pipeline and ends the current mission.
-pub fn run(missions: &Missions, _: &Arguments) -> anyhow::Result<Outcome> {
+pub fn run(missions: &Missions) -> anyhow::Result<Outcome> {
     target::stop()?;
     let mission = missions.current();
     let mission = mission.context("there is no mission; the pipeline's start begins one")?;
@@ -34,7 +30,7 @@ pub fn end(missions: &Missions, mut mission: Mission) -> anyhow::Result<()> {
     recover::set_aside(&mission)?;
     recover::mend(&mission.logs())?;
     let folder = mission.folder().join(REPORT);
-    if let Err(error) = report::write(&mission, &folder) {
+    if let Err(error) = report::write(&mission, &mission.name(), &folder) {
         eprintln!("{}: no report: {error:#}", mission.name());
     }
     missions.hand_over(mission.folder())?;

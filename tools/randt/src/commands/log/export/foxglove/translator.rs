@@ -8,6 +8,7 @@ use randt_messages::{
     Correction, Keyframe, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid, OdometryState,
     OdometryStateTopic, RadarPoints, RadarScan, Topic,
 };
+use randt_wellknown::topic;
 use randt_wellknown::{
     FrameTransforms, Graph, Grid, Log, PointCloud, PoseInFrame, SceneUpdate, Tiles, channel,
     mounting, of_drop, of_points, of_scan, pose_of_state, transforms,
@@ -25,7 +26,7 @@ pub struct View {
 }
 
 macro_rules! views {
-    ($($name:ident = $view:literal: $schema:ty, $from:ty, $what:expr;)+) => {
+    ($($name:ident = $view:expr, $schema:ty, $from:ty, $what:expr;)+) => {
         $(const $name: &str = $view;)+
         /// All of them.
         pub const TOPICS: [View; [$($view),+].len()] = [$(View {
@@ -38,15 +39,15 @@ macro_rules! views {
 }
 
 views! {
-    TRANSFORMS = "view/transforms": FrameTransforms, OdometryStateTopic, None;
-    SCAN = "view/scan": PointCloud, RadarScan, Some("raw clouds are");
-    POINTS = "view/points": PointCloud, RadarPoints, Some("filtered clouds are");
-    POSE = "view/pose": PoseInFrame, OdometryStateTopic, Some("pose and transforms are");
-    CELLS = "view/cells": SceneUpdate, Keyframe, Some("NDT cells are");
-    GRAPH = "view/graph": SceneUpdate, MapperGraph, Some("the pose graph is");
-    LOOPS = "view/loops": SceneUpdate, MapperGraph, Some("loops are");
-    GRID = "view/grid": Grid, MapperGrid, Some("the occupancy grid is");
-    MISSING = "view/missing": Log, LogDropTopic, None;
+    TRANSFORMS = topic::TRANSFORMS, FrameTransforms, OdometryStateTopic, None;
+    SCAN = "view/scan", PointCloud, RadarScan, Some("raw clouds are");
+    POINTS = topic::POINTS, PointCloud, RadarPoints, Some("filtered clouds are");
+    POSE = topic::POSE, PoseInFrame, OdometryStateTopic, Some("pose and transforms are");
+    CELLS = "view/cells", SceneUpdate, Keyframe, Some("NDT cells are");
+    GRAPH = "view/graph", SceneUpdate, MapperGraph, Some("the pose graph is");
+    LOOPS = "view/loops", SceneUpdate, MapperGraph, Some("loops are");
+    GRID = topic::GRID, Grid, MapperGrid, Some("the occupancy grid is");
+    MISSING = "view/missing", Log, LogDropTopic, None;
 }
 
 /// A node's line, mark and overhead in a drawing, about: only the pace goes by it.
