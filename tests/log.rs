@@ -262,7 +262,7 @@ fn what_viewers_cannot_be_shown_is_said() {
     assert_eq!(found, [("view/scan", 10), ("view/transforms", 1)]);
 
     let empty = folder.path().join("empty.mcap");
-    let log = randt_log::LogFile::create(&empty, randt_log::Options::default()).unwrap();
+    let log = LogFile::create(&empty, randt_log::Options::default()).unwrap();
     log.finish().unwrap();
     let ended = log_command("export", &empty, &["--foxglove"]);
     assert_eq!(ended.code, Some(1));
