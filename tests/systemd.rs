@@ -15,6 +15,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 use support::blows::{Blow, Blows, STAGES};
 use support::boot::{Image, Machine, units_folder};
+use support::large;
 use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
 use support::sensors::unix_s;
 use support::watch::{WATCHES, Watch};
@@ -22,7 +23,8 @@ use support::{Ended, ended};
 
 /// Where this test's own program is on the machine.
 const WATCHER: &str = "/usr/bin/randt-test-watch";
-/// A journal to begin with, where it is set: a map of thousands of keyframes takes minutes to be driven.
+/// A journal to begin with, where it is set, instead of one that is made up: a map of thousands of keyframes takes minutes
+/// to be driven.
 const JOURNAL: &str = "RANDT_TEST_JOURNAL";
 /// The whole test of a machine takes no longer.
 const ALL_MAX: Duration = Duration::from_secs(180);
@@ -251,21 +253,23 @@ fn boot(folder: &Path) -> Machine {
     image.program(&std::env::current_exe().unwrap(), "randt-test-watch");
     equip(&image, folder, 900);
     image.write("etc/randt/robot.toml", ROBOT);
-    if let Some(journal) = std::env::var_os(JOURNAL) {
-        // As a mission that was interrupted a moment ago; tmpfiles gives it to the stages' user.
-        let folder = "var/lib/randt/missions/first";
-        let begun_ns = unix_s() * 1e9;
-        let record = format!(
-            "{{\"randt\":\"\",\"begun_ns\":{begun_ns:.0},\"stopped_ns\":null,\"resumed_ns\":[]}}"
-        );
-        image.write(&format!("{folder}/mission.json"), &record);
-        fs::copy(journal, image.file(&format!("{folder}/map.journal"))).unwrap();
-        symlink("missions/first", image.file("var/lib/randt/current")).unwrap();
-        image.write(
-            "etc/tmpfiles.d/test.conf",
-            "Z /var/lib/randt - randt randt -\n",
-        );
+    // A large map, as of a mission that was interrupted a moment ago; tmpfiles gives it to the stages' user.
+    let mission = "var/lib/randt/missions/first";
+    let begun_ns = unix_s() * 1e9;
+    let record = format!(
+        "{{\"randt\":\"\",\"begun_ns\":{begun_ns:.0},\"stopped_ns\":null,\"resumed_ns\":[]}}"
+    );
+    image.write(&format!("{mission}/mission.json"), &record);
+    let journal = image.file(&format!("{mission}/map.journal"));
+    match std::env::var_os(JOURNAL) {
+        Some(from) => drop(fs::copy(from, journal).unwrap()),
+        None => large::write(&image.file("etc/randt/robot.toml"), &journal),
     }
+    symlink("missions/first", image.file("var/lib/randt/current")).unwrap();
+    image.write(
+        "etc/tmpfiles.d/test.conf",
+        "Z /var/lib/randt - randt randt -\n",
+    );
     image.enable_all(&STAGES);
     image.boot()
 }

@@ -6,6 +6,7 @@ mod shared;
 
 use randt_geometry::Pose2;
 use randt_mapper::grid::{Grid, GridKeyframe};
+use randt_mapper::{LazySight, Sight};
 use randt_messages::{KeyframeBeam, KeyframePoint};
 use shared::{machine, milliseconds, print};
 use std::f64::consts::TAU;
@@ -27,7 +28,7 @@ const ALLOWED_MS: f64 = 200.0;
 
 fn main() {
     println!("machine: {}", machine());
-    let (beams, points) = keyframe();
+    let sight = LazySight::from(keyframe());
     // Around a block of 40 m, again and again.
     let pose = |id: u64| {
         let angle = id as f64 * 0.02;
@@ -35,12 +36,11 @@ fn main() {
         Pose2::new(20.0 * cos, 20.0 * sin, angle + 0.25 * TAU)
     };
     let keyframes = |correction: Pose2| {
-        let (beams, points) = (&beams, &points);
+        let sight = &sight;
         let keyframe = |id| GridKeyframe {
             id,
             pose: correction.compose(&pose(id)),
-            beams,
-            points,
+            sight,
         };
         (0..KEYFRAMES).map(keyframe).collect::<Vec<_>>()
     };
@@ -78,8 +78,7 @@ fn main() {
         let new = GridKeyframe {
             id: KEYFRAMES + id,
             pose: pose(id),
-            beams: &beams,
-            points: &points,
+            sight: &sight,
         };
         let begin = Instant::now();
         grid.update(&[new]);
@@ -89,7 +88,7 @@ fn main() {
 }
 
 /// Beams all around, each with a cluster at the same range.
-fn keyframe() -> (Vec<KeyframeBeam>, Vec<KeyframePoint>) {
+fn keyframe() -> Sight {
     let (mut beams, mut points) = (Vec::new(), Vec::new());
     for beam in 0..BEAMS {
         let azimuth = f64::from(beam) / f64::from(BEAMS) * TAU;
@@ -111,5 +110,5 @@ fn keyframe() -> (Vec<KeyframeBeam>, Vec<KeyframePoint>) {
             });
         }
     }
-    (beams, points)
+    Sight { beams, points }
 }

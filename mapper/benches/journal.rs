@@ -1,6 +1,7 @@
 //! `cargo bench -p randt-mapper --bench journal`: how soon a mapper is back, and what its journal takes.
 //!
-//! Prints machine, data, median and worst. The keyframes are odometry's on simulated drives.
+//! Prints machine, data, median and worst. The keyframes are odometry's on simulated drives. `-- LAPS FILE` drives so
+//! many laps through the building instead (1,380 sweeps, 300 keyframes each) and leaves their journal in a file.
 #![allow(
     clippy::unwrap_used,
     reason = "a benchmark says by panicking what is wrong"
@@ -11,13 +12,14 @@ mod shared;
 mod support;
 
 use randt_config::Config;
-use randt_mapper::{Mapper, journal};
+use randt_mapper::{Known, Mapper, journal};
 use randt_simulator::World;
 use shared::{machine, milliseconds, print};
 use std::time::Instant;
 use support::{Drive, config};
 
-/// Sweeps in which the building's robot makes a thousand keyframes: three laps and a little.
+/// Sweeps of a lap, and those in which the building's robot makes a thousand keyframes: three laps and a little.
+const LAP_SCANS: u64 = 1380;
 const SCANS: u64 = 4600;
 const SCAN_S: f64 = 0.2;
 const RESTARTS: usize = 15;
@@ -48,7 +50,7 @@ fn write(config: &Config, drive: &Drive) -> Written {
     };
     let bytes = &mut written.bytes;
     journal::begin(config, bytes);
-    let (mut after_snapshot, mut first) = (0, 0);
+    let (mut after_snapshot, mut known) = (0, Known::default());
     for (count, keyframe) in (1..).zip(&drive.keyframes) {
         let start = bytes.len();
         journal::append_keyframe(keyframe.as_ref(), bytes).unwrap();
@@ -57,8 +59,8 @@ fn write(config: &Config, drive: &Drive) -> Written {
         after_snapshot += 1;
         if journal::is_snapshot_due(count, after_snapshot) {
             written.before_last_snapshot = bytes.len();
-            journal::append_snapshot(&mapper, first, bytes).unwrap();
-            first = mapper.candidates().len();
+            journal::append_snapshot(&mapper, known, bytes).unwrap();
+            known = mapper.known();
             written.last_snapshot_bytes = bytes.len() - written.before_last_snapshot;
             written.snapshots += 1;
             after_snapshot = 0;
@@ -69,6 +71,10 @@ fn write(config: &Config, drive: &Drive) -> Written {
 
 fn main() {
     println!("machine: {}", machine());
+    let arguments: Vec<String> = std::env::args().filter(|a| a != "--bench").collect();
+    if let [_, laps, file] = &arguments[..] {
+        return leave(laps.parse().unwrap(), file);
+    }
     for name in World::NAMES {
         let world = World::named(name).unwrap();
         let scans = world.sweeps();
@@ -79,23 +85,40 @@ fn main() {
     let config = config(&world);
     let written = write(&config, &Drive::new(&world, SCANS, 1, &[]));
     report("building, three laps", &written, SCANS);
-    restart("with all of it", &config, &written.bytes);
+    judge(&config, &written);
+}
+
+/// Writes a large journal, and judges it.
+fn leave(laps: u64, file: &str) {
+    let world = World::building();
+    let config = config(&world);
+    let drive = Drive::new(&world, laps * LAP_SCANS, 1, &[]);
+    let begin = Instant::now();
+    let written = write(&config, &drive);
+    println!("pushed in {:.0} s", begin.elapsed().as_secs_f64());
+    report("building", &written, laps * LAP_SCANS);
+    std::fs::write(file, &written.bytes).unwrap();
+    judge(&config, &written);
+}
+
+fn judge(config: &Config, written: &Written) {
+    restart("with all of it", config, &written.bytes);
     let worst = &written.bytes[..written.before_last_snapshot];
-    restart("just before a snapshot", &config, worst);
+    restart("just before a snapshot", config, worst);
 
     let mut only = Vec::new();
-    journal::begin(&config, &mut only);
+    journal::begin(config, &mut only);
     let (_, records) = journal::records(&written.bytes).unwrap();
     for keyframe in records.of(journal::Kind::Keyframe) {
         only.extend_from_slice(keyframe.bytes);
     }
     let begin = Instant::now();
-    Mapper::restore(&config, &only).unwrap();
+    Mapper::restore(config, &only).unwrap();
     println!(
         "without any snapshot     {:.0} ms",
         milliseconds(begin.elapsed())
     );
-    let (mut mapper, _) = Mapper::restore(&config, &written.bytes).unwrap();
+    let (mut mapper, _) = Mapper::restore(config, &written.bytes).unwrap();
     let begin = Instant::now();
     mapper.update_grid();
     println!(
@@ -104,7 +127,7 @@ fn main() {
     );
     let mut bytes = Vec::new();
     let begin = Instant::now();
-    journal::append_snapshot(&mapper, mapper.candidates().len(), &mut bytes).unwrap();
+    journal::append_snapshot(&mapper, mapper.known(), &mut bytes).unwrap();
     println!(
         "taking a snapshot        {:.2} ms",
         milliseconds(begin.elapsed())

@@ -35,13 +35,15 @@ pub mod publication;
 mod registration;
 mod scan_context;
 mod search;
+mod sight;
 mod submap;
 mod verify;
 
 pub use candidate::{Candidate, Fate, Scores};
-pub use mapper::{Counters, Mapper, PassedOver, Restored};
+pub use mapper::{Counters, Known, Mapper, PassedOver, Recalled, Restored};
 pub use place::Place;
 pub use registration::{Registrar, Registration};
-pub use scan_context::{Likeness, ScanContext};
+pub use scan_context::{Likeness, RingKey, ScanContext};
 pub use search::{Lead, Search, Source};
+pub use sight::{LazySight, Sight};
 pub use submap::{Submaps, Trail};

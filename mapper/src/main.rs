@@ -9,6 +9,7 @@ use randt_stage::{StageArguments, Woken, ended, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 /// The sections of the configuration that it computes by.
 const READS: [&str; 8] = [
@@ -17,8 +18,8 @@ const READS: [&str; 8] = [
 
 /// The mapper stage: loops, the pose graph, the occupancy grid.
 ///
-/// Every keyframe goes into a journal before the map that it makes is told. When the stage is started again it is what it was, to the last bit, and
-/// asks odometry for what it has missed.
+/// Every keyframe goes into a journal before the map that it makes is told. When the stage is started again it is what
+/// it was, to the last bit, and asks odometry for what it has missed.
 #[derive(Debug, Parser)]
 #[command(name = "randt-mapper", version, max_term_width = 100)]
 struct Arguments {
@@ -45,12 +46,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         None => stage.realm().state().join("map.journal"),
     };
     let mut intake = Intake::open(&journal, &config, &stage)?;
-    stage.note(&format!("{} keyframes", intake.next()));
+    stage.note(&intake.progress());
     stage.running()?;
     let mut at_once = true;
     loop {
         outlet.tell(&mut intake, at_once)?;
-        let pause = Some(outlet.pause());
+        let pause = match intake.is_behind() {
+            true => Some(Duration::ZERO),
+            false => Some(outlet.pause()),
+        };
         if stage.wait(&[&keyframes], pause)? == Woken::Stop {
             break;
         }
@@ -58,6 +62,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         while let Some(keyframe) = keyframes.receive()? {
             at_once |= intake.take(keyframe.message());
         }
+        intake.catch_up();
         at_once |= intake.sync();
         if intake.is_other_drive {
             intake = intake.begin_anew(&journal, &config, &stage)?;
@@ -65,7 +70,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             at_once = true;
         }
         stage.report(&intake.trouble, intake.lost);
-        stage.note(&format!("{} keyframes", intake.next()));
+        stage.note(&intake.progress());
         if intake.is_unsure {
             return Err(intake.trouble.into());
         }

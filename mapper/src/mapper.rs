@@ -9,7 +9,8 @@ mod restore;
 mod settle;
 mod snapshot;
 
-pub use restore::{PassedOver, Restored};
+pub use restore::{PassedOver, Recalled, Restored};
+pub use snapshot::Known;
 
 use crate::{
     Candidate, Fate, Place,

@@ -1,10 +1,11 @@
 //! A place: a keyframe as the mapper keeps it.
 
+use crate::{LazySight, Sight};
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
-use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, MessageRef};
+use randt_messages::{Keyframe, KeyframeHead, MessageRef};
 
-/// A keyframe, its points in its own `base_link` at the sweep's end.
+/// A keyframe.
 #[derive(Clone, Debug)]
 pub struct Place {
     /// Number that odometry gave it.
@@ -23,23 +24,24 @@ pub struct Place {
     pub speed_m_s: f64,
     /// Path driven since the start, m; frames of odometry count on.
     pub path_m: f64,
-    /// Where the beams began, for the rays of the grid.
-    pub beams: Vec<KeyframeBeam>,
-    /// De-skewed returns, by beam, then range.
-    pub points: Vec<KeyframePoint>,
+    /// What was seen from there.
+    pub sight: LazySight,
 }
 
 impl Place {
     /// The place of a message; `before` is the last one, in whatever frame.
     pub fn new(keyframe: MessageRef<'_, Keyframe>, before: Option<&Self>) -> Self {
-        let head = keyframe.head;
+        Self::of(keyframe.head, Sight::of(keyframe).into(), before)
+    }
+
+    /// The place of a keyframe's head and what was seen.
+    pub(crate) fn of(head: &KeyframeHead, sight: LazySight, before: Option<&Self>) -> Self {
         let odom = Pose2::from_array(head.pose);
         let step_m = before
             .filter(|before| before.odom_frame_id == head.odom_frame_id)
             .map_or(0.0, |before| {
                 before.odom.between(&odom).translation().norm()
             });
-        let beams = head.beams.get(..head.beam_count as usize);
         Self {
             keyframe_id: head.id,
             stamp_ns: head.header.stamp_ns,
@@ -49,8 +51,7 @@ impl Place {
             step_covariance: Matrix3::from_row_slice(&head.covariance),
             speed_m_s: (head.twist[0] * head.twist[0] + head.twist[1] * head.twist[1]).sqrt(),
             path_m: before.map_or(0.0, |before| before.path_m) + step_m,
-            beams: beams.unwrap_or(&head.beams).to_vec(),
-            points: keyframe.items.to_vec(),
+            sight,
         }
     }
 }

@@ -218,7 +218,7 @@ fn explained(associations: &[Association], loss: &AdaptiveLoss) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Place, Submaps};
+    use crate::{LazySight, Place, Sight, Submaps};
     use proptest::prelude::*;
     use randt_messages::KeyframePoint;
 
@@ -252,8 +252,10 @@ mod tests {
             step_covariance: Matrix3::identity(),
             speed_m_s: 0.0,
             path_m: 0.0,
-            beams: Vec::new(),
-            points: points.collect(),
+            sight: LazySight::from(Sight {
+                beams: Vec::new(),
+                points: points.collect(),
+            }),
         }
     }
 

@@ -6,6 +6,7 @@
 use randt_config::Loops;
 use randt_geometry::elementary::{PI, atan2};
 use randt_messages::KeyframePoint;
+use serde::{Deserialize, Serialize};
 
 /// The descriptor of one keyframe.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,9 +14,11 @@ pub struct ScanContext {
     rings: usize,
     /// Unit columns, sector by sector; all zero where a sector is empty.
     columns: Vec<f32>,
-    /// Share of each ring in the intensity: the same under every heading.
-    ring_key: Vec<f32>,
 }
+
+/// Share of each ring in the intensity: the same under every heading.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RingKey(Vec<f32>);
 
 /// How alike two descriptors are, and under which turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +30,8 @@ pub struct Likeness {
 }
 
 impl ScanContext {
-    /// The descriptor of de-skewed returns.
-    pub fn new(points: &[KeyframePoint], config: &Loops) -> Self {
+    /// The descriptor of de-skewed returns, and its key.
+    pub fn new(points: &[KeyframePoint], config: &Loops) -> (Self, RingKey) {
         let (rings, sectors) = (config.rings as usize, config.sectors as usize);
         let mut columns = vec![0.0_f32; rings * sectors];
         for point in points {
@@ -51,17 +54,7 @@ impl ScanContext {
         }
         normalise(&mut ring_key);
         columns.chunks_exact_mut(rings).for_each(normalise);
-        Self {
-            rings,
-            columns,
-            ring_key,
-        }
-    }
-
-    /// Squared distance of the ring keys: a first sieve, cheap and blind to the heading.
-    pub fn key_distance(&self, other: &Self) -> f32 {
-        let pairs = self.ring_key.iter().zip(&other.ring_key);
-        pairs.map(|(a, b)| (a - b) * (a - b)).sum()
+        (Self { rings, columns }, RingKey(ring_key))
     }
 
     /// The best of all turns.
@@ -82,6 +75,14 @@ impl ScanContext {
             distance: 1.0 - f64::from(best.0) / sectors.max(1) as f64,
             yaw_rad: best.1 as f64 / sectors.max(1) as f64 * 2.0 * PI,
         }
+    }
+}
+
+impl RingKey {
+    /// Squared distance: a first sieve, cheap and blind to the heading.
+    pub fn distance(&self, other: &Self) -> f32 {
+        let pairs = self.0.iter().zip(&other.0);
+        pairs.map(|(a, b)| (a - b) * (a - b)).sum()
     }
 }
 
@@ -142,11 +143,11 @@ mod tests {
         #[test]
         fn the_same_place_under_another_heading_is_found_with_its_turn(yaw in -PI..PI, x in -0.2..0.2, y in -0.2..0.2) {
             let config = Loops::default();
-            let first = ScanContext::new(&view(&Pose2::IDENTITY), &config);
-            let second = ScanContext::new(&view(&Pose2::new(x, y, yaw)), &config);
+            let (first, _) = ScanContext::new(&view(&Pose2::IDENTITY), &config);
+            let (second, _) = ScanContext::new(&view(&Pose2::new(x, y, yaw)), &config);
             let likeness = first.compare(&second);
             // Another place of the same room is less alike.
-            let other = ScanContext::new(&view(&Pose2::new(3.0, 2.0, yaw)), &config);
+            let (other, _) = ScanContext::new(&view(&Pose2::new(3.0, 2.0, yaw)), &config);
             prop_assert!(likeness.distance < 0.9 * first.compare(&other).distance, "{likeness:?}");
             let off = randt_geometry::elementary::wrap(likeness.yaw_rad - yaw);
             prop_assert!(off.abs() < 1.6 * 2.0 * PI / f64::from(config.sectors), "{likeness:?} {yaw}");
@@ -156,7 +157,7 @@ mod tests {
     #[test]
     fn nothing_and_hostile_points_have_a_descriptor() {
         let config = Loops::default();
-        let none = ScanContext::new(&[], &config);
+        let (none, _) = ScanContext::new(&[], &config);
         let hostile: Vec<_> = [f32::NAN, f32::INFINITY, -1.0, 1e30]
             .iter()
             .map(|&v| KeyframePoint {
@@ -167,7 +168,7 @@ mod tests {
                 reserved: 0,
             })
             .collect();
-        let odd = ScanContext::new(&hostile, &config);
+        let (odd, _) = ScanContext::new(&hostile, &config);
         assert!((0.0..=1.0).contains(&none.compare(&odd).distance));
     }
 }

@@ -1,9 +1,10 @@
 //! Where a keyframe could have been before: leads from what it looks like and from where it is believed to be.
 
-use crate::{Place, ScanContext, submap::REACH_KEYFRAMES};
+use crate::{Place, RingKey, ScanContext, submap::REACH_KEYFRAMES};
 use randt_config::{Config, Loops};
 use randt_geometry::elementary::exp;
 use serde::{Deserialize, Serialize};
+use std::cell::OnceCell;
 
 /// Leads that are followed from each source; each costs a registration.
 const LEADS_MAX: usize = 3;
@@ -31,12 +32,14 @@ pub struct Lead {
     pub source: Source,
 }
 
-/// The descriptors of all places.
+/// The descriptors of all places, and their keys.
 #[derive(Clone, Debug)]
 pub struct Search {
     config: Loops,
     apart_m: f64,
-    descriptors: Vec<ScanContext>,
+    keys: Vec<RingKey>,
+    /// Of a place that was recalled, from when its key made it one to be compared.
+    contexts: Vec<OnceCell<ScanContext>>,
 }
 
 impl Search {
@@ -45,14 +48,33 @@ impl Search {
         Self {
             config: config.loops.clone(),
             apart_m: REACH_KEYFRAMES * config.keyframe.distance_m,
-            descriptors: Vec::new(),
+            keys: Vec::new(),
+            contexts: Vec::new(),
         }
     }
 
     /// Takes the newest place.
     pub fn push(&mut self, place: &Place) {
-        self.descriptors
-            .push(ScanContext::new(&place.points, &self.config));
+        let (context, key) = ScanContext::new(&place.sight.points, &self.config);
+        self.keys.push(key);
+        self.contexts.push(context.into());
+    }
+
+    /// Takes the newest place, whose key is known.
+    pub(crate) fn recall(&mut self, key: RingKey) {
+        self.keys.push(key);
+        self.contexts.push(OnceCell::new());
+    }
+
+    /// The keys of all places.
+    pub(crate) fn keys(&self) -> &[RingKey] {
+        &self.keys
+    }
+
+    fn context(&self, index: usize, places: &[Place]) -> Option<&ScanContext> {
+        let (context, place) = (self.contexts.get(index)?, places.get(index)?);
+        let made = || ScanContext::new(&place.sight.points, &self.config).0;
+        Some(context.get_or_init(made))
     }
 
     /// Places so long ago that meeting them again is a loop: an earlier part of the path, or another frame.
@@ -76,12 +98,13 @@ impl Search {
         places: &[Place],
         mut deviations: impl FnMut(usize) -> Option<f64>,
     ) -> Vec<Lead> {
-        let Some(newest) = self.descriptors.last() else {
+        let newest = self.keys.len().saturating_sub(1);
+        let (Some(key), Some(context)) = (self.keys.last(), self.context(newest, places)) else {
             return Vec::new();
         };
         let mut sieve: Vec<(f32, usize)> = self
             .old(places)
-            .filter_map(|(i, _)| Some((newest.key_distance(self.descriptors.get(i)?), i)))
+            .filter_map(|(i, _)| Some((key.distance(self.keys.get(i)?), i)))
             .collect();
         let keep = self.config.candidates as usize;
         if sieve.len() > keep {
@@ -89,7 +112,7 @@ impl Search {
             sieve.truncate(keep);
         }
         let leads = sieve.iter().filter_map(|&(_, place)| {
-            let likeness = self.descriptors.get(place)?.compare(newest);
+            let likeness = self.context(place, places)?.compare(context);
             let odometry = deviations(place).map_or(0.0, |d| 1.0 - exp(-0.5 * d * d));
             let distance = likeness.distance + odometry;
             let source = Source::Appearance {

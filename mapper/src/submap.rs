@@ -187,7 +187,7 @@ fn connected(a: &Place, b: &Place, reach_m: f64) -> bool {
 
 fn insert(grid: &mut Grid, root: &Place, place: &Place) {
     let relative: Pose2 = root.odom.between(&place.odom);
-    for point in &place.points {
+    for point in &place.sight.points {
         let p = relative.transform(Vector2::new(f64::from(point.x_m), f64::from(point.y_m)));
         grid.add([p.x, p.y, f64::from(point.intensity)]);
     }
@@ -196,6 +196,7 @@ fn insert(grid: &mut Grid, root: &Place, place: &Place) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{LazySight, Sight};
     use nalgebra::Matrix3;
     use randt_messages::KeyframePoint;
 
@@ -210,16 +211,18 @@ mod tests {
             step_covariance: Matrix3::identity(),
             speed_m_s: 1.0,
             path_m: 0.5 * f64::from(i),
-            beams: Vec::new(),
-            points: (0..40)
-                .map(|k| KeyframePoint {
-                    x_m: 0.1 * k as f32 - 2.0,
-                    y_m: 2.0 + 0.01 * (k % 4) as f32,
-                    intensity: 9.0 + (k % 3) as f32,
-                    beam: 0,
-                    reserved: 0,
-                })
-                .collect(),
+            sight: LazySight::from(Sight {
+                beams: Vec::new(),
+                points: (0..40)
+                    .map(|k| KeyframePoint {
+                        x_m: 0.1 * k as f32 - 2.0,
+                        y_m: 2.0 + 0.01 * (k % 4) as f32,
+                        intensity: 9.0 + (k % 3) as f32,
+                        beam: 0,
+                        reserved: 0,
+                    })
+                    .collect(),
+            }),
         };
         (0..60).map(place).collect()
     }

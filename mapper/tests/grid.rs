@@ -10,6 +10,7 @@ mod support;
 use nalgebra::Vector2;
 use randt_geometry::Pose2;
 use randt_mapper::grid::{CellState, Grid, GridKeyframe, TILE_CELLS};
+use randt_mapper::{LazySight, Sight};
 use randt_messages::{Keyframe, Message};
 use randt_simulator::{Wall, World};
 use std::ops::Range;
@@ -23,6 +24,7 @@ const SEEN_M: Range<f64> = 0.7..8.0;
 /// A keyframe at its true pose.
 struct Kept {
     keyframe: Message<Keyframe>,
+    sight: LazySight,
     pose: Pose2,
 }
 
@@ -32,8 +34,7 @@ impl Kept {
         GridKeyframe {
             id: head.id,
             pose: self.pose,
-            beams: &head.beams[..head.beam_count as usize],
-            points: &self.keyframe.items,
+            sight: &self.sight,
         }
     }
 }
@@ -45,6 +46,7 @@ fn drive(world: &World, seed: u64) -> Vec<Kept> {
     keyframes
         .map(|keyframe| Kept {
             pose: drive.truth(keyframe.head.header.stamp_ns),
+            sight: Sight::of(keyframe.as_ref()).into(),
             keyframe,
         })
         .collect()

@@ -32,7 +32,7 @@ fn drive(path: &Path, ids: impl IntoIterator<Item = u64>) -> (Opened, Mapper) {
         let keyframe = keyframe(id);
         opened.journal.append_keyframe(keyframe.as_ref()).unwrap();
         assert!(mapper.push(keyframe.as_ref()));
-        if opened.journal.is_snapshot_due() {
+        if opened.journal.is_snapshot_due(&mapper) {
             opened.journal.append_snapshot(&mapper).unwrap();
         }
     }
@@ -186,7 +186,7 @@ fn a_map_file_is_all_keyframes_and_one_snapshot() {
     opened.journal.export(&mapper, &map).unwrap();
     opened.journal.compact(&mapper).unwrap();
     assert_eq!(opened.journal.on_disk(), 50);
-    assert!(!opened.journal.is_snapshot_due());
+    assert!(!opened.journal.is_snapshot_due(&mapper));
     let bytes = fs::read(&map).unwrap();
     assert_eq!(fs::read(&path).unwrap(), bytes);
     let kinds: Vec<Kind> = journal::records(&bytes)

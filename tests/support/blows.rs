@@ -2,6 +2,7 @@
 
 use super::boot::Machine;
 use super::watch::{Heard, Watch, now_us};
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 /// The stages, from the sensors on.
@@ -76,7 +77,7 @@ pub fn pids(machine: &Machine) -> Vec<(String, u32)> {
 fn sent_by(stage: &str) -> &str {
     match stage {
         "radar" | "imu" | "filter" | "odometry" => "state",
-        "mapper" => "graph",
+        "mapper" => "correction",
         _ => stage,
     }
 }
@@ -206,8 +207,9 @@ impl<'m> Blows<'m> {
         panic!("randt-{by} did not see that {stage} hangs: {status}");
     }
 
-    /// Whether all came back in time.
+    /// Whether all came back in time, and the trajectory went on.
     pub fn check(&self) {
+        self.trajectory();
         for row in &self.rows {
             let (stage, blow) = (row.stage, row.blow);
             assert!(
@@ -231,5 +233,21 @@ impl<'m> Blows<'m> {
                 row.seen_ms
             );
         }
+    }
+
+    /// Every scan of a radar's process has its pose, each one the next, in one frame: only with the radar scans can be
+    /// missed.
+    fn trajectory(&self) {
+        let states = self.watch.states();
+        for (before, state) in states.iter().zip(states.iter().skip(1)) {
+            assert_eq!(state.id, before.id + 1, "{before:?}, {state:?}");
+            if state.scan_epoch == before.scan_epoch {
+                let next = (before.odom_frame_id, before.scan_sequence + 1);
+                let is = (state.odom_frame_id, state.scan_sequence);
+                assert_eq!(is, next, "{before:?}, {state:?}");
+            }
+        }
+        let frames: BTreeSet<u64> = states.iter().map(|state| state.odom_frame_id).collect();
+        println!("{} poses in a row, in frames {frames:?}", states.len());
     }
 }

@@ -19,6 +19,7 @@ pub mod drive;
 pub mod hall;
 pub mod journal;
 pub mod killer;
+pub mod large;
 pub mod observer;
 pub mod package;
 pub mod phidgets;

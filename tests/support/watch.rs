@@ -3,7 +3,7 @@
 
 use super::boot::Machine;
 use randt_messages::{
-    ImuUse, MapperGraph, OdometryStateTopic, StageHealthTopic, StageState, health::text_of,
+    ImuUse, MapperCorrection, OdometryStateTopic, StageHealthTopic, StageState, health::text_of,
 };
 use randt_stage::{Observer, Realm};
 use rustix::time::{ClockId, clock_gettime};
@@ -23,12 +23,23 @@ const MARK: &str = "heard";
 pub struct Heard {
     /// Of the machine's monotonic clock, microseconds.
     pub at_us: u64,
-    /// `state`, `graph`, or a stage's name for its health.
+    /// `state`, `correction`, or a stage's name for its health.
     pub what: String,
     /// The sender's.
     pub epoch: u64,
     /// Of a state: whether the IMU covers it. Of health: whether anything went through the stage's ports.
     pub flows: bool,
+    /// Of a state.
+    pub state: Option<State>,
+}
+
+/// Which pose of which scan a state is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct State {
+    pub id: u64,
+    pub odom_frame_id: u64,
+    pub scan_epoch: u64,
+    pub scan_sequence: u64,
 }
 
 /// The messages so far.
@@ -48,7 +59,7 @@ pub fn print() {
     let realm = Realm::new("randt", Some(Path::new("/run/randt"))).unwrap();
     let observer = Observer::enter(&realm).unwrap().expect("a stage runs");
     let mut states = observer.subscriber::<OdometryStateTopic>().unwrap();
-    let mut graphs = observer.subscriber::<MapperGraph>().unwrap();
+    let mut corrections = observer.subscriber::<MapperCorrection>().unwrap();
     let mut health = observer.subscriber::<StageHealthTopic>().unwrap();
     let mut out = std::io::stdout();
     let mut lines = format!("{MARK} ready 0 0 true\n");
@@ -56,17 +67,18 @@ pub fn print() {
         let mut line = |what: &str, epoch: u64, flows: bool| {
             lines += &format!("{MARK} {what} {} {epoch} {flows}\n", now_us());
         };
-        let covered = ImuUse::Covered as u32;
         let read = observer.read(&mut states, |state| {
-            line(
-                "state",
-                state.head.header.epoch,
-                state.head.imu_use == covered,
+            let head = state.head;
+            let what = format!(
+                "state:{}:{}:{}:{}",
+                head.id, head.odom_frame_id, head.scan_epoch, head.scan_sequence
             );
+            let is_covered = head.imu_use == ImuUse::Covered as u32;
+            line(&what, head.header.epoch, is_covered);
         });
         read.unwrap();
-        let read = observer.read(&mut graphs, |graph| {
-            line("graph", graph.head.header.epoch, true)
+        let read = observer.read(&mut corrections, |correction| {
+            line("correction", correction.head.header.epoch, true)
         });
         read.unwrap();
         let read = observer.read(&mut health, |health| {
@@ -134,6 +146,15 @@ impl Watch {
             .map(|heard| heard.epoch)
     }
 
+    /// The states so far, each once.
+    pub fn states(&self) -> Vec<State> {
+        let heard = self.heard.lock().unwrap();
+        let mut states: Vec<State> = heard.iter().filter_map(|heard| heard.state).collect();
+        states.sort_by_key(|state| state.id);
+        states.dedup();
+        states
+    }
+
     /// The first message after an instant that is so.
     pub fn first(&self, what: &str, after_us: u64, is_so: impl Fn(&Heard) -> bool) -> Heard {
         let begin = Instant::now();
@@ -167,10 +188,23 @@ fn parse(line: &str) -> Option<Heard> {
     // The harness may have begun the line.
     let (_, line) = line.split_once(MARK)?;
     let mut words = line.split_whitespace();
+    let what = words.next()?;
+    let (what, numbers) = what.split_once(':').unwrap_or((what, ""));
     Some(Heard {
-        what: words.next()?.to_owned(),
+        what: what.to_owned(),
+        state: state(numbers),
         at_us: words.next()?.parse().ok()?,
         epoch: words.next()?.parse().ok()?,
         flows: words.next()?.parse().ok()?,
+    })
+}
+
+fn state(numbers: &str) -> Option<State> {
+    let mut numbers = numbers.split(':').map_while(|number| number.parse().ok());
+    Some(State {
+        id: numbers.next()?,
+        odom_frame_id: numbers.next()?,
+        scan_epoch: numbers.next()?,
+        scan_sequence: numbers.next()?,
     })
 }

@@ -16,9 +16,9 @@ mod tiles;
 pub use pgm::Picture;
 pub use tile::{CellCount, TILE_CELLS, Tile, TileIndex};
 
+use crate::LazySight;
 use lattice::LatticePose;
 use randt_geometry::Pose2;
-use randt_messages::{KeyframeBeam, KeyframePoint};
 use ray::RayMaker;
 use std::collections::BTreeMap;
 use stencil::Stencil;
@@ -32,10 +32,8 @@ pub struct GridKeyframe<'a> {
     pub id: u64,
     /// `base_link` at the sweep's end in the map.
     pub pose: Pose2,
-    /// Beams, with the first of each one's points.
-    pub beams: &'a [KeyframeBeam],
-    /// Points in `base_link`, by beam, then range.
-    pub points: &'a [KeyframePoint],
+    /// What was seen from there.
+    pub sight: &'a LazySight,
 }
 
 /// What an update did.
@@ -210,7 +208,7 @@ impl Grid {
         old: Option<LatticePose>,
         new: Option<LatticePose>,
     ) {
-        self.rays.make(keyframe);
+        self.rays.make(keyframe.sight);
         for (pose, change) in [(old, Change::Remove), (new, Change::Add)] {
             if let Some(pose) = pose {
                 self.stencil.paint(self.rays.rays(), &pose.placement());

@@ -1,6 +1,6 @@
 //! Rays: what each beam of a keyframe says of the space before it.
 
-use super::GridKeyframe;
+use crate::Sight;
 
 /// A ray of more cells is cut: no map is made of what lies so far, and a broken keyframe must not ask for all memory.
 const CELLS_MAX: f64 = 1024.0;
@@ -60,10 +60,10 @@ impl RayMaker {
     ///
     /// The strongest return is the wall: the flanks around it are the width of the pulse. Between the first return
     /// and the strongest nothing is said.
-    pub fn make(&mut self, keyframe: &GridKeyframe<'_>) {
-        let count = keyframe.beams.len();
+    pub fn make(&mut self, sight: &Sight) {
+        let count = sight.beams.len();
         self.echoes.clear();
-        let echoes = (0..count).map(|beam| Echo::of(keyframe, beam, self.cell_size_m));
+        let echoes = (0..count).map(|beam| Echo::of(sight, beam, self.cell_size_m));
         self.echoes.extend(echoes);
         self.rays.clear();
         for (beam, echo) in self.echoes.iter().enumerate() {
@@ -95,12 +95,12 @@ impl RayMaker {
 
 impl Echo {
     /// Of one beam; `None` where it has no returns, or nonsense.
-    fn of(keyframe: &GridKeyframe<'_>, beam: usize, cell_size_m: f64) -> Option<Self> {
-        let (beams, total) = (keyframe.beams, keyframe.points.len());
+    fn of(sight: &Sight, beam: usize, cell_size_m: f64) -> Option<Self> {
+        let (beams, total) = (&sight.beams, sight.points.len());
         let next = beams.get(beam + 1);
         let end = next.map_or(total, |next| next.first_point as usize);
         let beam = beams.get(beam)?;
-        let points = keyframe
+        let points = sight
             .points
             .get(beam.first_point as usize..end.min(total))?;
         let first = points.first()?;

@@ -1,21 +1,20 @@
 //! What the grid says of hand-made keyframes, and that it forgets how they came to where they are.
 
 use super::*;
+use crate::Sight;
 use proptest::prelude::*;
+use randt_messages::{KeyframeBeam, KeyframePoint};
 
 /// Edge of a cell, m.
 const CELL_M: f64 = 0.1;
 
 /// Beams from the origin with clusters of these (x, y, intensity).
-#[derive(Clone, Debug, Default)]
-pub(super) struct Drawn {
-    beams: Vec<KeyframeBeam>,
-    points: Vec<KeyframePoint>,
-}
+#[derive(Clone, Debug)]
+pub(super) struct Drawn(LazySight);
 
 impl Drawn {
     pub(super) fn of<'a>(clusters: impl IntoIterator<Item = &'a [(f32, f32, f32)]>) -> Self {
-        let mut drawn = Self::default();
+        let mut drawn = Sight::default();
         for (beam, cluster) in clusters.into_iter().enumerate() {
             drawn.beams.push(KeyframeBeam {
                 first_point: drawn.points.len() as u32,
@@ -30,15 +29,14 @@ impl Drawn {
             };
             drawn.points.extend(cluster.iter().map(point));
         }
-        drawn
+        Self(drawn.into())
     }
 
     pub(super) fn at(&self, id: u64, pose: Pose2) -> GridKeyframe<'_> {
         GridKeyframe {
             id,
             pose,
-            beams: &self.beams,
-            points: &self.points,
+            sight: &self.0,
         }
     }
 }
@@ -294,7 +292,8 @@ proptest! {
                 ..KeyframePoint::default()
             })
             .collect();
-        let keyframe = GridKeyframe { id: 0, pose: Pose2::IDENTITY, beams: &beams, points: &points };
+        let sight = Sight { beams, points }.into();
+        let keyframe = GridKeyframe { id: 0, pose: Pose2::IDENTITY, sight: &sight };
         let mut grid = grid();
         grid.update(&[keyframe]);
         grid.remove(&[keyframe]);

@@ -3,11 +3,11 @@
 use super::tail::Tail;
 use super::{
     Damage, Error, Kind, append_keyframe, append_snapshot, begin, compacted, is_snapshot_due,
-    read_keyframe, records,
+    read_head, records,
 };
-use crate::Mapper;
+use crate::{Known, Mapper};
 use randt_config::Config;
-use randt_messages::{Keyframe, Message, MessageRef};
+use randt_messages::{Keyframe, KeyframeHead, MessageRef};
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 pub struct Opened {
     /// To append to.
     pub journal: JournalFile,
-    /// All that it holds, for [`Mapper::restore`].
+    /// All that it holds, for [`Mapper::recall`].
     pub bytes: Vec<u8>,
     /// What was cut off its end.
     pub cut: Option<Damage>,
@@ -34,16 +34,24 @@ pub struct Opened {
 pub struct JournalFile {
     path: PathBuf,
     tail: Tail<File>,
-    keyframes: u64,
-    after_snapshot: u64,
-    /// Candidates that the snapshots have; none of those from before it was opened, which may be of another form.
-    candidates: usize,
-    /// One more than the number of the newest keyframe, and the same of the newest that is on the disk.
-    end: u64,
+    count: Count,
+    /// What the snapshots have; of those from before it was opened nothing, because they may be of another form.
+    known: Known,
+    /// As [`Self::end`], of the newest keyframe that is on the disk.
     on_disk: u64,
     bytes: Vec<u8>,
     /// Held, not used. A file of its own, because the journal is renamed.
     _lock: File,
+}
+
+/// What is in a file.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    keyframes: u64,
+    /// Of them, those that the last snapshot has.
+    in_snapshot: u64,
+    /// One more than the number of the newest.
+    end: u64,
 }
 
 impl JournalFile {
@@ -56,13 +64,13 @@ impl JournalFile {
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => Vec::new(),
             Err(cause) => return Err(io_error(&path, "read", cause)),
         };
-        let (mut aside, mut cut) = (None, None);
+        let (mut aside, mut cut, mut count) = (None, None, Count::default());
         let mut is_new = bytes.is_empty();
         if !is_new {
             match walk(&bytes) {
-                Ok((good, damage)) => {
+                Ok((good, counted, damage)) => {
                     bytes.truncate(good);
-                    cut = damage;
+                    (count, cut) = (counted, damage);
                     if let Some(damage) = cut.take_if(|damage| damage.in_the_middle) {
                         let why = format!("offset {}: {}", damage.offset, damage.what);
                         aside = Some((set_aside(&path)?, why));
@@ -86,15 +94,12 @@ impl JournalFile {
         let mut journal = Self {
             tail: tail(&path, bytes.len() as u64)?,
             path,
-            keyframes: 0,
-            after_snapshot: 0,
-            candidates: 0,
-            end: 0,
+            count,
+            known: Known::default(),
             on_disk: 0,
             bytes: Vec::new(),
             _lock: lock,
         };
-        journal.count(&bytes)?;
         journal.sync()?;
         Ok(Opened {
             journal,
@@ -107,29 +112,38 @@ impl JournalFile {
     /// Appends a keyframe. It is not on the disk before [`Self::sync`].
     pub fn append_keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) -> Result<(), Error> {
         self.append(|bytes| append_keyframe(keyframe, bytes))?;
-        self.keyframes += 1;
-        self.after_snapshot += 1;
-        self.end = keyframe.head.id.saturating_add(1);
+        self.count.keyframes += 1;
+        self.count.end = keyframe.head.id.saturating_add(1);
         Ok(())
     }
 
-    /// Appends a snapshot of the mapper, which has taken all keyframes.
+    /// Appends a snapshot of the mapper, which has taken no keyframes but the journal's.
     pub fn append_snapshot(&mut self, mapper: &Mapper) -> Result<(), Error> {
-        let first = self.candidates;
-        self.append(|bytes| append_snapshot(mapper, first, bytes))?;
-        self.after_snapshot = 0;
-        self.candidates = mapper.candidates().len();
+        let known = self.known;
+        self.append(|bytes| append_snapshot(mapper, known, bytes))?;
+        self.has_snapshot(mapper);
+        self.known = mapper.known();
         Ok(())
     }
 
-    /// Whether the next restart would take too long without a snapshot.
-    pub fn is_snapshot_due(&self) -> bool {
-        is_snapshot_due(self.keyframes, self.after_snapshot)
+    /// The mapper is as a snapshot has it that is in the journal.
+    pub fn has_snapshot(&mut self, mapper: &Mapper) {
+        self.count.in_snapshot = mapper.taken() as u64;
     }
 
-    /// Whether there are keyframes that no snapshot has.
-    pub fn has_news(&self) -> bool {
-        self.after_snapshot > 0
+    /// Whether the mapper has taken so many keyframes since the last snapshot that the next restart would take too long
+    /// without another.
+    pub fn is_snapshot_due(&self, mapper: &Mapper) -> bool {
+        is_snapshot_due(self.count.keyframes, self.after_snapshot(mapper))
+    }
+
+    /// Whether the mapper has taken keyframes that no snapshot has.
+    pub fn has_news(&self, mapper: &Mapper) -> bool {
+        self.after_snapshot(mapper) > 0
+    }
+
+    fn after_snapshot(&self, mapper: &Mapper) -> u64 {
+        (mapper.taken() as u64).saturating_sub(self.count.in_snapshot)
     }
 
     /// Comes back when everything is on the disk.
@@ -137,13 +151,13 @@ impl JournalFile {
         self.check()?;
         let synced = self.tail.sync();
         synced.map_err(|cause| io_error(&self.path, "bring onto the disk", cause))?;
-        self.on_disk = self.end;
+        self.on_disk = self.count.end;
         Ok(())
     }
 
     /// The number after the newest keyframe's.
     pub fn end(&self) -> u64 {
-        self.end
+        self.count.end
     }
 
     /// Keyframes below this number are on the disk.
@@ -175,9 +189,9 @@ impl JournalFile {
         // Until the new file is open the old one is, which no longer has a name.
         self.tail.doubt();
         self.tail = tail(&self.path, bytes.len() as u64)?;
-        self.after_snapshot = 0;
-        self.candidates = mapper.candidates().len();
-        self.on_disk = self.end;
+        self.has_snapshot(mapper);
+        self.known = mapper.known();
+        self.on_disk = self.count.end;
         Ok(())
     }
 
@@ -210,33 +224,26 @@ impl JournalFile {
             false => Ok(()),
         }
     }
-
-    /// Counts what is there.
-    fn count(&mut self, bytes: &[u8]) -> Result<(), Error> {
-        let mut newest = None;
-        for record in records(bytes)?.1 {
-            match record.kind {
-                Kind::Keyframe => {
-                    self.keyframes += 1;
-                    self.after_snapshot += 1;
-                    newest = Some(record.payload);
-                }
-                Kind::Snapshot => self.after_snapshot = 0,
-            }
-        }
-        let mut message = Message::default();
-        if newest.is_some_and(|payload| read_keyframe(payload, &mut message)) {
-            self.end = message.head.id.saturating_add(1);
-        }
-        Ok(())
-    }
 }
 
-/// How many bytes are good, and what is behind them.
-fn walk(bytes: &[u8]) -> Result<(usize, Option<Damage>), Error> {
+/// How many bytes are good, what is in them, and what is behind them.
+fn walk(bytes: &[u8]) -> Result<(usize, Count, Option<Damage>), Error> {
     let mut records = records(bytes)?.1;
-    records.by_ref().for_each(drop);
-    Ok((records.good(), records.damage().cloned()))
+    let (mut count, mut newest) = (Count::default(), None);
+    for record in records.by_ref() {
+        match record.kind {
+            Kind::Keyframe => {
+                count.keyframes += 1;
+                newest = Some(record.payload);
+            }
+            Kind::Snapshot => count.in_snapshot = count.keyframes,
+        }
+    }
+    let mut head = KeyframeHead::default();
+    if newest.is_some_and(|payload| read_head(payload, &mut head)) {
+        count.end = head.id.saturating_add(1);
+    }
+    Ok((records.good(), count, records.damage().cloned()))
 }
 
 /// Opens the end of a file behind its good bytes.

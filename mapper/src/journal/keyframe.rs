@@ -58,21 +58,7 @@ pub(super) fn unpack(bytes: &[u8], out: &mut Message<Keyframe>) -> Option<()> {
     let mut unpacker = Unpacker(bytes);
     let head = &mut *out.head;
     *head = KeyframeHead::default();
-    head.header.sequence = unpacker.whole()?;
-    head.header.stamp_ns = unpacker.signed()?;
-    head.id = unpacker.whole()?;
-    head.odom_frame_id = unpacker.whole()?;
-    head.submap_id = unpacker.whole()?;
-    head.submap_root = unpacker.whole()?;
-    head.scan_sequence = unpacker.whole()?;
-    head.beam_count = unpacker.whole()?.try_into().ok()?;
-    head.reserved = unpacker.whole()?.try_into().ok()?;
-    let count = usize::try_from(unpacker.whole()?).ok()?;
-    let values = head.pose.iter_mut().chain(&mut head.covariance);
-    for value in values.chain(&mut head.twist) {
-        *value = unpacker.double()?;
-    }
-
+    let count = unpack_numbers(&mut unpacker, head)?;
     let (mut x_m, mut y_m, mut azimuth_rad) = <(Column, Column, Column)>::default();
     let mut first_point = 0;
     for beam in head.beams.iter_mut().take(head.beam_count as usize) {
@@ -110,6 +96,28 @@ pub(super) fn unpack(bytes: &[u8], out: &mut Message<Keyframe>) -> Option<()> {
         }
     }
     unpacker.0.is_empty().then_some(())
+}
+
+/// Reads the numbers in front of the beams over a head, which keeps its beams; gives how many points there are.
+pub(super) fn unpack_numbers(
+    unpacker: &mut Unpacker<'_>,
+    head: &mut KeyframeHead,
+) -> Option<usize> {
+    head.header.sequence = unpacker.whole()?;
+    head.header.stamp_ns = unpacker.signed()?;
+    head.id = unpacker.whole()?;
+    head.odom_frame_id = unpacker.whole()?;
+    head.submap_id = unpacker.whole()?;
+    head.submap_root = unpacker.whole()?;
+    head.scan_sequence = unpacker.whole()?;
+    head.beam_count = unpacker.whole()?.try_into().ok()?;
+    head.reserved = unpacker.whole()?.try_into().ok()?;
+    let count = usize::try_from(unpacker.whole()?).ok()?;
+    let values = head.pose.iter_mut().chain(&mut head.covariance);
+    for value in values.chain(&mut head.twist) {
+        *value = unpacker.double()?;
+    }
+    Some(count)
 }
 
 /// What is the same for all points of a beam.

@@ -14,9 +14,8 @@
 //! let mut bytes = Vec::new();
 //! journal::begin(&config, &mut bytes);
 //! let keyframe = Message::<Keyframe>::default();
-//! if mapper.push(keyframe.as_ref()) {
-//!     journal::append_keyframe(keyframe.as_ref(), &mut bytes)?;
-//! }
+//! journal::append_keyframe(keyframe.as_ref(), &mut bytes)?;
+//! mapper.push(keyframe.as_ref());
 //! let (again, restored) = Mapper::restore(&config, &bytes)?;
 //! assert_eq!((again.poses(), restored.replayed), (mapper.poses(), 1));
 //! # Ok::<(), journal::Error>(())
@@ -35,9 +34,10 @@ pub use file::{JournalFile, Opened};
 pub use header::Header;
 pub use record::{Damage, Kind, Record, Records};
 
-use crate::Mapper;
+use crate::{Known, Mapper};
+use pack::Unpacker;
 use randt_config::Config;
-use randt_messages::{Keyframe, Message, MessageRef};
+use randt_messages::{Keyframe, KeyframeHead, Message, MessageRef};
 
 /// A snapshot costs about 32 bytes a keyframe of the map, and pushing a keyframe again some milliseconds: at every 256th
 /// part of a map snapshots take half as much as the keyframes, and few keyframes are left to push.
@@ -55,16 +55,16 @@ pub fn begin(config: &Config, out: &mut Vec<u8>) {
     Header::new(config).append(out);
 }
 
-/// Appends a keyframe that the mapper has taken.
+/// Appends a keyframe that the mapper has taken or is going to take.
 pub fn append_keyframe(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) -> Result<(), Error> {
     let is_written = record::append(Kind::Keyframe, out, |out| keyframe::pack(keyframe, out));
     is_written.then_some(()).ok_or(Error::TooLarge)
 }
 
-/// Appends a snapshot of the mapper that has taken all keyframes before it, with its candidates from `first` on: the
-/// snapshots before it in the journal, by this program, have the others. From 0 on it stands for itself.
-pub fn append_snapshot(mapper: &Mapper, first: usize, out: &mut Vec<u8>) -> Result<(), Error> {
-    let is_written = record::append(Kind::Snapshot, out, |out| mapper.snapshot(first, out));
+/// Appends a snapshot of a mapper that has taken no keyframe but those before it, without what is known from the
+/// snapshots before it in the journal. With nothing known it stands for itself.
+pub fn append_snapshot(mapper: &Mapper, known: Known, out: &mut Vec<u8>) -> Result<(), Error> {
+    let is_written = record::append(Kind::Snapshot, out, |out| mapper.snapshot(known, out));
     is_written.then_some(()).ok_or(Error::TooLarge)
 }
 
@@ -75,7 +75,7 @@ pub fn compacted(journal: &[u8], mapper: &Mapper) -> Result<Vec<u8>, Error> {
     for record in records.of(Kind::Keyframe) {
         bytes.extend_from_slice(record.bytes);
     }
-    append_snapshot(mapper, 0, &mut bytes)?;
+    append_snapshot(mapper, Known::default(), &mut bytes)?;
     Ok(bytes)
 }
 
@@ -83,6 +83,19 @@ pub fn compacted(journal: &[u8], mapper: &Mapper) -> Result<Vec<u8>, Error> {
 pub fn records(bytes: &[u8]) -> Result<(Header, Records<'_>), Error> {
     let (header, end) = Header::read(bytes)?;
     Ok((header, Records::new(bytes, end)))
+}
+
+/// The payload of a keyframe's record.
+pub fn packed(keyframe: MessageRef<'_, Keyframe>) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    keyframe::pack(keyframe, &mut bytes);
+    bytes
+}
+
+/// Reads of the payload of a keyframe's record all but beams and points, over a head that keeps its beams; `false` where
+/// it is none.
+pub fn read_head(payload: &[u8], out: &mut KeyframeHead) -> bool {
+    keyframe::unpack_numbers(&mut Unpacker(payload), out).is_some()
 }
 
 /// Reads the payload of a keyframe's record over a message; `false` where it is none.

@@ -15,8 +15,7 @@ impl Mapper {
                 .map(|(_, (place, pose))| GridKeyframe {
                     id: place.keyframe_id,
                     pose: *pose,
-                    beams: &place.beams,
-                    points: &place.points,
+                    sight: &place.sight,
                 })
                 .collect()
         };

@@ -1,14 +1,14 @@
 //! The mapper that was, from its journal.
 
 use super::Mapper;
-use super::snapshot::{self, Memory, News, Origin};
+use super::snapshot::{self, Grown, Memory, Origin};
 use crate::{
-    Candidate, Place,
+    LazySight, Place, RingKey,
     graph::{Edge, PoseGraph},
     journal::{self, Damage, Error, Kind, Records},
 };
 use randt_config::Config;
-use randt_messages::Message;
+use randt_messages::{KeyframeHead, Message};
 
 /// Own snapshots that are tried before all keyframes are pushed anew: one always fits, unless something is badly wrong.
 const TRIED_MAX: usize = 2;
@@ -29,62 +29,135 @@ pub struct Restored {
     pub keyframes: u64,
     /// Those of them that a snapshot had.
     pub from_snapshot: u64,
-    /// Those that were pushed anew.
+    /// Those that are pushed anew.
     pub replayed: u64,
-    /// Those that the map does not have: not to be read, or refused.
-    pub left_out: u64,
     /// Why the newest snapshot was not used, where it was not.
     pub passed_over: Option<PassedOver>,
     /// Where the journal stops making sense.
     pub damage: Option<Damage>,
 }
 
-/// A snapshot where it stands.
-struct Standing<'a> {
-    payload: &'a [u8],
-    /// Keyframes before it.
-    keyframes: u64,
-    /// The records behind it.
-    behind: Records<'a>,
+/// A mapper as a snapshot has it, and what the journal has behind that.
+pub struct Recalled<'a> {
+    /// The mapper that took the keyframes before.
+    pub mapper: Mapper,
+    /// The keyframes to be pushed anew, in order, as [`Mapper::push_packed`] takes them.
+    pub behind: Vec<&'a [u8]>,
+    /// How it came back.
+    pub restored: Restored,
+}
+
+/// The payloads of a journal's records; of snapshots with the number of keyframes before them.
+#[derive(Default)]
+struct Payloads<'a> {
+    keyframes: Vec<&'a [u8]>,
+    snapshots: Vec<(&'a [u8], usize)>,
+    damage: Option<Damage>,
+}
+
+impl<'a> Payloads<'a> {
+    fn of(mut records: Records<'a>) -> Self {
+        let mut payloads = Self::default();
+        for record in records.by_ref() {
+            match record.kind {
+                Kind::Keyframe => payloads.keyframes.push(record.payload),
+                Kind::Snapshot => {
+                    let before = payloads.keyframes.len();
+                    payloads.snapshots.push((record.payload, before));
+                }
+            }
+        }
+        payloads.damage = records.damage().cloned();
+        payloads
+    }
 }
 
 impl Mapper {
-    /// The mapper that took the keyframes of a journal, to the last bit where this build wrote it. From the newest snapshot that fits on they are
-    /// pushed anew; without any, all of them: slower, and the same map.
+    /// The mapper that took the keyframes of a journal, to the last bit where this build wrote it.
+    ///
+    /// From the newest snapshot that fits on they are pushed anew; without any, all of them: slower, and the same map.
     pub fn restore(config: &Config, journal: &[u8]) -> Result<(Self, Restored), Error> {
+        let Recalled {
+            mut mapper,
+            behind,
+            restored,
+        } = Self::recall(config, journal)?;
+        for keyframe in behind {
+            mapper.push_packed(keyframe);
+        }
+        Ok((mapper, restored))
+    }
+
+    /// The mapper of the newest snapshot that fits, for whoever pushes the rest in his own time. It takes some
+    /// microseconds a keyframe, because it reads no more of them than their heads.
+    pub fn recall<'a>(config: &Config, journal: &'a [u8]) -> Result<Recalled<'a>, Error> {
         let (_, records) = journal::records(journal)?;
-        let mut restored = Restored::default();
-        let snapshots = snapshots(records.clone());
-        let mut tried = 0;
-        for (index, snapshot) in snapshots.iter().enumerate().rev() {
-            let mut payload = snapshot.payload;
+        let payloads = Payloads::of(records);
+        let (mapper, passed_over) = Self::newest(config, &payloads);
+        let behind = payloads.keyframes.get(mapper.taken()..);
+        let behind = behind.unwrap_or_default().to_vec();
+        let restored = Restored {
+            keyframes: payloads.keyframes.len() as u64,
+            from_snapshot: mapper.taken() as u64,
+            replayed: behind.len() as u64,
+            passed_over,
+            damage: payloads.damage,
+        };
+        Ok(Recalled {
+            mapper,
+            behind,
+            restored,
+        })
+    }
+
+    /// Pushes the payload of a keyframe's record. What is none is left out and counted like any other that cannot be the
+    /// next one.
+    pub fn push_packed(&mut self, payload: &[u8]) -> bool {
+        let mut message = Message::default();
+        if !journal::read_keyframe(payload, &mut message) {
+            self.counters.keyframes_rejected += 1;
+            return false;
+        }
+        self.push(message.as_ref())
+    }
+
+    /// How many keyframes it was given, be it that it left them out.
+    pub fn taken(&self) -> usize {
+        self.places.len() + self.counters.keyframes_rejected as usize
+    }
+
+    /// As of the newest snapshot that fits, or empty; and why it is not the newest.
+    fn newest(config: &Config, payloads: &Payloads<'_>) -> (Self, Option<PassedOver>) {
+        let (mut passed_over, mut tried) = (None, 0);
+        for (index, &(mut payload, _)) in payloads.snapshots.iter().enumerate().rev() {
             if snapshot::read(&mut payload) != Some(Origin::new(config)) {
-                restored.passed_over.get_or_insert(PassedOver::Foreign);
+                passed_over.get_or_insert(PassedOver::Foreign);
                 continue;
             }
-            let until = snapshots.get(..=index).unwrap_or_default();
-            if let Some(mut mapper) = Self::recall(config, records.clone(), until) {
-                restored.from_snapshot = snapshot.keyframes;
-                mapper.replay(snapshot.behind.clone(), &mut restored);
-                return Ok((mapper, restored));
+            if let Some(mapper) = Self::as_of(config, index, payloads) {
+                return (mapper, passed_over);
             }
-            restored.passed_over.get_or_insert(PassedOver::Unfit);
+            passed_over.get_or_insert(PassedOver::Unfit);
             tried += 1;
             if tried == TRIED_MAX {
                 break;
             }
         }
-        let mut mapper = Self::new(config);
-        mapper.replay(records, &mut restored);
-        Ok((mapper, restored))
+        (Self::new(config), passed_over)
     }
 
-    /// The mapper as of the last of these snapshots; `None` where it does not fit those and the keyframes before it.
-    fn recall(config: &Config, records: Records<'_>, snapshots: &[Standing<'_>]) -> Option<Self> {
-        let (candidates, memory) = remembered(config, snapshots)?;
+    /// The mapper as of one of the snapshots; `None` where that does not fit those and the keyframes before it.
+    fn as_of(config: &Config, index: usize, payloads: &Payloads<'_>) -> Option<Self> {
+        let (_, before) = payloads.snapshots.get(index)?;
+        let (grown, memory) = remembered(config, payloads.snapshots.get(..=index)?)?;
         let mut mapper = Self::new(config);
-        let odometry = mapper.recall_places(&memory.ids, records, snapshots.last()?.keyframes)?;
+        mapper.counters = memory.counters;
+        let rejected = usize::try_from(memory.counters.keyframes_rejected).ok()?;
+        let taken = memory.ids.len().checked_add(rejected)?;
+        let keyframes = payloads.keyframes.get(..*before)?.get(..taken)?;
+        let odometry = mapper.recall_places(&memory.ids, keyframes, grown.keys)?;
         let poses: Vec<_> = memory.poses.iter().map(|pose| pose.0).collect();
+        let candidates = grown.candidates;
         let mut ends = candidates.iter().flat_map(|c| [c.from, c.to]);
         if poses.len() != mapper.places.len() || ends.any(|place| place >= poses.len()) {
             return None;
@@ -97,96 +170,61 @@ impl Mapper {
         mapper.candidates = candidates;
         mapper.searched_m = memory.searched_m;
         mapper.joined_m = memory.joined_m;
-        mapper.counters = memory.counters;
         mapper.version = memory.version;
         Some(mapper)
     }
 
-    /// Makes the places that have these numbers of the first keyframes, and gives their edges of odometry.
+    /// Makes the places that have these numbers of keyframes, and gives their edges of odometry.
     fn recall_places(
         &mut self,
         ids: &[u64],
-        records: Records<'_>,
-        keyframes: u64,
+        keyframes: &[&[u8]],
+        keys: Vec<RingKey>,
     ) -> Option<Vec<Edge>> {
         let mut wanted = ids.iter().scan(0_u64, |id, step| {
             *id = id.wrapping_add(*step);
             Some(*id)
         });
         let mut next = wanted.next();
+        let mut keys = keys.into_iter();
         let mut odometry = Vec::new();
-        let mut message = Message::default();
-        let keyframes = usize::try_from(keyframes).ok()?;
-        for record in records.of(Kind::Keyframe).take(keyframes) {
-            if journal::read_keyframe(record.payload, &mut message)
-                && next == Some(message.head.id)
-                && self.is_next(&message.head)
+        let mut head = KeyframeHead::default();
+        for payload in keyframes {
+            if journal::read_head(payload, &mut head)
+                && next == Some(head.id)
+                && self.is_next(&head)
             {
                 next = wanted.next();
-                let place = Place::new(message.as_ref(), self.places.last());
+                let place = Place::of(&head, LazySight::packed(payload), self.places.last());
                 odometry.extend(self.step_to(&place));
                 odometry.extend(self.tie_to(&place));
                 self.places.push(place);
-                self.enter();
+                self.submaps.push(&self.places);
+                if self.config.loops.enabled {
+                    self.search.recall(keys.next()?);
+                }
             }
         }
-        next.is_none().then_some(odometry)
-    }
-
-    /// Pushes the keyframes that are left.
-    fn replay(&mut self, mut records: Records<'_>, restored: &mut Restored) {
-        let mut message = Message::default();
-        for record in records.by_ref().filter(|r| r.kind == Kind::Keyframe) {
-            restored.replayed += 1;
-            if journal::read_keyframe(record.payload, &mut message) {
-                self.push(message.as_ref());
-            }
-        }
-        restored.keyframes = restored.from_snapshot + restored.replayed;
-        restored.left_out = restored.keyframes - self.places.len() as u64;
-        restored.damage = records.damage().cloned();
+        (next.is_none() && keys.next().is_none()).then_some(odometry)
     }
 }
 
-/// All candidates as of the last of these snapshots, and what else it has.
-fn remembered(config: &Config, snapshots: &[Standing<'_>]) -> Option<(Vec<Candidate>, Memory)> {
+/// All that has grown as of the last of these snapshots, and what else it has.
+fn remembered(config: &Config, snapshots: &[(&[u8], usize)]) -> Option<(Grown, Memory)> {
     let own = Origin::new(config);
-    let (mut candidates, mut rest): (Vec<Candidate>, &[u8]) = Default::default();
-    for snapshot in snapshots {
-        rest = snapshot.payload;
-        if snapshot::read(&mut rest) != Some(own) {
-            continue;
+    let (mut grown, mut rest): (Grown, &[u8]) = Default::default();
+    for (payload, _) in snapshots {
+        rest = payload;
+        if snapshot::read(&mut rest) == Some(own) {
+            grown.take(snapshot::read(&mut rest)?)?;
         }
-        let news: News = snapshot::read(&mut rest)?;
-        if news.first > candidates.len() {
-            return None;
-        }
-        candidates.truncate(news.first);
-        candidates.extend(news.candidates);
     }
     let memory: Memory = snapshot::read(&mut rest)?;
-    if !rest.is_empty() || memory.fates.len() != candidates.len() {
+    if !rest.is_empty() || memory.fates.len() != grown.candidates.len() {
         return None;
     }
-    for (candidate, fate) in candidates.iter_mut().zip(&memory.fates) {
+    for (candidate, fate) in grown.candidates.iter_mut().zip(&memory.fates) {
         candidate.fate = *fate;
     }
-    Some((candidates, memory))
-}
-
-/// The snapshots of a journal.
-fn snapshots(mut records: Records<'_>) -> Vec<Standing<'_>> {
-    let mut found = Vec::new();
-    let mut keyframes = 0;
-    while let Some(record) = records.next() {
-        match record.kind {
-            Kind::Keyframe => keyframes += 1,
-            Kind::Snapshot => found.push(Standing {
-                payload: record.payload,
-                keyframes,
-                behind: records.clone(),
-            }),
-        }
-    }
-    found
+    Some((grown, memory))
 }

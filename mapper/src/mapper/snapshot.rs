@@ -1,11 +1,13 @@
 //! What cannot be made again from keyframes alone: where they came to stand, and what became of every candidate.
 //!
 //! Places, edges of odometry, submaps, descriptors and the grid follow from keyframes and poses. Of candidates only
-//! their fate ever changes, so a snapshot has those that came after the one before it: a twentieth of all.
+//! their fate ever changes, and ring keys do not, so a snapshot has those that came after the one before it: a twentieth
+//! of all. Keys are there though they follow from keyframes, because each search looks through all of them: a mapper
+//! that comes back would have to unpack its whole journal.
 
 use super::{Counters, Mapper};
 use crate::{
-    Candidate, Fate,
+    Candidate, Fate, RingKey,
     graph::{Loop, LoopId},
     plain,
 };
@@ -16,7 +18,7 @@ use serde::{Deserialize, Serialize};
 /// What a snapshot looks like: to be raised with every change of the structs below and of what they hold, which a test
 /// notices. The build does not matter: another one's map is a map, and pushing thousands of keyframes anew takes
 /// minutes in which a robot that was updated has none.
-const FORM: u64 = 1;
+const FORM: u64 = 2;
 
 /// What kind of snapshot it is; in front of the numbers, so that a foreign one is never read further.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,11 +27,41 @@ pub(super) struct Origin {
     config: u64,
 }
 
-/// Candidates from one on; with those of the snapshots before it, all that there are.
+/// How much the snapshots of a journal have of what only grows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Known {
+    candidates: usize,
+    keys: usize,
+}
+
+/// What only grows, from what was known on; with the snapshots before it, all that there is.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct News {
-    pub first: usize,
+    known: Known,
+    candidates: Vec<Candidate>,
+    keys: Vec<RingKey>,
+}
+
+/// What only grows, all of it.
+#[derive(Debug, Default)]
+pub(super) struct Grown {
     pub candidates: Vec<Candidate>,
+    pub keys: Vec<RingKey>,
+}
+
+impl Grown {
+    /// Takes the next snapshot's news; `None` where something between is missing.
+    pub fn take(&mut self, news: News) -> Option<()> {
+        let known = news.known;
+        if known.candidates > self.candidates.len() || known.keys > self.keys.len() {
+            return None;
+        }
+        self.candidates.truncate(known.candidates);
+        self.candidates.extend(news.candidates);
+        self.keys.truncate(known.keys);
+        self.keys.extend(news.keys);
+        Some(())
+    }
 }
 
 /// The rest of the mapper's memory.
@@ -113,12 +145,22 @@ pub(super) fn read<'a, T: Deserialize<'a>>(bytes: &mut &'a [u8]) -> Option<T> {
 }
 
 impl Mapper {
-    /// Appends what [`Mapper::restore`] needs beside the keyframes, of candidates those from one on: snapshots before it
-    /// have the others.
-    pub(crate) fn snapshot(&self, first: usize, out: &mut Vec<u8>) {
+    /// What a journal knows of it that has a snapshot of now.
+    pub fn known(&self) -> Known {
+        Known {
+            candidates: self.candidates.len(),
+            keys: self.search.keys().len(),
+        }
+    }
+
+    /// Appends what [`Mapper::restore`] needs beside the keyframes and what the snapshots before it have.
+    pub(crate) fn snapshot(&self, known: Known, out: &mut Vec<u8>) {
+        let candidates = self.candidates.get(known.candidates..);
+        let keys = self.search.keys().get(known.keys..);
         let news = News {
-            first,
-            candidates: self.candidates.get(first..).unwrap_or_default().to_vec(),
+            known,
+            candidates: candidates.unwrap_or_default().to_vec(),
+            keys: keys.unwrap_or_default().to_vec(),
         };
         let ids = self.places.iter().map(|place| place.keyframe_id);
         let before = std::iter::once(0).chain(ids.clone());
@@ -146,13 +188,14 @@ impl Mapper {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Scores, search::Source};
+    use crate::{ScanContext, Scores, search::Source};
     use nalgebra::Matrix3;
+    use randt_config::Loops;
 
     /// Whoever changes what is saved raises `FORM` and writes the new sum here: an older snapshot would else be read as
     /// something that it is not.
     #[test]
-    fn form_one_is_as_it_was() {
+    fn form_two_is_as_it_was() {
         let candidate = Candidate {
             from: 1,
             to: 300,
@@ -169,9 +212,14 @@ mod tests {
             },
             fate: Fate::Withdrawn,
         };
+        let (_, key) = ScanContext::new(&[], &Loops::default());
         let news = News {
-            first: 7,
+            known: Known {
+                candidates: 7,
+                keys: 9,
+            },
             candidates: vec![candidate],
+            keys: vec![key],
         };
         let saved = SavedLoop {
             id: 3,
@@ -194,6 +242,6 @@ mod tests {
             version: 9,
         };
         let bytes = postcard::to_allocvec(&(FORM, news, memory)).unwrap();
-        assert_eq!((bytes.len(), crc32fast::hash(&bytes)), (218, 0x2480_8b7a));
+        assert_eq!((bytes.len(), crc32fast::hash(&bytes)), (301, 0x9cf0_edd7));
     }
 }

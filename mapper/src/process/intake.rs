@@ -3,8 +3,8 @@
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_mapper::{
-    Mapper,
-    journal::{Error, JournalFile},
+    Mapper, Recalled,
+    journal::{self, Error, JournalFile},
 };
 use randt_messages::{Keyframe, KeyframeHead, Message, MessageRef};
 use randt_stage::Stage;
@@ -17,13 +17,15 @@ const SYNC_EVERY: Duration = Duration::from_millis(500);
 /// So many requests for missing keyframes have later ones for an answer before the map goes on without them.
 const REFUSALS_MAX: u32 = 6;
 
-/// Journal and map, which always have the same keyframes.
+/// Journal and map, which have the same keyframes; a map that has come back takes the last of them while it listens.
 pub struct Intake {
     mapper: Mapper,
     journal: JournalFile,
+    /// Keyframes of the journal that the map has yet to take, packed.
+    behind: VecDeque<Vec<u8>>,
     /// The keyframe that is waited for.
     next: u64,
-    /// Keyframes that the map has and the journal could not take yet.
+    /// Keyframes that the journal could not take yet.
     unwritten: VecDeque<Message<Keyframe>>,
     synced: Instant,
     /// Whether keyframes shall be sent again, whether that was asked for since the last answer, and how often the answer
@@ -60,25 +62,26 @@ impl Intake {
             stage.say(&format!("{name}: {why}; set aside as {}", aside.display()));
         }
         let mut journal = opened.journal;
-        let (mapper, restored) = Mapper::restore(config, &opened.bytes)?;
+        let Recalled {
+            mapper,
+            behind,
+            restored,
+        } = Mapper::recall(config, &opened.bytes)?;
+        journal.has_snapshot(&mapper);
         if let Some(why) = restored.passed_over {
-            stage.say(&format!(
-                "{name}: its last snapshot is {why:?}: all keyframes are taken anew"
-            ));
+            stage.say(&format!("{name}: its last snapshot is {why:?}"));
         }
         stage.say(&format!(
-            "{name}: {} keyframes ({} from a snapshot) in {:.3} s",
+            "{name}: {} keyframes, {} of them from a snapshot, in {:.3} s; {} are to be taken anew",
             restored.keyframes,
             restored.from_snapshot,
-            begin.elapsed().as_secs_f64()
+            begin.elapsed().as_secs_f64(),
+            restored.replayed,
         ));
-        if restored.replayed > 0 {
-            // Not once more. A disk that does not take it will be told of with the next keyframe.
-            let _ = journal.append_snapshot(&mapper);
-        }
         Ok(Self {
             next: journal.end(),
             mapper,
+            behind: behind.into_iter().map(<[u8]>::to_vec).collect(),
             unwritten: VecDeque::new(),
             synced: Instant::now(),
             // What came while nobody was here is in odometry's ring.
@@ -108,8 +111,9 @@ impl Intake {
             return false;
         }
         // A new frame stands by itself, whoever numbered it.
-        let places = self.mapper.places().last();
-        let is_new_frame = places.is_none_or(|p| keyframe.head.odom_frame_id > p.odom_frame_id);
+        let is_new_frame = self
+            .newest_frame()
+            .is_none_or(|newest| keyframe.head.odom_frame_id > newest);
         if id > self.next || !(self.is_of_this_drive || is_new_frame) {
             let is_news = !self.is_missing;
             self.refusals += u32::from(std::mem::take(&mut self.is_asked));
@@ -122,7 +126,6 @@ impl Intake {
         }
         (self.next, self.is_missing, self.refusals) = (id + 1, false, 0);
         self.is_of_this_drive = true;
-        self.mapper.push(keyframe);
         self.write();
         if !self.unwritten.is_empty() || !self.append(keyframe) {
             let mut copy = Message::default();
@@ -130,20 +133,65 @@ impl Intake {
             copy.items.extend_from_slice(keyframe.items);
             self.unwritten.push_back(copy);
         }
-        self.snapshot();
+        if self.is_behind() {
+            self.behind.push_back(journal::packed(keyframe));
+        } else {
+            self.mapper.push(keyframe);
+            self.snapshot();
+        }
         false
     }
 
-    /// Whether the map has this very keyframe, as far as it knows.
+    /// Whether the map has yet to take keyframes.
+    pub fn is_behind(&self) -> bool {
+        !self.behind.is_empty()
+    }
+
+    /// Lets the map take one of them.
+    pub fn catch_up(&mut self) {
+        if let Some(keyframe) = self.behind.pop_front() {
+            self.mapper.push_packed(&keyframe);
+            self.snapshot();
+        }
+    }
+
+    /// How far the map is, in words.
+    pub fn progress(&self) -> String {
+        match self.behind.len() {
+            0 => format!("{} keyframes", self.next),
+            _ => {
+                let taken = self.mapper.taken();
+                let all = taken + self.behind.len();
+                format!("takes its keyframes anew, {taken} of {all}")
+            }
+        }
+    }
+
+    /// Odometry's frame at the newest keyframe.
+    fn newest_frame(&self) -> Option<u64> {
+        let mut head = KeyframeHead::default();
+        match self.behind.back() {
+            Some(keyframe) if journal::read_head(keyframe, &mut head) => Some(head.odom_frame_id),
+            _ => Some(self.mapper.places().last()?.odom_frame_id),
+        }
+    }
+
+    /// Whether the journal has this very keyframe, as far as is known.
     fn is_double(&self, head: &KeyframeHead) -> bool {
+        let facts = |head: &KeyframeHead| {
+            let pose = Pose2::from_array(head.pose).to_array();
+            (head.header.stamp_ns, head.odom_frame_id, pose)
+        };
         let places = self.mapper.places();
         let found = places.binary_search_by_key(&head.id, |place| place.keyframe_id);
-        let place = found.ok().and_then(|at| places.get(at));
-        place.is_none_or(|place| {
-            place.stamp_ns == head.header.stamp_ns
-                && place.odom_frame_id == head.odom_frame_id
-                && place.odom.to_array() == Pose2::from_array(head.pose).to_array()
-        })
+        if let Some(place) = found.ok().and_then(|at| places.get(at)) {
+            return facts(head) == (place.stamp_ns, place.odom_frame_id, place.odom.to_array());
+        }
+        let mut other = KeyframeHead::default();
+        let mut behind = self.behind.iter();
+        let is_found =
+            behind.any(|packed| journal::read_head(packed, &mut other) && other.id == head.id);
+        !is_found || facts(head) == facts(&other)
     }
 
     /// Odometry numbers another drive: it began without its past, and without having heard of this map. The journal is set
@@ -174,9 +222,9 @@ impl Intake {
         self.note(appended)
     }
 
-    /// A snapshot where one is due: of a map that has what the journal has and no more.
+    /// A snapshot where one is due: of a map that has nothing but what the journal has.
     fn snapshot(&mut self) {
-        if self.unwritten.is_empty() && self.journal.is_snapshot_due() {
+        if self.unwritten.is_empty() && self.journal.is_snapshot_due(&self.mapper) {
             let appended = self.journal.append_snapshot(&self.mapper);
             self.note(appended);
         }
@@ -199,21 +247,25 @@ impl Intake {
         if self.synced.elapsed() < SYNC_EVERY || self.journal.on_disk() == self.next {
             return false;
         }
-        self.finish();
+        self.bring();
         true
     }
 
-    /// Brings the journal onto the disk now.
-    pub fn finish(&mut self) {
+    fn bring(&mut self) {
         self.synced = Instant::now();
         self.write();
-        // The next start then has nothing to push anew.
-        if self.unwritten.is_empty() && self.journal.has_news() {
+        let synced = self.journal.sync();
+        self.note(synced);
+    }
+
+    /// Brings all onto the disk, and a snapshot with it: the next start then has nothing to push anew.
+    pub fn finish(&mut self) {
+        self.write();
+        if self.unwritten.is_empty() && self.journal.has_news(&self.mapper) {
             let appended = self.journal.append_snapshot(&self.mapper);
             self.note(appended);
         }
-        let synced = self.journal.sync();
-        self.note(synced);
+        self.bring();
     }
 
     /// Whether keyframes shall be sent again, which whoever asks tells odometry.

@@ -53,7 +53,10 @@ impl Outlet {
     pub fn tell(&mut self, intake: &mut Intake, at_once: bool) -> Result<(), Error> {
         let now = Instant::now();
         let version = intake.mapper().version();
-        if self.corrected != Some(version)
+        // A map that is behind has told more than it has, before it ended.
+        let is_whole = !intake.is_behind();
+        if is_whole
+            && self.corrected != Some(version)
             && let Some(head) = correction(intake.mapper())
         {
             let items = &[];
@@ -72,7 +75,8 @@ impl Outlet {
             self.begin_anew();
         }
         // What is listed goes out first, so that a map that keeps changing reaches its readers whole all the same.
-        if now >= self.paint && self.drawn != Some(version) && self.tiles.is_empty() {
+        let is_news = self.drawn != Some(version) && self.tiles.is_empty();
+        if is_whole && is_news && now >= self.paint {
             self.paint = now + PAINT;
             self.drawn = Some(version);
             self.draw(intake)?;

@@ -243,11 +243,11 @@ fn returns(mapper: &Mapper) -> Vec<[f64; 2]> {
         all.filter(|(index, _)| mapper.part_of(*index) == part)
             .map(|(_, place)| place)
     };
-    let total: usize = places().map(|(place, _)| place.points.len()).sum();
+    let total: usize = places().map(|(place, _)| place.sight.points.len()).sum();
     let stride = (total / PICTURE_POINTS_MAX).max(PICTURE_STRIDE);
     places()
         .flat_map(|(place, pose)| {
-            place.points.iter().step_by(stride).map(|point| {
+            place.sight.points.iter().step_by(stride).map(|point| {
                 let p = pose.transform([f64::from(point.x_m), f64::from(point.y_m)].into());
                 [p.x, p.y]
             })

@@ -1,0 +1,93 @@
+//! What a keyframe saw, at hand or as the journal has it.
+
+use crate::journal;
+use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, Message, MessageRef};
+use std::cell::{OnceCell, RefCell};
+use std::ops::Deref;
+
+/// Beams and returns of a keyframe, in its own `base_link` at the sweep's end.
+#[derive(Clone, Debug, Default)]
+pub struct Sight {
+    /// Where the beams began, with the first of each one's returns.
+    pub beams: Vec<KeyframeBeam>,
+    /// De-skewed returns, by beam, then range.
+    pub points: Vec<KeyframePoint>,
+}
+
+/// A sight that is unpacked when it is first looked at: a mapper that comes back has thousands, and unpacking all of them
+/// takes longer than all the rest.
+#[derive(Clone, Debug)]
+pub struct LazySight {
+    /// A keyframe's record, until it is unpacked.
+    packed: RefCell<Vec<u8>>,
+    sight: OnceCell<Sight>,
+}
+
+impl LazySight {
+    /// What the payload of a keyframe's record holds; nothing where that makes no sense.
+    pub(crate) fn packed(payload: &[u8]) -> Self {
+        Self {
+            packed: payload.to_vec().into(),
+            sight: OnceCell::new(),
+        }
+    }
+}
+
+impl From<Sight> for LazySight {
+    fn from(sight: Sight) -> Self {
+        Self {
+            packed: RefCell::default(),
+            sight: sight.into(),
+        }
+    }
+}
+
+impl Deref for LazySight {
+    type Target = Sight;
+
+    fn deref(&self) -> &Sight {
+        self.sight.get_or_init(|| {
+            let mut message = Message::default();
+            match journal::read_keyframe(&self.packed.take(), &mut message) {
+                true => Sight::of(message.as_ref()),
+                false => Sight::default(),
+            }
+        })
+    }
+}
+
+impl Sight {
+    /// Of a message.
+    pub fn of(keyframe: MessageRef<'_, Keyframe>) -> Self {
+        let head = keyframe.head;
+        let beams = head.beams.get(..head.beam_count as usize);
+        Self {
+            beams: beams.unwrap_or(&head.beams).to_vec(),
+            points: keyframe.items.to_vec(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_packed_sight_is_what_the_message_showed() {
+        let mut message = Message::<Keyframe>::default();
+        message.head.beam_count = 1;
+        message.head.beams[0].azimuth_rad = 0.5;
+        message.items.extend([KeyframePoint {
+            x_m: 1.0,
+            y_m: 2.0,
+            intensity: 9.0,
+            beam: 0,
+            reserved: 0,
+        }]);
+        let of = Sight::of(message.as_ref());
+        let packed = LazySight::packed(&journal::packed(message.as_ref()));
+        assert_eq!((&packed.beams, &packed.points), (&of.beams, &of.points));
+        assert!(packed.packed.borrow().is_empty(), "kept twice");
+        assert!(LazySight::packed(b"nonsense").points.is_empty());
+    }
+}
