@@ -263,7 +263,11 @@ fn boot(folder: &Path) -> Machine {
     let journal = image.file(&format!("{mission}/map.journal"));
     match std::env::var_os(JOURNAL) {
         Some(from) => drop(fs::copy(from, journal).unwrap()),
-        None => large::write(&image.file("etc/randt/robot.toml"), &journal),
+        None => {
+            let env = format!("RANDT_PROFILE=mixed\nRANDT_OPTIONS={}\n", large::OPTIONS);
+            image.write("etc/randt/randt.env", &env);
+            large::write(&image.file("etc/randt/robot.toml"), &journal);
+        }
     }
     symlink("missions/first", image.file("var/lib/randt/current")).unwrap();
     image.write(

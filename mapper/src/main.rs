@@ -45,7 +45,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         Some(path) => path.clone(),
         None => stage.realm().state().join("map.journal"),
     };
-    let mut intake = Intake::open(&journal, &config, &stage)?;
+    let mut intake = Intake::open(&journal, &config, &mut stage)?;
     stage.note(&intake.progress());
     stage.running()?;
     let mut at_once = true;
@@ -65,7 +65,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         intake.catch_up();
         at_once |= intake.sync();
         if intake.is_other_drive {
-            intake = intake.begin_anew(&journal, &config, &stage)?;
+            intake = intake.begin_anew(&journal, &config, &mut stage)?;
             outlet.begin_anew();
             at_once = true;
         }

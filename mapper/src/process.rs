@@ -2,6 +2,7 @@
 
 mod intake;
 mod outlet;
+mod past;
 
 pub use intake::Intake;
 pub use outlet::Outlet;

@@ -1,6 +1,6 @@
 //! What a keyframe saw, at hand or as the journal has it.
 
-use crate::journal;
+use crate::journal::{self, Packed};
 use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, Message, MessageRef};
 use std::cell::{OnceCell, RefCell};
 use std::ops::Deref;
@@ -19,15 +19,15 @@ pub struct Sight {
 #[derive(Clone, Debug)]
 pub struct LazySight {
     /// A keyframe's record, until it is unpacked.
-    packed: RefCell<Vec<u8>>,
+    packed: RefCell<Option<Packed>>,
     sight: OnceCell<Sight>,
 }
 
-impl LazySight {
-    /// What the payload of a keyframe's record holds; nothing where that makes no sense.
-    pub(crate) fn packed(payload: &[u8]) -> Self {
+/// Nothing where that makes no sense.
+impl From<Packed> for LazySight {
+    fn from(packed: Packed) -> Self {
         Self {
-            packed: payload.to_vec().into(),
+            packed: Some(packed).into(),
             sight: OnceCell::new(),
         }
     }
@@ -48,7 +48,8 @@ impl Deref for LazySight {
     fn deref(&self) -> &Sight {
         self.sight.get_or_init(|| {
             let mut message = Message::default();
-            match journal::read_keyframe(&self.packed.take(), &mut message) {
+            let packed = self.packed.take();
+            match packed.is_some_and(|packed| journal::read_keyframe(&packed, &mut message)) {
                 true => Sight::of(message.as_ref()),
                 false => Sight::default(),
             }
@@ -85,9 +86,10 @@ mod tests {
             reserved: 0,
         }]);
         let of = Sight::of(message.as_ref());
-        let packed = LazySight::packed(&journal::packed(message.as_ref()));
+        let packed = LazySight::from(Packed::of(message.as_ref()));
         assert_eq!((&packed.beams, &packed.points), (&of.beams, &of.points));
-        assert!(packed.packed.borrow().is_empty(), "kept twice");
-        assert!(LazySight::packed(b"nonsense").points.is_empty());
+        assert!(packed.packed.borrow().is_none(), "kept twice");
+        let nonsense = Packed::from(b"nonsense".to_vec());
+        assert!(LazySight::from(nonsense).points.is_empty());
     }
 }

@@ -5,10 +5,11 @@
 mod support;
 
 use randt_config::Config;
+use randt_mapper::journal::{Bytes, Contents};
 use randt_mapper::{Candidate, Known, Mapper, PassedOver, Restored, grid::CellCount, journal};
 use randt_messages::{Keyframe, Message};
 use randt_simulator::World;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use support::{Drive, config};
 
 /// All that a mapper knows, bit by bit.
@@ -170,6 +171,68 @@ fn a_snapshot_may_stand_anywhere() {
     }
 }
 
+/// The payload of a record.
+fn payload(record: &[u8]) -> &[u8] {
+    &record[12..]
+}
+
+#[test]
+fn with_a_checkpoint_nothing_is_pushed_anew() {
+    let end = LAP.keyframes.len();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("map.journal");
+    let mut journal = journal::JournalFile::open(&path, &LAP.config).unwrap();
+    let mut mapper = Mapper::new(&LAP.config);
+    let mut before = Vec::new();
+    for (count, keyframe) in (1..).zip(&LAP.keyframes) {
+        journal.journal.append_keyframe(keyframe.as_ref()).unwrap();
+        mapper.push(keyframe.as_ref());
+        if journal.journal.is_snapshot_due(&mapper) {
+            journal.journal.append_snapshot(&mapper).unwrap();
+        }
+        let checkpoint = journal.journal.checkpoint(&mapper);
+        if count % 5 == 0 || count == end {
+            let bytes: Bytes = Arc::new(std::fs::read(&path).unwrap());
+            let recalled = |checkpoint| {
+                let contents = Contents::of(&bytes).unwrap();
+                let recalled = Mapper::recall(&LAP.config, contents, Some(checkpoint));
+                (recalled.mapper, recalled.behind.len())
+            };
+            let (mut again, behind) = recalled(&checkpoint);
+            assert_eq!((again.places().len(), behind), (count, 0));
+            assert!(memory(&again) == LAP.memories[count - 1], "after {count}");
+            LAP.drive_on(&mut again, (count + 3).min(end));
+            // Killed before it was written: the one before.
+            let (again, behind) = recalled(&before);
+            assert_eq!((again.places().len(), behind), (count - 1, 1));
+        }
+        before = checkpoint;
+    }
+}
+
+#[test]
+fn a_checkpoint_of_another_journal_is_left_out() {
+    let count = 100;
+    let mut other = LAP.keyframes_only(0);
+    for keyframe in &LAP.keyframes[..count] {
+        let mut later = Message::<Keyframe>::default();
+        *later.head = *keyframe.head;
+        later.items.clone_from(&keyframe.items);
+        later.head.header.stamp_ns += 1_000_000_000;
+        journal::append_keyframe(later.as_ref(), &mut other).unwrap();
+    }
+    let keyframes = LAP.keyframes_only(count);
+    let ahead = payload(&LAP.memories[count]);
+    let own = payload(&LAP.memories[count - 1]);
+    for (bytes, checkpoint) in [(&other, own), (&keyframes, ahead), (&keyframes, &own[1..])] {
+        let bytes: Bytes = Arc::new(bytes.clone());
+        let contents = Contents::of(&bytes).unwrap();
+        let recalled = Mapper::recall(&LAP.config, contents, Some(checkpoint));
+        assert_eq!(recalled.behind.len(), count);
+        assert_eq!(recalled.restored.passed_over, None);
+    }
+}
+
 #[test]
 fn without_snapshots_the_map_is_the_same() {
     let end = LAP.keyframes.len();
@@ -241,7 +304,8 @@ fn killed_again_and_again_it_makes_the_map_of_the_undisturbed_one() {
     let mut restarts = 0;
     loop {
         let mut opened = journal::JournalFile::open(&path, &LAP.config).unwrap();
-        let (mut mapper, restored) = Mapper::restore(&LAP.config, &opened.bytes).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let (mut mapper, restored) = Mapper::restore(&LAP.config, &bytes).unwrap();
         assert!(restored.replayed <= 4 && restored.passed_over.is_none());
         // Every life is of another length, and its last write is broken off.
         let life = 17 + (restarts * 31) % 29;

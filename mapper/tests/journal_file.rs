@@ -27,7 +27,7 @@ fn keyframe(id: u64) -> Message<Keyframe> {
 fn drive(path: &Path, ids: impl IntoIterator<Item = u64>) -> (Opened, Mapper) {
     let config = Config::default();
     let mut opened = JournalFile::open(path, &config).unwrap();
-    let (mut mapper, _) = Mapper::restore(&config, &opened.bytes).unwrap();
+    let (mut mapper, _) = Mapper::restore(&config, &fs::read(path).unwrap()).unwrap();
     for id in ids {
         let keyframe = keyframe(id);
         opened.journal.append_keyframe(keyframe.as_ref()).unwrap();

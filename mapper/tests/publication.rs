@@ -92,6 +92,24 @@ fn the_correction_puts_the_newest_keyframe_where_the_map_has_it() {
 }
 
 #[test]
+fn a_grid_painted_bit_by_bit_is_the_same() {
+    let cells = |mapper: &Mapper| -> Vec<_> {
+        let tiles = mapper.grid().tiles();
+        tiles
+            .map(|(index, tile)| (index, tile.cells().collect::<Vec<_>>()))
+            .collect()
+    };
+    let (mut whole, mut slices) = (mapper(0..40, 1000), mapper(0..40, 1000));
+    assert_eq!(whole.update_grid().added, 40);
+    let mut added = Vec::new();
+    while added.last() != Some(&0) {
+        added.push(slices.update_grid_by(15).added);
+    }
+    assert_eq!(added, [15, 15, 10, 0]);
+    assert!(!cells(&whole).is_empty() && cells(&whole) == cells(&slices));
+}
+
+#[test]
 fn tiles_say_what_the_picture_says_and_only_new_ones_come() {
     let mut mapper = mapper(0..40, 99);
     mapper.update_grid();

@@ -1,5 +1,5 @@
-//! The journal of a map of thousands of keyframes, made in seconds: a robot that creeps through a room. Driven by a real
-//! one it takes minutes (docs/pipeline.md).
+//! The journal of a map of thousands of keyframes, made in seconds: up and down a corridor, by a robot that looks for no
+//! loops there, because those are what takes minutes (docs/pipeline.md).
 
 use randt_config::{Config, Selection};
 use randt_geometry::elementary::{PI, sin_cos};
@@ -9,16 +9,21 @@ use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, Message};
 use std::path::Path;
 
 pub const KEYFRAMES: u64 = 5000;
-/// All of it, m: shorter than what a robot drives before it looks for loops, which is what takes the minutes.
-const PATH_M: f64 = 14.0;
+/// With this no place of one frame is old enough to be met again.
+pub const OPTIONS: &str = "--set loops.path_min_m=1000000";
+/// Between two keyframes, and in one direction, m.
+const STEP_M: f64 = 0.5;
+const CORRIDOR_M: f64 = 100.0;
 /// Of an iSDR-C indoors: 1,200 returns, 8 kB in the journal.
 const BEAMS: u32 = 240;
 const RETURNS: u32 = 5;
 
 /// Writes it, as a mapper with a robot's configuration does.
 pub fn write(robot: &Path, journal: &Path) {
+    let set = OPTIONS.trim_start_matches("--set ").to_owned();
     let selection = Selection {
         robot: Some(robot.display().to_string()),
+        set: vec![set],
         ..Selection::default()
     };
     let config = Config::load(&selection).unwrap().config;
@@ -40,7 +45,13 @@ fn fill(id: u64, keyframe: &mut Message<Keyframe>) {
     let head = &mut *keyframe.head;
     head.id = id;
     head.header.stamp_ns = 200_000_000 * (id as i64 + 1);
-    head.pose = [PATH_M * id as f64 / KEYFRAMES as f64, 0.0, 0.0];
+    let path_m = STEP_M * id as f64;
+    let along_m = path_m % (2.0 * CORRIDOR_M);
+    head.pose = match along_m < CORRIDOR_M {
+        true => [along_m, 0.0, 0.0],
+        false => [2.0 * CORRIDOR_M - along_m, 0.0, PI],
+    };
+    head.submap_root = id - id % 8;
     for n in [0, 4, 8] {
         head.covariance[n] = 1e-4;
     }

@@ -59,6 +59,7 @@ pub use error::Error;
 pub use exit::ended;
 pub use janitor::{Leftover, leftovers, wipe};
 pub use keyframes::KeyframeRing;
+pub use mapped::FileBytes;
 pub use observer::{Observer, stop_requested};
 pub use parent::end_with;
 pub use priority::go_behind;

@@ -1,8 +1,8 @@
 //! A file in memory that a process writes by storing, not by calling the system: what it wrote last is there when it
-//! is killed. The only place that maps files.
+//! is killed; and a large file that is read without being copied. The only place that maps files.
 
 use crate::Error;
-use memmap2::MmapMut;
+use memmap2::{Mmap, MmapMut, MmapOptions};
 use std::fs::File;
 use std::path::Path;
 
@@ -51,6 +51,36 @@ impl Mapped {
     pub(crate) fn bytes_mut(&mut self) -> &mut [u8] {
         &mut self.map
     }
+}
+
+/// The bytes of a file. Whoever takes them has locked it, so that it grows meanwhile and no more than that.
+#[derive(Debug)]
+pub struct FileBytes(Option<Mmap>);
+
+impl FileBytes {
+    /// Of the file as it is now.
+    pub fn open(path: &Path) -> std::io::Result<Self> {
+        let file = File::open(path)?;
+        match file.metadata()?.len() {
+            // There is nothing that could be mapped.
+            0 => Ok(Self(None)),
+            _ => map_to_read(&file).map(|map| Self(Some(map))),
+        }
+    }
+}
+
+impl AsRef<[u8]> for FileBytes {
+    fn as_ref(&self) -> &[u8] {
+        self.0.as_deref().unwrap_or_default()
+    }
+}
+
+// SAFETY: as below; here the caller holds a lock of the file's own, which the mapper's journal has, and of that file
+// nothing but the end is ever written, or cut where no whole record stands. A disk that fails under it ends the process,
+// as a failing read would have when it began.
+#[allow(unsafe_code)]
+fn map_to_read(file: &File) -> std::io::Result<Mmap> {
+    unsafe { MmapOptions::new().populate().map(file) }
 }
 
 // SAFETY: a mapping is unsound where somebody else changes or cuts the file while it is borrowed as a slice. These files

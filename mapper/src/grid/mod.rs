@@ -115,6 +115,11 @@ impl Grid {
         update
     }
 
+    /// Whether a keyframe that can be painted never was.
+    pub fn lacks(&self, keyframe: &GridKeyframe<'_>) -> bool {
+        !self.placed.contains_key(&keyframe.id) && self.lattice(keyframe).is_some()
+    }
+
     /// Takes keyframes out, wherever they are; gives how many there were.
     pub fn remove(&mut self, keyframes: &[GridKeyframe<'_>]) -> usize {
         let mut removed = 0;

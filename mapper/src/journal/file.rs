@@ -2,8 +2,8 @@
 
 use super::tail::Tail;
 use super::{
-    Damage, Error, Kind, append_keyframe, append_snapshot, begin, compacted, is_snapshot_due,
-    read_head, records,
+    Bytes, Contents, Damage, Error, append_keyframe, append_snapshot, begin, compacted,
+    is_snapshot_due, read_head,
 };
 use crate::{Known, Mapper};
 use randt_config::Config;
@@ -12,6 +12,7 @@ use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A journal that was opened.
 #[derive(Debug)]
@@ -19,7 +20,7 @@ pub struct Opened {
     /// To append to.
     pub journal: JournalFile,
     /// All that it holds, for [`Mapper::recall`].
-    pub bytes: Vec<u8>,
+    pub contents: Contents,
     /// What was cut off its end.
     pub cut: Option<Damage>,
     /// Where a file that is no journal, or one damaged in the middle, was moved, and why. Of the latter the part before
@@ -54,47 +55,78 @@ struct Count {
     end: u64,
 }
 
+impl Count {
+    fn of(contents: &Contents) -> Self {
+        let mut head = KeyframeHead::default();
+        let newest = contents.keyframes.last();
+        let is_read = newest.is_some_and(|packed| read_head(packed, &mut head));
+        Self {
+            keyframes: contents.keyframes.len() as u64,
+            in_snapshot: contents
+                .snapshots
+                .last()
+                .map_or(0, |(_, before)| *before as u64),
+            end: if is_read {
+                head.id.saturating_add(1)
+            } else {
+                0
+            },
+        }
+    }
+}
+
 impl JournalFile {
     /// Opens a journal, or begins one. Waits for no other mapper: two never write one journal.
     pub fn open(path: impl Into<PathBuf>, config: &Config) -> Result<Opened, Error> {
+        Self::open_by(path, config, |path| Ok(Arc::new(fs::read(path)?)))
+    }
+
+    /// The same, with another way to read a file. Its bytes must stay what they are: the file only grows.
+    pub fn open_by(
+        path: impl Into<PathBuf>,
+        config: &Config,
+        read: impl FnOnce(&Path) -> io::Result<Bytes>,
+    ) -> Result<Opened, Error> {
         let path = path.into();
         let lock = lock(&named(&path, ".lock"))?;
-        let mut bytes = match fs::read(&path) {
+        let mut beginning = Vec::new();
+        begin(config, &mut beginning);
+        let bytes = match read(&path) {
             Ok(bytes) => bytes,
-            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Vec::new(),
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Arc::new([0_u8; 0]),
             Err(cause) => return Err(io_error(&path, "read", cause)),
         };
-        let (mut aside, mut cut, mut count) = (None, None, Count::default());
-        let mut is_new = bytes.is_empty();
-        if !is_new {
-            match walk(&bytes) {
-                Ok((good, counted, damage)) => {
-                    bytes.truncate(good);
-                    (count, cut) = (counted, damage);
+        let all = (*bytes).as_ref();
+        let (mut aside, mut cut) = (None, None);
+        let mut contents = Contents::default();
+        let mut anew = all.is_empty().then_some(&beginning[..]);
+        if !all.is_empty() {
+            match Contents::of(&bytes) {
+                Ok(found) => {
+                    contents = found;
+                    cut = contents.damage.clone();
                     if let Some(damage) = cut.take_if(|damage| damage.in_the_middle) {
                         let why = format!("offset {}: {}", damage.offset, damage.what);
                         aside = Some((set_aside(&path)?, why));
+                        anew = all.get(..contents.good);
                     }
                 }
                 // Somebody's file under a wrong name is not ours to move.
                 Err(why @ Error::NotAJournal { .. }) => return Err(why),
                 Err(why) => {
-                    bytes.clear();
                     aside = Some((set_aside(&path)?, why.to_string()));
+                    anew = Some(&beginning);
                 }
             }
-            is_new = aside.is_some();
         }
-        if bytes.is_empty() {
-            begin(config, &mut bytes);
-        }
-        if is_new {
-            write_whole(&path, &bytes)?;
+        if let Some(anew) = anew {
+            write_whole(&path, anew)?;
+            contents.good = anew.len();
         }
         let mut journal = Self {
-            tail: tail(&path, bytes.len() as u64)?,
+            tail: tail(&path, contents.good as u64)?,
             path,
-            count,
+            count: Count::of(&contents),
             known: Known::default(),
             on_disk: 0,
             bytes: Vec::new(),
@@ -103,7 +135,7 @@ impl JournalFile {
         journal.sync()?;
         Ok(Opened {
             journal,
-            bytes,
+            contents,
             cut,
             aside,
         })
@@ -122,13 +154,19 @@ impl JournalFile {
         let known = self.known;
         self.append(|bytes| append_snapshot(mapper, known, bytes))?;
         self.has_snapshot(mapper);
-        self.known = mapper.known();
         Ok(())
     }
 
-    /// The mapper is as a snapshot has it that is in the journal.
-    pub fn has_snapshot(&mut self, mapper: &Mapper) {
-        self.count.in_snapshot = mapper.taken() as u64;
+    /// A snapshot that goes with the journal as it is, for somewhere else.
+    pub fn checkpoint(&self, mapper: &Mapper) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        mapper.snapshot(self.known, &mut bytes);
+        bytes
+    }
+
+    /// The mapper was recalled: snapshots of what it has not taken are none of this program's.
+    pub fn recalled(&mut self, mapper: &Mapper) {
+        self.count.in_snapshot = self.count.in_snapshot.min(mapper.taken() as u64);
     }
 
     /// Whether the mapper has taken so many keyframes since the last snapshot that the next restart would take too long
@@ -140,6 +178,11 @@ impl JournalFile {
     /// Whether the mapper has taken keyframes that no snapshot has.
     pub fn has_news(&self, mapper: &Mapper) -> bool {
         self.after_snapshot(mapper) > 0
+    }
+
+    fn has_snapshot(&mut self, mapper: &Mapper) {
+        self.count.in_snapshot = mapper.taken() as u64;
+        self.known = mapper.known();
     }
 
     fn after_snapshot(&self, mapper: &Mapper) -> u64 {
@@ -190,7 +233,6 @@ impl JournalFile {
         self.tail.doubt();
         self.tail = tail(&self.path, bytes.len() as u64)?;
         self.has_snapshot(mapper);
-        self.known = mapper.known();
         self.on_disk = self.count.end;
         Ok(())
     }
@@ -224,26 +266,6 @@ impl JournalFile {
             false => Ok(()),
         }
     }
-}
-
-/// How many bytes are good, what is in them, and what is behind them.
-fn walk(bytes: &[u8]) -> Result<(usize, Count, Option<Damage>), Error> {
-    let mut records = records(bytes)?.1;
-    let (mut count, mut newest) = (Count::default(), None);
-    for record in records.by_ref() {
-        match record.kind {
-            Kind::Keyframe => {
-                count.keyframes += 1;
-                newest = Some(record.payload);
-            }
-            Kind::Snapshot => count.in_snapshot = count.keyframes,
-        }
-    }
-    let mut head = KeyframeHead::default();
-    if newest.is_some_and(|payload| read_head(payload, &mut head)) {
-        count.end = head.id.saturating_add(1);
-    }
-    Ok((records.good(), count, records.damage().cloned()))
 }
 
 /// Opens the end of a file behind its good bytes.

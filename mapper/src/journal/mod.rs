@@ -21,6 +21,7 @@
 //! # Ok::<(), journal::Error>(())
 //! ```
 
+mod contents;
 mod error;
 mod file;
 mod header;
@@ -29,6 +30,7 @@ mod pack;
 mod record;
 mod tail;
 
+pub use contents::{Bytes, Contents, Packed};
 pub use error::Error;
 pub use file::{JournalFile, Opened};
 pub use header::Header;
@@ -83,13 +85,6 @@ pub fn compacted(journal: &[u8], mapper: &Mapper) -> Result<Vec<u8>, Error> {
 pub fn records(bytes: &[u8]) -> Result<(Header, Records<'_>), Error> {
     let (header, end) = Header::read(bytes)?;
     Ok((header, Records::new(bytes, end)))
-}
-
-/// The payload of a keyframe's record.
-pub fn packed(keyframe: MessageRef<'_, Keyframe>) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    keyframe::pack(keyframe, &mut bytes);
-    bytes
 }
 
 /// Reads of the payload of a keyframe's record all but beams and points, over a head that keeps its beams; `false` where

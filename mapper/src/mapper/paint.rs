@@ -7,6 +7,12 @@ impl Mapper {
     /// Brings the grid up to the keyframes and where they stand now. Not part of every step: whoever needs the grid
     /// decides how often.
     pub fn update_grid(&mut self) -> GridUpdate {
+        self.update_grid_by(usize::MAX)
+    }
+
+    /// The same with no more than so many keyframes painted for the first time: where there were as many there may be
+    /// more.
+    pub fn update_grid_by(&mut self, added_max: usize) -> GridUpdate {
         let part = self.largest_part();
         let (places, graph) = (&self.places, &self.graph);
         let of_part = |inside: bool| -> Vec<GridKeyframe<'_>> {
@@ -19,7 +25,12 @@ impl Mapper {
                 })
                 .collect()
         };
-        let (keep, leave) = (of_part(true), of_part(false));
+        let (mut keep, leave) = (of_part(true), of_part(false));
+        let mut added = 0;
+        keep.retain(|keyframe| {
+            added += usize::from(self.grid.lacks(keyframe));
+            added <= added_max || !self.grid.lacks(keyframe)
+        });
         let left = self.grid.remove(&leave);
         let mut update = self.grid.update(&keep);
         update.removed += left;

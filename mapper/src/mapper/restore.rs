@@ -3,12 +3,13 @@
 use super::Mapper;
 use super::snapshot::{self, Grown, Memory, Origin};
 use crate::{
-    LazySight, Place, RingKey,
+    Place, RingKey,
     graph::{Edge, PoseGraph},
-    journal::{self, Damage, Error, Kind, Records},
+    journal::{self, Bytes, Contents, Damage, Error, Packed},
 };
 use randt_config::Config;
 use randt_messages::{KeyframeHead, Message};
+use std::sync::Arc;
 
 /// Own snapshots that are tried before all keyframes are pushed anew: one always fits, unless something is badly wrong.
 const TRIED_MAX: usize = 2;
@@ -38,38 +39,13 @@ pub struct Restored {
 }
 
 /// A mapper as a snapshot has it, and what the journal has behind that.
-pub struct Recalled<'a> {
+pub struct Recalled {
     /// The mapper that took the keyframes before.
     pub mapper: Mapper,
     /// The keyframes to be pushed anew, in order, as [`Mapper::push_packed`] takes them.
-    pub behind: Vec<&'a [u8]>,
+    pub behind: Vec<Packed>,
     /// How it came back.
     pub restored: Restored,
-}
-
-/// The payloads of a journal's records; of snapshots with the number of keyframes before them.
-#[derive(Default)]
-struct Payloads<'a> {
-    keyframes: Vec<&'a [u8]>,
-    snapshots: Vec<(&'a [u8], usize)>,
-    damage: Option<Damage>,
-}
-
-impl<'a> Payloads<'a> {
-    fn of(mut records: Records<'a>) -> Self {
-        let mut payloads = Self::default();
-        for record in records.by_ref() {
-            match record.kind {
-                Kind::Keyframe => payloads.keyframes.push(record.payload),
-                Kind::Snapshot => {
-                    let before = payloads.keyframes.len();
-                    payloads.snapshots.push((record.payload, before));
-                }
-            }
-        }
-        payloads.damage = records.damage().cloned();
-        payloads
-    }
 }
 
 impl Mapper {
@@ -77,37 +53,42 @@ impl Mapper {
     ///
     /// From the newest snapshot that fits on they are pushed anew; without any, all of them: slower, and the same map.
     pub fn restore(config: &Config, journal: &[u8]) -> Result<(Self, Restored), Error> {
+        let bytes: Bytes = Arc::new(journal.to_vec());
         let Recalled {
             mut mapper,
             behind,
             restored,
-        } = Self::recall(config, journal)?;
+        } = Self::recall(config, Contents::of(&bytes)?, None);
         for keyframe in behind {
-            mapper.push_packed(keyframe);
+            mapper.push_packed(&keyframe);
         }
         Ok((mapper, restored))
     }
 
     /// The mapper of the newest snapshot that fits, for whoever pushes the rest in his own time. It takes some
     /// microseconds a keyframe, because it reads no more of them than their heads.
-    pub fn recall<'a>(config: &Config, journal: &'a [u8]) -> Result<Recalled<'a>, Error> {
-        let (_, records) = journal::records(journal)?;
-        let payloads = Payloads::of(records);
-        let (mapper, passed_over) = Self::newest(config, &payloads);
-        let behind = payloads.keyframes.get(mapper.taken()..);
-        let behind = behind.unwrap_or_default().to_vec();
-        let restored = Restored {
-            keyframes: payloads.keyframes.len() as u64,
-            from_snapshot: mapper.taken() as u64,
-            replayed: behind.len() as u64,
-            passed_over,
-            damage: payloads.damage,
+    ///
+    /// `checkpoint`: a snapshot that stands elsewhere, as [`journal::JournalFile::checkpoint`] makes it. One that does
+    /// not fit, be it that it is another journal's, is left out.
+    pub fn recall(config: &Config, journal: Contents, checkpoint: Option<&[u8]>) -> Recalled {
+        let (mapper, passed_over) = match Self::of_checkpoint(config, &journal, checkpoint) {
+            Some(mapper) => (mapper, None),
+            None => Self::newest(config, &journal),
         };
-        Ok(Recalled {
+        let mut restored = Restored {
+            keyframes: journal.keyframes.len() as u64,
+            from_snapshot: mapper.taken() as u64,
+            replayed: 0,
+            passed_over,
+            damage: journal.damage,
+        };
+        let behind: Vec<Packed> = journal.keyframes.into_iter().skip(mapper.taken()).collect();
+        restored.replayed = behind.len() as u64;
+        Recalled {
             mapper,
             behind,
             restored,
-        })
+        }
     }
 
     /// Pushes the payload of a keyframe's record. What is none is left out and counted like any other that cannot be the
@@ -127,14 +108,21 @@ impl Mapper {
     }
 
     /// As of the newest snapshot that fits, or empty; and why it is not the newest.
-    fn newest(config: &Config, payloads: &Payloads<'_>) -> (Self, Option<PassedOver>) {
+    fn newest(config: &Config, journal: &Contents) -> (Self, Option<PassedOver>) {
         let (mut passed_over, mut tried) = (None, 0);
-        for (index, &(mut payload, _)) in payloads.snapshots.iter().enumerate().rev() {
-            if snapshot::read(&mut payload) != Some(Origin::new(config)) {
+        let snapshots: Vec<&[u8]> = journal
+            .snapshots
+            .iter()
+            .map(|(payload, _)| &**payload)
+            .collect();
+        for (index, (payload, before)) in journal.snapshots.iter().enumerate().rev() {
+            if !is_own(config, payload) {
                 passed_over.get_or_insert(PassedOver::Foreign);
                 continue;
             }
-            if let Some(mapper) = Self::as_of(config, index, payloads) {
+            let keyframes = journal.keyframes.get(..*before).unwrap_or_default();
+            let snapshots = snapshots.get(..=index).unwrap_or_default();
+            if let Some(mapper) = Self::as_of(config, keyframes, snapshots) {
                 return (mapper, passed_over);
             }
             passed_over.get_or_insert(PassedOver::Unfit);
@@ -146,16 +134,29 @@ impl Mapper {
         (Self::new(config), passed_over)
     }
 
-    /// The mapper as of one of the snapshots; `None` where that does not fit those and the keyframes before it.
-    fn as_of(config: &Config, index: usize, payloads: &Payloads<'_>) -> Option<Self> {
-        let (_, before) = payloads.snapshots.get(index)?;
-        let (grown, memory) = remembered(config, payloads.snapshots.get(..=index)?)?;
+    /// As of a snapshot that stands behind all that the journal has.
+    fn of_checkpoint(
+        config: &Config,
+        journal: &Contents,
+        checkpoint: Option<&[u8]>,
+    ) -> Option<Self> {
+        let checkpoint = checkpoint.filter(|payload| is_own(config, payload))?;
+        let before = journal.snapshots.iter().map(|(payload, _)| &**payload);
+        let snapshots: Vec<&[u8]> = before.chain([checkpoint]).collect();
+        Self::as_of(config, &journal.keyframes, &snapshots)
+    }
+
+    /// The mapper as of the last of these snapshots; `None` where that does not fit those and the keyframes before it.
+    fn as_of(config: &Config, keyframes: &[Packed], snapshots: &[&[u8]]) -> Option<Self> {
+        let (grown, memory) = remembered(config, snapshots)?;
         let mut mapper = Self::new(config);
         mapper.counters = memory.counters;
         let rejected = usize::try_from(memory.counters.keyframes_rejected).ok()?;
         let taken = memory.ids.len().checked_add(rejected)?;
-        let keyframes = payloads.keyframes.get(..*before)?.get(..taken)?;
-        let odometry = mapper.recall_places(&memory.ids, keyframes, grown.keys)?;
+        let odometry = mapper.recall_places(&memory.ids, keyframes.get(..taken)?, grown.keys)?;
+        if mapper.newest_ns() != memory.newest_ns {
+            return None;
+        }
         let poses: Vec<_> = memory.poses.iter().map(|pose| pose.0).collect();
         let candidates = grown.candidates;
         let mut ends = candidates.iter().flat_map(|c| [c.from, c.to]);
@@ -178,7 +179,7 @@ impl Mapper {
     fn recall_places(
         &mut self,
         ids: &[u64],
-        keyframes: &[&[u8]],
+        keyframes: &[Packed],
         keys: Vec<RingKey>,
     ) -> Option<Vec<Edge>> {
         let mut wanted = ids.iter().scan(0_u64, |id, step| {
@@ -189,13 +190,11 @@ impl Mapper {
         let mut keys = keys.into_iter();
         let mut odometry = Vec::new();
         let mut head = KeyframeHead::default();
-        for payload in keyframes {
-            if journal::read_head(payload, &mut head)
-                && next == Some(head.id)
-                && self.is_next(&head)
+        for packed in keyframes {
+            if journal::read_head(packed, &mut head) && next == Some(head.id) && self.is_next(&head)
             {
                 next = wanted.next();
-                let place = Place::of(&head, LazySight::packed(payload), self.places.last());
+                let place = Place::of(&head, packed.clone().into(), self.places.last());
                 odometry.extend(self.step_to(&place));
                 odometry.extend(self.tie_to(&place));
                 self.places.push(place);
@@ -209,11 +208,16 @@ impl Mapper {
     }
 }
 
+/// Whether a snapshot is of this configuration and form.
+fn is_own(config: &Config, mut payload: &[u8]) -> bool {
+    snapshot::read(&mut payload) == Some(Origin::new(config))
+}
+
 /// All that has grown as of the last of these snapshots, and what else it has.
-fn remembered(config: &Config, snapshots: &[(&[u8], usize)]) -> Option<(Grown, Memory)> {
+fn remembered(config: &Config, snapshots: &[&[u8]]) -> Option<(Grown, Memory)> {
     let own = Origin::new(config);
     let (mut grown, mut rest): (Grown, &[u8]) = Default::default();
-    for (payload, _) in snapshots {
+    for payload in snapshots {
         rest = payload;
         if snapshot::read(&mut rest) == Some(own) {
             grown.take(snapshot::read(&mut rest)?)?;

@@ -69,6 +69,8 @@ impl Grown {
 pub(super) struct Memory {
     /// What each place's number is above the one before: it says which of the journal's keyframes the map has.
     pub ids: Vec<u64>,
+    /// Of the newest place: numbers begin anew with every mission, stamps do not.
+    pub newest_ns: i64,
     pub poses: Vec<SavedPose>,
     /// Of all candidates.
     pub fates: Vec<Fate>,
@@ -153,6 +155,10 @@ impl Mapper {
         }
     }
 
+    pub(super) fn newest_ns(&self) -> i64 {
+        self.places.last().map_or(0, |place| place.stamp_ns)
+    }
+
     /// Appends what [`Mapper::restore`] needs beside the keyframes and what the snapshots before it have.
     pub(crate) fn snapshot(&self, known: Known, out: &mut Vec<u8>) {
         let candidates = self.candidates.get(known.candidates..);
@@ -167,6 +173,7 @@ impl Mapper {
         let loops = self.graph.loops().iter().zip(&self.loops);
         let memory = Memory {
             ids: ids.zip(before).map(|(id, before)| id - before).collect(),
+            newest_ns: self.newest_ns(),
             poses: self.graph.poses().iter().copied().map(SavedPose).collect(),
             fates: self.candidates.iter().map(|c| c.fate).collect(),
             loops: loops
@@ -229,6 +236,7 @@ mod tests {
         };
         let memory = Memory {
             ids: vec![0, 1, 300],
+            newest_ns: 1_700_000_000_000_000_000,
             poses: vec![SavedPose(candidate.relative)],
             fates: vec![Fate::Accepted, Fate::Withdrawn],
             loops: vec![saved],
@@ -242,6 +250,6 @@ mod tests {
             version: 9,
         };
         let bytes = postcard::to_allocvec(&(FORM, news, memory)).unwrap();
-        assert_eq!((bytes.len(), crc32fast::hash(&bytes)), (301, 0x9cf0_edd7));
+        assert_eq!((bytes.len(), crc32fast::hash(&bytes)), (310, 0x1557_304a));
     }
 }

@@ -1,15 +1,18 @@
 //! Keyframes on their way into journal and map: in order, each once, none missing.
 
+use super::past::Past;
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_mapper::{
     Mapper, Recalled,
-    journal::{self, Error, JournalFile},
+    journal::{self, JournalFile, Packed},
 };
 use randt_messages::{Keyframe, KeyframeHead, Message, MessageRef};
-use randt_stage::Stage;
+use randt_stage::{FileBytes, Stage};
 use std::collections::VecDeque;
+use std::error::Error;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Keyframes are brought onto the disk about so often: what a power cut costs.
@@ -21,8 +24,9 @@ const REFUSALS_MAX: u32 = 6;
 pub struct Intake {
     mapper: Mapper,
     journal: JournalFile,
+    past: Past,
     /// Keyframes of the journal that the map has yet to take, packed.
-    behind: VecDeque<Vec<u8>>,
+    behind: VecDeque<Packed>,
     /// The keyframe that is waited for.
     next: u64,
     /// Keyframes that the journal could not take yet.
@@ -48,9 +52,10 @@ pub struct Intake {
 
 impl Intake {
     /// Goes on where the journal ends.
-    pub fn open(path: &Path, config: &Config, stage: &Stage) -> Result<Self, Error> {
+    pub fn open(path: &Path, config: &Config, stage: &mut Stage) -> Result<Self, Box<dyn Error>> {
         let begin = Instant::now();
-        let opened = JournalFile::open(path, config)?;
+        let opened =
+            JournalFile::open_by(path, config, |path| Ok(Arc::new(FileBytes::open(path)?)))?;
         let name = path.display();
         if let Some(cut) = &opened.cut {
             stage.say(&format!(
@@ -62,12 +67,13 @@ impl Intake {
             stage.say(&format!("{name}: {why}; set aside as {}", aside.display()));
         }
         let mut journal = opened.journal;
+        let past = Past::open(stage)?;
         let Recalled {
             mapper,
             behind,
             restored,
-        } = Mapper::recall(config, &opened.bytes)?;
-        journal.has_snapshot(&mapper);
+        } = Mapper::recall(config, opened.contents, past.newest());
+        journal.recalled(&mapper);
         if let Some(why) = restored.passed_over {
             stage.say(&format!("{name}: its last snapshot is {why:?}"));
         }
@@ -81,7 +87,8 @@ impl Intake {
         Ok(Self {
             next: journal.end(),
             mapper,
-            behind: behind.into_iter().map(<[u8]>::to_vec).collect(),
+            past,
+            behind: behind.into(),
             unwritten: VecDeque::new(),
             synced: Instant::now(),
             // What came while nobody was here is in odometry's ring.
@@ -134,7 +141,7 @@ impl Intake {
             self.unwritten.push_back(copy);
         }
         if self.is_behind() {
-            self.behind.push_back(journal::packed(keyframe));
+            self.behind.push_back(Packed::of(keyframe));
         } else {
             self.mapper.push(keyframe);
             self.snapshot();
@@ -196,7 +203,12 @@ impl Intake {
 
     /// Odometry numbers another drive: it began without its past, and without having heard of this map. The journal is set
     /// aside whole, and a new one begins.
-    pub fn begin_anew(self, path: &Path, config: &Config, stage: &Stage) -> Result<Self, Error> {
+    pub fn begin_anew(
+        self,
+        path: &Path,
+        config: &Config,
+        stage: &mut Stage,
+    ) -> Result<Self, Box<dyn Error>> {
         let aside = self.journal.set_aside()?;
         stage.say(&format!(
             "{}: odometry has begun another drive; the map so far is set aside as {}",
@@ -222,21 +234,25 @@ impl Intake {
         self.note(appended)
     }
 
-    /// A snapshot where one is due: of a map that has nothing but what the journal has.
+    /// A snapshot of a map that has nothing but what the journal has: in memory, and in the journal where one is due.
     fn snapshot(&mut self) {
-        if self.unwritten.is_empty() && self.journal.is_snapshot_due(&self.mapper) {
+        if !self.unwritten.is_empty() {
+            return;
+        }
+        if self.journal.is_snapshot_due(&self.mapper) {
             let appended = self.journal.append_snapshot(&self.mapper);
             self.note(appended);
         }
+        self.past.keep(&self.journal.checkpoint(&self.mapper));
     }
 
     /// Remembers what is wrong; gives whether nothing is.
-    fn note(&mut self, done: Result<(), Error>) -> bool {
+    fn note(&mut self, done: Result<(), journal::Error>) -> bool {
         match done {
             Ok(()) => self.trouble.clear(),
             Err(error) => {
                 self.trouble = error.to_string();
-                self.is_unsure |= matches!(error, Error::Unsure { .. });
+                self.is_unsure |= matches!(error, journal::Error::Unsure { .. });
             }
         }
         self.trouble.is_empty()
@@ -307,9 +323,9 @@ mod tests {
         let run = tempfile::tempdir().unwrap();
         let prefix = format!("intake-{}", std::process::id());
         let realm = Realm::new(&prefix, Some(run.path())).unwrap();
-        let stage = Stage::open("mapper", &realm).unwrap();
+        let mut stage = Stage::open("mapper", &realm).unwrap();
         let journal = run.path().join("map.journal");
-        let mut intake = Intake::open(&journal, &Config::default(), &stage).unwrap();
+        let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
         for id in [0, 1, 1, 0, 2] {
             intake.take(keyframe(id).as_ref());
         }

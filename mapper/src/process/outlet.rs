@@ -11,6 +11,9 @@ use std::time::{Duration, Instant};
 const BEAT: Duration = Duration::from_millis(500);
 /// The whole graph and the grid follow the map at this distance: painting anew after a loop takes 40 ms.
 const PAINT: Duration = Duration::from_secs(2);
+/// Keyframes that are painted for the first time before it looks at what has come: a map that has come back has
+/// thousands, at a tenth of a millisecond each.
+const PAINTED_MAX: usize = 500;
 /// Tiles that are sent at once; the buffer holds 64.
 const TILES: usize = 16;
 
@@ -29,6 +32,8 @@ pub struct Outlet {
     listed: u64,
     beat: Instant,
     paint: Instant,
+    /// Whether keyframes are left to be painted before the map can be drawn.
+    is_painting: bool,
 }
 
 impl Outlet {
@@ -46,6 +51,7 @@ impl Outlet {
             listed: 0,
             beat: Instant::now(),
             paint: Instant::now(),
+            is_painting: false,
         })
     }
 
@@ -77,15 +83,19 @@ impl Outlet {
         // What is listed goes out first, so that a map that keeps changing reaches its readers whole all the same.
         let is_news = self.drawn != Some(version) && self.tiles.is_empty();
         if is_whole && is_news && now >= self.paint {
-            self.paint = now + PAINT;
-            self.drawn = Some(version);
-            self.draw(intake)?;
+            self.is_painting = intake.mapper().update_grid_by(PAINTED_MAX).added == PAINTED_MAX;
+            if !self.is_painting {
+                self.paint = now + PAINT;
+                self.drawn = Some(version);
+                self.draw(intake)?;
+            }
         }
         self.send_tiles(intake)
     }
 
     /// The whole map is to be told, be it that it is another one.
     pub fn begin_anew(&mut self) {
+        self.is_painting = false;
         (self.paint, self.drawn, self.listed) = (Instant::now(), None, 0);
         self.tiles.clear();
     }
@@ -97,9 +107,7 @@ impl Outlet {
             entry = fill_graph(intake.mapper(), first, &mut self.graph);
             self.send_graph(intake, false)?;
         }
-        let mapper = intake.mapper();
-        mapper.update_grid();
-        self.listed = list_tiles(mapper, self.listed, &mut self.tiles);
+        self.listed = list_tiles(intake.mapper(), self.listed, &mut self.tiles);
         self.tiles.reverse();
         Ok(())
     }
@@ -125,6 +133,9 @@ impl Outlet {
 
     /// How long to sleep at most.
     pub fn pause(&self) -> Duration {
+        if self.is_painting {
+            return Duration::ZERO;
+        }
         // Tiles that are left go out ten times a second.
         let pace = if self.tiles.is_empty() {
             BEAT

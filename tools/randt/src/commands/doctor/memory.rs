@@ -11,8 +11,8 @@ use std::path::Path;
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Magic number of a file system in memory, statfs(2).
 const TMPFS: u64 = 0x0102_1994;
-/// Checkpoints of odometry, beside the ring of keyframes.
-const CHECKPOINTS: usize = 8 << 20;
+/// Checkpoints of odometry and mapper, beside the ring of keyframes.
+const CHECKPOINTS: usize = 16 << 20;
 
 /// /dev/shm holds all topics.
 pub fn check(scene: &Scene) -> Vec<Finding> {
