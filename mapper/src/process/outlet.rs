@@ -24,6 +24,7 @@ pub struct Outlet {
     grids: Publisher<MapperGrid>,
     graph: Message<MapperGraph>,
     tile: Message<MapperGrid>,
+    has_told: bool,
     /// Versions of the map that were told.
     corrected: Option<u64>,
     drawn: Option<u64>,
@@ -45,6 +46,7 @@ impl Outlet {
             grids: stage.publisher()?,
             graph: Message::default(),
             tile: Message::default(),
+            has_told: false,
             corrected: None,
             drawn: None,
             tiles: Vec::new(),
@@ -59,9 +61,10 @@ impl Outlet {
     pub fn tell(&mut self, intake: &mut Intake, at_once: bool) -> Result<(), Error> {
         let now = Instant::now();
         let version = intake.mapper().version();
-        // A map that is behind has told more than it has, before it ended.
+        // What a map that came back begins with is what it told last. While it takes more anew it would jump.
         let is_whole = !intake.is_behind();
-        if is_whole
+        let is_first = !std::mem::replace(&mut self.has_told, true);
+        if (is_whole || is_first)
             && self.corrected != Some(version)
             && let Some(head) = correction(intake.mapper())
         {
