@@ -4,7 +4,7 @@ use super::past::Past;
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_mapper::{
-    Mapper, Recalled,
+    Mapper, PassedOver, Recalled,
     journal::{self, JournalFile, Packed},
 };
 use randt_messages::{Keyframe, KeyframeHead, Message, MessageRef};
@@ -75,7 +75,7 @@ impl Intake {
         } = Mapper::recall(config, opened.contents, past.newest());
         journal.recalled(&mapper);
         if let Some(why) = restored.passed_over {
-            stage.say(&format!("{name}: its last snapshot is {why:?}"));
+            stage.say(&format!("{name}: {}", in_words(why)));
         }
         stage.say(&format!(
             "{name}: {} keyframes, {} of them from a snapshot, in {:.3} s; {} are to be taken anew",
@@ -306,6 +306,13 @@ impl Intake {
     }
 }
 
+fn in_words(why: PassedOver) -> &'static str {
+    match why {
+        PassedOver::Foreign => "its last snapshot is of another configuration or build",
+        PassedOver::Unfit => "its last snapshot does not fit its keyframes",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -316,6 +323,59 @@ mod tests {
         message.head.id = id;
         message.head.header.stamp_ns = 1_000_000_000 * (id as i64 + 1);
         message
+    }
+
+    #[test]
+    fn a_map_that_is_behind_takes_what_comes_after_what_was_there() {
+        let run = tempfile::tempdir().unwrap();
+        let prefix = format!("behind-{}", std::process::id());
+        let realm = Realm::new(&prefix, Some(run.path())).unwrap();
+        let mut stage = Stage::open("mapper", &realm).unwrap();
+        let journal = run.path().join("map.journal");
+        let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
+        for id in 0..10 {
+            intake.take(keyframe(id).as_ref());
+        }
+        intake.finish();
+        drop(intake);
+        let taken = |intake: &Intake| intake.mapper.places().len();
+
+        // Killed: all is there at once.
+        let intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
+        assert_eq!((taken(&intake), intake.is_behind()), (10, false));
+        drop(intake);
+
+        // By other rules all has to be made anew.
+        let mut other = Config::default();
+        other.grid.hits_min += 1;
+        let mut intake = Intake::open(&journal, &other, &mut stage).unwrap();
+        assert_eq!((taken(&intake), intake.next()), (0, 10));
+        intake.catch_up();
+        for id in [9, 10, 11] {
+            intake.take(keyframe(id).as_ref());
+        }
+        assert_eq!((taken(&intake), intake.next()), (1, 12));
+        assert_eq!(intake.progress(), "takes its keyframes anew, 1 of 12");
+        // What it has of them is kept where it ends before it is done.
+        intake.finish();
+        drop(intake);
+        let mut intake = Intake::open(&journal, &other, &mut stage).unwrap();
+        assert_eq!((taken(&intake), intake.next()), (1, 12));
+        while intake.is_behind() {
+            intake.catch_up();
+        }
+        assert_eq!((taken(&intake), intake.lost), (12, 0));
+
+        // Another drive is seen in a keyframe that the map does not have yet.
+        drop(intake);
+        let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
+        assert!(intake.is_behind());
+        let mut foreign = keyframe(11);
+        foreign.head.header.stamp_ns += 1;
+        intake.take(foreign.as_ref());
+        assert!(intake.is_other_drive);
+        drop(stage);
+        randt_stage::wipe(&realm, true).unwrap();
     }
 
     #[test]
