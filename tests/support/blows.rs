@@ -249,6 +249,7 @@ impl<'m> Blows<'m> {
                 assert_eq!(is, next, "{before:?}, {state:?}");
             }
         }
+        assert!(states.len() > 100, "{} poses", states.len());
         let frames: BTreeSet<u64> = states.iter().map(|state| state.odom_frame_id).collect();
         println!("{} poses in a row, in frames {frames:?}", states.len());
     }

@@ -1,11 +1,11 @@
 //! Keyframes on their way into journal and map: in order, each once, none missing.
 
+use super::behind::{Behind, Facts};
 use super::past::Past;
 use randt_config::Config;
-use randt_geometry::Pose2;
 use randt_mapper::{
-    Mapper, PassedOver, Recalled,
-    journal::{self, JournalFile, Packed},
+    Mapper, PassedOver, Place, Recalled,
+    journal::{self, JournalFile},
 };
 use randt_messages::{Keyframe, KeyframeHead, Message, MessageRef};
 use randt_stage::{FileBytes, Stage};
@@ -25,8 +25,7 @@ pub struct Intake {
     mapper: Mapper,
     journal: JournalFile,
     past: Past,
-    /// Keyframes of the journal that the map has yet to take, packed.
-    behind: VecDeque<Packed>,
+    behind: Behind,
     /// The keyframe that is waited for.
     next: u64,
     /// Keyframes that the journal could not take yet.
@@ -118,9 +117,8 @@ impl Intake {
             return false;
         }
         // A new frame stands by itself, whoever numbered it.
-        let is_new_frame = self
-            .newest_frame()
-            .is_none_or(|newest| keyframe.head.odom_frame_id > newest);
+        let is_newer = |newest: Facts| keyframe.head.odom_frame_id > newest.odom_frame_id;
+        let is_new_frame = self.newest().is_none_or(is_newer);
         if id > self.next || !(self.is_of_this_drive || is_new_frame) {
             let is_news = !self.is_missing;
             self.refusals += u32::from(std::mem::take(&mut self.is_asked));
@@ -141,7 +139,7 @@ impl Intake {
             self.unwritten.push_back(copy);
         }
         if self.is_behind() {
-            self.behind.push_back(Packed::of(keyframe));
+            self.behind.push(keyframe);
         } else {
             self.mapper.push(keyframe);
             self.snapshot();
@@ -151,12 +149,12 @@ impl Intake {
 
     /// Whether the map has yet to take keyframes.
     pub fn is_behind(&self) -> bool {
-        !self.behind.is_empty()
+        self.behind.len() > 0
     }
 
     /// Lets the map take one of them.
     pub fn catch_up(&mut self) {
-        if let Some(keyframe) = self.behind.pop_front() {
+        if let Some(keyframe) = self.behind.pop() {
             self.mapper.push_packed(&keyframe);
             self.snapshot();
         }
@@ -174,31 +172,19 @@ impl Intake {
         }
     }
 
-    /// Odometry's frame at the newest keyframe.
-    fn newest_frame(&self) -> Option<u64> {
-        let mut head = KeyframeHead::default();
-        match self.behind.back() {
-            Some(keyframe) if journal::read_head(keyframe, &mut head) => Some(head.odom_frame_id),
-            _ => Some(self.mapper.places().last()?.odom_frame_id),
-        }
+    /// The newest keyframe of the journal.
+    fn newest(&self) -> Option<Facts> {
+        let newest = || self.mapper.places().last().map(facts);
+        self.behind.newest().or_else(newest)
     }
 
     /// Whether the journal has this very keyframe, as far as is known.
     fn is_double(&self, head: &KeyframeHead) -> bool {
-        let facts = |head: &KeyframeHead| {
-            let pose = Pose2::from_array(head.pose).to_array();
-            (head.header.stamp_ns, head.odom_frame_id, pose)
-        };
         let places = self.mapper.places();
         let found = places.binary_search_by_key(&head.id, |place| place.keyframe_id);
-        if let Some(place) = found.ok().and_then(|at| places.get(at)) {
-            return facts(head) == (place.stamp_ns, place.odom_frame_id, place.odom.to_array());
-        }
-        let mut other = KeyframeHead::default();
-        let mut behind = self.behind.iter();
-        let is_found =
-            behind.any(|packed| journal::read_head(packed, &mut other) && other.id == head.id);
-        !is_found || facts(head) == facts(&other)
+        let place = found.ok().and_then(|at| places.get(at)).map(facts);
+        let known = place.or_else(|| self.behind.find(head.id));
+        known.is_none_or(|known| known == Facts::of(head))
     }
 
     /// Odometry numbers another drive: it began without its past, and without having heard of this map. The journal is set
@@ -209,7 +195,10 @@ impl Intake {
         config: &Config,
         stage: &mut Stage,
     ) -> Result<Self, Box<dyn Error>> {
-        let aside = self.journal.set_aside()?;
+        let Self { journal, past, .. } = self;
+        let aside = journal.set_aside()?;
+        // Whoever has it open holds its lock.
+        drop(past);
         stage.say(&format!(
             "{}: odometry has begun another drive; the map so far is set aside as {}",
             path.display(),
@@ -306,6 +295,14 @@ impl Intake {
     }
 }
 
+fn facts(place: &Place) -> Facts {
+    Facts {
+        stamp_ns: place.stamp_ns,
+        odom_frame_id: place.odom_frame_id,
+        pose: place.odom.to_array(),
+    }
+}
+
 fn in_words(why: PassedOver) -> &'static str {
     match why {
         PassedOver::Foreign => "its last snapshot is of another configuration or build",
@@ -314,107 +311,4 @@ fn in_words(why: PassedOver) -> &'static str {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use randt_stage::Realm;
-
-    fn keyframe(id: u64) -> Message<Keyframe> {
-        let mut message = Message::<Keyframe>::default();
-        message.head.id = id;
-        message.head.header.stamp_ns = 1_000_000_000 * (id as i64 + 1);
-        message
-    }
-
-    #[test]
-    fn a_map_that_is_behind_takes_what_comes_after_what_was_there() {
-        let run = tempfile::tempdir().unwrap();
-        let prefix = format!("behind-{}", std::process::id());
-        let realm = Realm::new(&prefix, Some(run.path())).unwrap();
-        let mut stage = Stage::open("mapper", &realm).unwrap();
-        let journal = run.path().join("map.journal");
-        let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
-        for id in 0..10 {
-            intake.take(keyframe(id).as_ref());
-        }
-        intake.finish();
-        drop(intake);
-        let taken = |intake: &Intake| intake.mapper.places().len();
-
-        // Killed: all is there at once.
-        let intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
-        assert_eq!((taken(&intake), intake.is_behind()), (10, false));
-        drop(intake);
-
-        // By other rules all has to be made anew.
-        let mut other = Config::default();
-        other.grid.hits_min += 1;
-        let mut intake = Intake::open(&journal, &other, &mut stage).unwrap();
-        assert_eq!((taken(&intake), intake.next()), (0, 10));
-        intake.catch_up();
-        for id in [9, 10, 11] {
-            intake.take(keyframe(id).as_ref());
-        }
-        assert_eq!((taken(&intake), intake.next()), (1, 12));
-        assert_eq!(intake.progress(), "takes its keyframes anew, 1 of 12");
-        // What it has of them is kept where it ends before it is done.
-        intake.finish();
-        drop(intake);
-        let mut intake = Intake::open(&journal, &other, &mut stage).unwrap();
-        assert_eq!((taken(&intake), intake.next()), (1, 12));
-        while intake.is_behind() {
-            intake.catch_up();
-        }
-        assert_eq!((taken(&intake), intake.lost), (12, 0));
-
-        // Another drive is seen in a keyframe that the map does not have yet.
-        drop(intake);
-        let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
-        assert!(intake.is_behind());
-        let mut foreign = keyframe(11);
-        foreign.head.header.stamp_ns += 1;
-        intake.take(foreign.as_ref());
-        assert!(intake.is_other_drive);
-        drop(stage);
-        randt_stage::wipe(&realm, true).unwrap();
-    }
-
-    #[test]
-    fn missing_keyframes_are_waited_for_until_odometry_has_none() {
-        let run = tempfile::tempdir().unwrap();
-        let prefix = format!("intake-{}", std::process::id());
-        let realm = Realm::new(&prefix, Some(run.path())).unwrap();
-        let mut stage = Stage::open("mapper", &realm).unwrap();
-        let journal = run.path().join("map.journal");
-        let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
-        for id in [0, 1, 1, 0, 2] {
-            intake.take(keyframe(id).as_ref());
-        }
-        assert_eq!((intake.next(), intake.request()), (3, false));
-
-        // Odometry is away for long: one keyframe that was on its way, then nothing.
-        intake.take(keyframe(5).as_ref());
-        for _ in 0..100 {
-            assert!(intake.request());
-        }
-        // It is back and goes on before it hears the requests, then it answers.
-        for id in [6, 7, 3, 4, 5, 6, 7, 8] {
-            intake.take(keyframe(id).as_ref());
-        }
-        assert_eq!(
-            (intake.next(), intake.lost, intake.request()),
-            (9, 0, false)
-        );
-
-        // It does not have it any more.
-        for _ in 0..REFUSALS_MAX {
-            assert_eq!(intake.next(), 9);
-            intake.take(keyframe(12).as_ref());
-            intake.take(keyframe(13).as_ref());
-            intake.request();
-        }
-        intake.take(keyframe(12).as_ref());
-        assert_eq!((intake.next(), intake.lost), (13, 3));
-        drop(stage);
-        randt_stage::wipe(&realm, true).unwrap();
-    }
-}
+mod tests;
