@@ -15,6 +15,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 use support::blows::{Blow, Blows, STAGES};
 use support::boot::{Image, Machine, units_folder};
+use support::directives::DIRECTIVES;
 use support::large;
 use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
 use support::sensors::unix_s;
@@ -102,78 +103,6 @@ fn units_are_understood_and_let_out_little() {
     let verified = words(&command);
     assert_eq!((verified.code, verified.stderr.as_str()), (Some(0), ""));
 }
-
-/// Directives that are in use, with the release that brought them where that is no ancient one. Ubuntu 20.04 has 245; a
-/// newer one needs a fallback, and a reason here.
-const DIRECTIVES: &[(&str, &[&str])] = &[
-    (
-        "ancient",
-        &[
-            "Description",
-            "PartOf",
-            "ReloadPropagatedFrom",
-            "After",
-            "Before",
-            "Type",
-            "RemainAfterExit",
-            "Nice",
-            "CPUSchedulingPolicy",
-            "IOSchedulingClass",
-            "NotifyAccess",
-            "Environment",
-            "EnvironmentFile",
-            "ExecStart",
-            "ExecReload",
-            "Restart",
-            "RestartSec",
-            "RestartPreventExitStatus",
-            "WatchdogSec",
-            "LimitCORE",
-            "TimeoutStartSec",
-            "TimeoutStopSec",
-            "Slice",
-            "User",
-            "UMask",
-            "NoNewPrivileges",
-            "CapabilityBoundingSet",
-            "ProtectHome",
-            "PrivateTmp",
-            "SystemCallArchitectures",
-            "SystemCallFilter",
-            "SystemCallErrorNumber",
-            "DevicePolicy",
-            "DeviceAllow",
-            "PrivateDevices",
-            "PrivateNetwork",
-            "RestrictAddressFamilies",
-            "WantedBy",
-        ],
-    ),
-    (
-        "229 to 235",
-        &[
-            "StartLimitIntervalSec",
-            "AmbientCapabilities",
-            "ReadWritePaths",
-            "RemoveIPC",
-            "PrivateUsers",
-            "ProtectSystem",
-            "ProtectKernelTunables",
-            "ProtectKernelModules",
-            "ProtectControlGroups",
-            "RestrictNamespaces",
-            "RestrictRealtime",
-            "LockPersonality",
-            "MemoryDenyWriteExecute",
-            "KeyringMode",
-            "IPAddressDeny",
-        ],
-    ),
-    ("240", &["WatchdogSignal"]),
-    ("242", &["ProtectHostname", "RestrictSUIDSGID"]),
-    ("244", &["ProtectKernelLogs"]),
-    ("245", &["ProtectClock"]),
-];
 
 #[test]
 fn units_need_no_newer_systemd_than_245_and_agree_in_what_they_share() {

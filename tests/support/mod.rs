@@ -15,6 +15,7 @@ pub mod bag;
 pub mod blows;
 pub mod boot;
 pub mod calls;
+pub mod directives;
 pub mod drive;
 pub mod hall;
 pub mod journal;
