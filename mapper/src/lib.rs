@@ -40,7 +40,7 @@ mod submap;
 mod verify;
 
 pub use candidate::{Candidate, Fate, Scores};
-pub use mapper::{Counters, Known, Mapper, PassedOver, Recalled, Restored};
+pub use mapper::{Counters, Known, Mapper, PassedOver, Recalled, Restored, SECTIONS};
 pub use place::Place;
 pub use registration::{Registrar, Registration};
 pub use scan_context::{Likeness, RingKey, ScanContext};

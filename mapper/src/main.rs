@@ -4,17 +4,13 @@ mod process;
 
 use clap::Parser;
 use process::{Intake, Outlet};
+use randt_mapper::SECTIONS;
 use randt_messages::Keyframe;
 use randt_stage::{StageArguments, Woken, ended, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
-
-/// The sections of the configuration that it computes by.
-const READS: [&str; 8] = [
-    "filter", "grid", "keyframe", "loops", "ndt", "odometry", "sensor", "submap",
-];
 
 /// The mapper stage: loops, the pose graph, the occupancy grid.
 ///
@@ -38,7 +34,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let mut stage = arguments.stage.open("mapper")?;
     stage.expect(&config.sensor);
-    stage.follow(&arguments.stage.selection, &config, &READS, None);
+    stage.follow(&arguments.stage.selection, &config, &SECTIONS, None);
     let mut outlet = Outlet::open(&mut stage)?;
     let mut keyframes = stage.subscriber::<Keyframe>()?;
     let journal = match &arguments.journal {
@@ -62,7 +58,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         while let Some(keyframe) = keyframes.receive()? {
             at_once |= intake.take(keyframe.message());
         }
-        intake.catch_up();
+        if intake.catch_up() {
+            stage.say(&format!("has all of its {} keyframes", intake.next()));
+        }
         at_once |= intake.sync();
         if intake.is_other_drive {
             intake = intake.begin_anew(&journal, &config, &mut stage)?;
@@ -71,6 +69,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         stage.report(&intake.trouble, intake.lost);
         stage.note(&intake.progress());
+        stage.remark(&intake.delay());
         if intake.is_unsure {
             return Err(intake.trouble.into());
         }

@@ -24,6 +24,11 @@ use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, MessageRef};
 
+/// The sections of the configuration that the map is computed by.
+pub const SECTIONS: [&str; 8] = [
+    "filter", "grid", "keyframe", "loops", "ndt", "odometry", "sensor", "submap",
+];
+
 /// Loops are searched for every so many keyframe distances of path.
 const SEARCH_KEYFRAMES: f64 = 2.0;
 

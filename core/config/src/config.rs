@@ -67,9 +67,13 @@ impl Config {
     /// A number that differs where any value differs that something is computed by: FNV-1a over all keys with their
     /// values.
     pub fn fingerprint(&self) -> u64 {
+        self.fingerprint_of(|section| !DRIVERS.contains(&section))
+    }
+
+    /// The same of some sections.
+    pub fn fingerprint_of(&self, computes: impl Fn(&str) -> bool) -> u64 {
         let mut hash = 0xcbf2_9ce4_8422_2325;
-        let computes = |section: &&Section| !DRIVERS.contains(&section.name);
-        for section in Self::SECTIONS.iter().filter(computes) {
+        for section in Self::SECTIONS.iter().filter(|s| computes(s.name)) {
             for key in section.keys {
                 let value = self.get(section.name, key.name).unwrap_or_default();
                 for byte in format!("{}.{} = {value}\n", section.name, key.name).bytes() {

@@ -71,8 +71,14 @@ impl Mapper {
     /// `checkpoint`: a snapshot that stands elsewhere, as [`journal::JournalFile::checkpoint`] makes it. One that does
     /// not fit, be it that it is another journal's, is left out.
     pub fn recall(config: &Config, journal: Contents, checkpoint: Option<&[u8]>) -> Recalled {
+        let in_journal = journal.snapshots.last().map_or(0, |(_, before)| *before);
         let (mapper, passed_over) = match Self::of_checkpoint(config, &journal, checkpoint) {
-            Some(mapper) => (mapper, None),
+            Some(mapper) if mapper.taken() >= in_journal => (mapper, None),
+            // Somebody else has gone on with the journal.
+            Some(mapper) => match Self::newest(config, &journal) {
+                (newest, passed_over) if newest.taken() > mapper.taken() => (newest, passed_over),
+                _ => (mapper, None),
+            },
             None => Self::newest(config, &journal),
         };
         let mut restored = Restored {

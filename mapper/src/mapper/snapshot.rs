@@ -5,7 +5,7 @@
 //! of all. Keys are there though they follow from keyframes, because each search looks through all of them: a mapper
 //! that comes back would have to unpack its whole journal.
 
-use super::{Counters, Mapper};
+use super::{Counters, Mapper, SECTIONS};
 use crate::{
     Candidate, Fate, RingKey,
     graph::{Loop, LoopId},
@@ -134,7 +134,7 @@ impl Origin {
     pub fn new(config: &Config) -> Self {
         Self {
             form: FORM,
-            config: config.fingerprint(),
+            config: config.fingerprint_of(|section| SECTIONS.contains(&section)),
         }
     }
 }

@@ -26,6 +26,8 @@ pub struct Intake {
     journal: JournalFile,
     past: Past,
     behind: Behind,
+    /// Whether those are more than were being taken.
+    is_late: bool,
     /// The keyframe that is waited for.
     next: u64,
     /// Keyframes that the journal could not take yet.
@@ -54,7 +56,11 @@ impl Intake {
     pub fn open(path: &Path, config: &Config, stage: &mut Stage) -> Result<Self, Box<dyn Error>> {
         let begin = Instant::now();
         let opened =
-            JournalFile::open_by(path, config, |path| Ok(Arc::new(FileBytes::open(path)?)))?;
+            JournalFile::open_by(path, config, |path| Ok(Arc::new(FileBytes::open(path)?)));
+        let opened = opened.map_err(|error| match error {
+            journal::Error::NotAJournal { .. } => format!("{}: {error}", path.display()).into(),
+            error => Box::<dyn Error>::from(error),
+        })?;
         let name = path.display();
         if let Some(cut) = &opened.cut {
             stage.say(&format!(
@@ -87,6 +93,7 @@ impl Intake {
             next: journal.end(),
             mapper,
             past,
+            is_late: behind.len() > 1,
             behind: behind.into(),
             unwritten: VecDeque::new(),
             synced: Instant::now(),
@@ -117,14 +124,19 @@ impl Intake {
             return false;
         }
         // A new frame stands by itself, whoever numbered it.
-        let is_newer = |newest: Facts| keyframe.head.odom_frame_id > newest.odom_frame_id;
-        let is_new_frame = self.newest().is_none_or(is_newer);
+        let frame = keyframe.head.odom_frame_id;
+        let is_new_frame = self.newest_frame().is_none_or(|newest| frame > newest);
         if id > self.next || !(self.is_of_this_drive || is_new_frame) {
             let is_news = !self.is_missing;
             self.refusals += u32::from(std::mem::take(&mut self.is_asked));
             if self.refusals < REFUSALS_MAX {
                 self.is_missing = true;
                 return is_news;
+            }
+            if id == self.next {
+                // None is missing, and yet odometry does not know the one before.
+                self.is_other_drive = true;
+                return false;
             }
             // Nobody has them any more: a map with a gap is better than none.
             self.lost += id - self.next;
@@ -152,12 +164,33 @@ impl Intake {
         self.behind.len() > 0
     }
 
-    /// Lets the map take one of them.
-    pub fn catch_up(&mut self) {
-        if let Some(keyframe) = self.behind.pop() {
-            self.mapper.push_packed(&keyframe);
-            self.snapshot();
+    /// Whether the map is what was told last: the one that came after was being taken when the process ended.
+    pub fn is_as_told(&self) -> bool {
+        self.behind.len() <= 1
+    }
+
+    /// Lets the map take one of them; gives whether that was the last of many.
+    pub fn catch_up(&mut self) -> bool {
+        let Some(keyframe) = self.behind.pop() else {
+            return false;
+        };
+        self.mapper.push_packed(&keyframe);
+        self.snapshot();
+        self.is_late |= !self.is_as_told();
+        !self.is_behind() && std::mem::take(&mut self.is_late)
+    }
+
+    /// The same as [`Self::progress`] where the map is late.
+    pub fn delay(&self) -> String {
+        match self.is_late {
+            true => self.progress(),
+            false => String::new(),
         }
+    }
+
+    /// Odometry's frame at the journal's newest keyframe.
+    pub fn newest_frame(&self) -> Option<u64> {
+        self.newest().map(|newest| newest.odom_frame_id)
     }
 
     /// How far the map is, in words.
@@ -305,7 +338,9 @@ fn facts(place: &Place) -> Facts {
 
 fn in_words(why: PassedOver) -> &'static str {
     match why {
-        PassedOver::Foreign => "its last snapshot is of another configuration or build",
+        PassedOver::Foreign => {
+            "its last snapshot is of another configuration, or of a build with other snapshots"
+        }
         PassedOver::Unfit => "its last snapshot does not fit its keyframes",
     }
 }

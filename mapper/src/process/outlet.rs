@@ -61,9 +61,9 @@ impl Outlet {
     pub fn tell(&mut self, intake: &mut Intake, at_once: bool) -> Result<(), Error> {
         let now = Instant::now();
         let version = intake.mapper().version();
-        // What a map that came back begins with is what it told last. While it takes more anew it would jump.
+        // A map that takes keyframes anew would have the pose jump to where it was long ago.
         let is_whole = !intake.is_behind();
-        let is_first = !std::mem::replace(&mut self.has_told, true);
+        let is_first = !std::mem::replace(&mut self.has_told, true) && intake.is_as_told();
         if (is_whole || is_first)
             && self.corrected != Some(version)
             && let Some(head) = correction(intake.mapper())
@@ -117,7 +117,9 @@ impl Outlet {
 
     fn send_graph(&mut self, intake: &mut Intake, may_ask: bool) -> Result<(), Error> {
         let head = &mut *self.graph.head;
+        // Who begins to number numbers on after the journal, not after what the map has of it by now.
         head.wanted_keyframe = intake.next();
+        head.odom_frame_id = intake.newest_frame().unwrap_or(0);
         head.on_disk = intake.on_disk();
         head.send_again = u32::from(may_ask && intake.request());
         self.graphs.publish(self.graph.as_ref())

@@ -51,11 +51,37 @@ fn a_map_that_is_behind_takes_what_comes_after_what_was_there() {
     }
     assert_eq!((taken(&intake), intake.lost), (12, 0));
 
+    // Whoever begins to number goes on after the journal's frame, not after the map's; who goes on in it without having
+    // the keyframe before is another drive.
+    drop(intake);
+    let mut newer = keyframe(12);
+    newer.head.odom_frame_id = 1;
+    let mut intake = Intake::open(&journal, &other, &mut stage).unwrap();
+    intake.take(newer.as_ref());
+    drop(intake);
+    let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
+    let frames = |intake: &Intake| {
+        let newest = intake.mapper.places().last();
+        (
+            newest.map(|place| place.odom_frame_id),
+            intake.newest_frame(),
+        )
+    };
+    assert_eq!(frames(&intake), (Some(0), Some(1)));
+    let mut next = keyframe(13);
+    next.head.odom_frame_id = 1;
+    for _ in 0..REFUSALS_MAX {
+        assert!(!intake.is_other_drive && intake.next() == 13);
+        intake.request();
+        intake.take(next.as_ref());
+    }
+    assert!(intake.is_other_drive);
+
     // Another drive is seen in a keyframe that the map does not have yet.
     drop(intake);
     let mut intake = Intake::open(&journal, &Config::default(), &mut stage).unwrap();
     assert!(intake.is_behind());
-    let mut foreign = keyframe(11);
+    let mut foreign = keyframe(12);
     foreign.head.header.stamp_ns += 1;
     intake.take(foreign.as_ref());
     assert!(intake.is_other_drive);
