@@ -51,6 +51,32 @@ fn a_new_drive_goes_on_after_the_map_that_there_is() {
 }
 
 #[test]
+fn a_new_drive_goes_on_after_a_map_that_the_mapper_has_yet_to_take_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let journal = old_map(folder.path());
+    let log = log_of(folder.path(), 100, 2);
+    // By the second time the journal's frame is not the first, which is what an empty map would name.
+    for (frame, name, hits) in [
+        (1, "again", "grid.hits_min=4"),
+        (2, "anew", "grid.hits_min=5"),
+    ] {
+        let old = keyframes(&journal);
+        let mut pipeline = Pipeline::new(name);
+        pipeline.play(&log, &["--rate", "4", "--stay"]);
+        pipeline.stage("filter");
+        pipeline.stage("odometry");
+        // It is there first and listens, so that it hears what the mapper says before it has taken any.
+        let mapper = pipeline.mapper_by(&journal, &["--set", hits]);
+        until("keyframes", || keyframes(&journal).len() >= old.len() + 5);
+        pipeline.end(mapper, Signal::TERM);
+        let all = keyframes(&journal);
+        for (expected, found) in (old.len() as u64..).zip(&all[old.len()..]) {
+            assert_eq!(*found, (expected, frame), "{all:?}");
+        }
+    }
+}
+
+#[test]
 fn a_drive_that_had_not_heard_of_the_map_is_not_mixed_into_it() {
     let folder = tempfile::tempdir().unwrap();
     let journal = old_map(folder.path());

@@ -195,7 +195,7 @@ fn boot(folder: &Path) -> Machine {
     match std::env::var_os(JOURNAL) {
         Some(from) => drop(fs::copy(from, journal).unwrap()),
         None => {
-            let env = format!("RANDT_PROFILE=mixed\nRANDT_OPTIONS={}\n", large::OPTIONS);
+            let env = format!("RANDT_PROFILE=mixed\nRANDT_OPTIONS=--set {}\n", large::SET);
             image.write("etc/randt/randt.env", &env);
             large::write(&image.file("etc/randt/robot.toml"), &journal);
         }

@@ -29,6 +29,11 @@ pub const SECTIONS: [&str; 8] = [
     "filter", "grid", "keyframe", "loops", "ndt", "odometry", "sensor", "submap",
 ];
 
+/// A number that differs where any value differs that the map is computed by.
+pub(crate) fn fingerprint(config: &Config) -> u64 {
+    config.fingerprint_of(|section| SECTIONS.contains(&section))
+}
+
 /// Loops are searched for every so many keyframe distances of path.
 const SEARCH_KEYFRAMES: f64 = 2.0;
 

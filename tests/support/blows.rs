@@ -26,13 +26,12 @@ pub enum Blow {
 }
 
 impl Blow {
-    /// Within this time a stage is back, ms: its WatchdogSec and 1 s where it hangs.
-    fn back_max_ms(self, stage: &str) -> f64 {
+    /// Within this time a stage is back, ms: its unit's WatchdogSec and 1 s where it hangs.
+    fn back_max_ms(self, watchdog_ms: f64) -> f64 {
         match self {
             Self::Restart | Self::StopStart => 300.0,
             Self::Kill => 700.0,
-            Self::Hang if stage == "mapper" => 11_000.0,
-            Self::Hang => 3000.0,
+            Self::Hang => watchdog_ms + 1000.0,
         }
     }
 }
@@ -215,7 +214,7 @@ impl<'m> Blows<'m> {
         for row in &self.rows {
             let (stage, blow) = (row.stage, row.blow);
             assert!(
-                row.back_ms < blow.back_max_ms(stage),
+                row.back_ms < blow.back_max_ms(self.watchdog_ms(stage)),
                 "{stage} {blow:?}: {} ms",
                 row.back_ms
             );
@@ -235,6 +234,13 @@ impl<'m> Blows<'m> {
                 row.seen_ms
             );
         }
+    }
+
+    fn watchdog_ms(&self, stage: &str) -> f64 {
+        let unit = format!("randt-{stage}");
+        let text = self.machine.property(&unit, "WatchdogUSec");
+        let seconds = text.strip_suffix('s').and_then(|text| text.parse().ok());
+        seconds.map_or_else(|| panic!("{unit}: {text}"), |s: f64| s * 1e3)
     }
 
     /// Every scan of a radar's process has its pose, each one the next, in one frame: only with the radar scans can be

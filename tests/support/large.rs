@@ -9,8 +9,8 @@ use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, Message};
 use std::path::Path;
 
 pub const KEYFRAMES: u64 = 5000;
-/// With this no place of one frame is old enough to be met again.
-pub const OPTIONS: &str = "--set loops.path_min_m=1000000";
+/// With this key set no place of one frame is old enough to be met again.
+pub const SET: &str = "loops.path_min_m=1000000";
 /// Between two keyframes, and in one direction, m.
 const STEP_M: f64 = 0.5;
 const CORRIDOR_M: f64 = 100.0;
@@ -20,10 +20,9 @@ const RETURNS: u32 = 5;
 
 /// Writes it, as a mapper with a robot's configuration does.
 pub fn write(robot: &Path, journal: &Path) {
-    let set = OPTIONS.trim_start_matches("--set ").to_owned();
     let selection = Selection {
         robot: Some(robot.display().to_string()),
-        set: vec![set],
+        set: vec![SET.to_owned()],
         ..Selection::default()
     };
     let config = Config::load(&selection).unwrap().config;

@@ -72,9 +72,14 @@ impl Pipeline {
 
     /// Starts the mapper.
     pub fn mapper(&mut self, journal: &Path) -> u32 {
+        self.mapper_by(journal, &[])
+    }
+
+    /// Starts the mapper with more options.
+    pub fn mapper_by(&mut self, journal: &Path, more: &[&str]) -> u32 {
         let mut command = Command::new(program("mapper"));
         self.enter(&mut command);
-        command.arg("--journal").arg(journal);
+        command.arg("--journal").arg(journal).args(more);
         self.start("mapper", command)
     }
 

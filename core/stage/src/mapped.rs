@@ -4,7 +4,11 @@
 use crate::Error;
 use memmap2::{Mmap, MmapMut, MmapOptions};
 use std::fs::File;
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
+
+/// Bits of a file's mode by which its group and everybody may write to it.
+const WRITTEN_BY_OTHERS: u32 = 0o022;
 
 /// A file of fixed size, mapped.
 #[derive(Debug)]
@@ -53,31 +57,40 @@ impl Mapped {
     }
 }
 
-/// The bytes of a file. Whoever takes them has locked it, so that it grows meanwhile and no more than that.
+/// The bytes of a file that grows and no more than that. Whoever takes them has locked it against others like itself.
 #[derive(Debug)]
-pub struct FileBytes(Option<Mmap>);
+pub enum FileBytes {
+    /// As they lie on the disk.
+    Mapped(Mmap),
+    /// A copy: the file is empty, or others could write to it.
+    Read(Vec<u8>),
+}
 
 impl FileBytes {
     /// Of the file as it is now.
     pub fn open(path: &Path) -> std::io::Result<Self> {
         let file = File::open(path)?;
-        match file.metadata()?.len() {
-            // There is nothing that could be mapped.
-            0 => Ok(Self(None)),
-            _ => map_to_read(&file).map(|map| Self(Some(map))),
+        let found = file.metadata()?;
+        let is_own = found.uid() == rustix::process::geteuid().as_raw();
+        if found.len() == 0 || !is_own || found.mode() & WRITTEN_BY_OTHERS != 0 {
+            return Ok(Self::Read(std::fs::read(path)?));
         }
+        Ok(Self::Mapped(map_to_read(&file)?))
     }
 }
 
 impl AsRef<[u8]> for FileBytes {
     fn as_ref(&self) -> &[u8] {
-        self.0.as_deref().unwrap_or_default()
+        match self {
+            Self::Mapped(map) => map,
+            Self::Read(bytes) => bytes,
+        }
     }
 }
 
-// SAFETY: as below; here the caller holds a lock of the file's own, which the mapper's journal has, and of that file
-// nothing but the end is ever written, or cut where no whole record stands. A disk that fails under it ends the process,
-// as a failing read would have when it began.
+// SAFETY: as below. Only this user can write to the file; of his programs the one that holds the file's lock appends, and
+// cuts where no whole record stands, behind all that is ever looked at. What remains is a user who writes over the file
+// by hand, and a disk that fails: both end the process with a signal.
 #[allow(unsafe_code)]
 fn map_to_read(file: &File) -> std::io::Result<Mmap> {
     unsafe { MmapOptions::new().populate().map(file) }
@@ -89,4 +102,27 @@ fn map_to_read(file: &File) -> std::io::Result<Mmap> {
 #[allow(unsafe_code)]
 fn map(file: &File) -> std::io::Result<MmapMut> {
     unsafe { MmapMut::map_mut(file) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FileBytes;
+    use std::fs::{self, Permissions};
+    use std::os::unix::fs::PermissionsExt;
+
+    #[test]
+    fn only_what_nobody_else_can_write_to_is_mapped() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        assert!(FileBytes::open(&path).is_err());
+        fs::write(&path, b"").unwrap();
+        assert_eq!(FileBytes::open(&path).unwrap().as_ref(), b"");
+        fs::write(&path, b"some bytes").unwrap();
+        for (mode, is_mapped) in [(0o600, true), (0o644, true), (0o660, false), (0o602, false)] {
+            fs::set_permissions(&path, Permissions::from_mode(mode)).unwrap();
+            let bytes = FileBytes::open(&path).unwrap();
+            assert_eq!(bytes.as_ref(), b"some bytes");
+            assert_eq!(matches!(bytes, FileBytes::Mapped(_)), is_mapped, "{mode:o}");
+        }
+    }
 }

@@ -41,6 +41,14 @@ pub enum Error {
         /// Type name here.
         expected: &'static str,
     },
+    /// What is wrong with a file that is none of a mapper's.
+    #[error("{}: {cause}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What its bytes show.
+        cause: Box<Error>,
+    },
     /// The operating system's word on a file.
     #[error("{}: {action}: {cause}", path.display())]
     Io {

@@ -112,7 +112,10 @@ impl JournalFile {
                     }
                 }
                 // Somebody's file under a wrong name is not ours to move.
-                Err(why @ Error::NotAJournal { .. }) => return Err(why),
+                Err(cause @ Error::NotAJournal { .. }) => {
+                    let cause = Box::new(cause);
+                    return Err(Error::Foreign { path, cause });
+                }
                 Err(why) => {
                     aside = Some((set_aside(&path)?, why.to_string()));
                     anew = Some(&beginning);

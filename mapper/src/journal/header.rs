@@ -2,6 +2,7 @@
 
 use super::Error;
 use super::pack::Unpacker;
+use crate::mapper::fingerprint;
 use randt_config::Config;
 use randt_messages::{Keyframe, Topic};
 
@@ -15,7 +16,7 @@ const NAME_BYTES_MAX: u32 = 256;
 /// The header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// Fingerprint of the configuration under which the journal was begun.
+    /// Fingerprint of what the map is computed by, as the journal was begun.
     pub config: u64,
 }
 
@@ -23,7 +24,7 @@ impl Header {
     /// The header of a journal that begins now.
     pub fn new(config: &Config) -> Self {
         Self {
-            config: config.fingerprint(),
+            config: fingerprint(config),
         }
     }
 

@@ -71,16 +71,8 @@ impl Mapper {
     /// `checkpoint`: a snapshot that stands elsewhere, as [`journal::JournalFile::checkpoint`] makes it. One that does
     /// not fit, be it that it is another journal's, is left out.
     pub fn recall(config: &Config, journal: Contents, checkpoint: Option<&[u8]>) -> Recalled {
-        let in_journal = journal.snapshots.last().map_or(0, |(_, before)| *before);
-        let (mapper, passed_over) = match Self::of_checkpoint(config, &journal, checkpoint) {
-            Some(mapper) if mapper.taken() >= in_journal => (mapper, None),
-            // Somebody else has gone on with the journal.
-            Some(mapper) => match Self::newest(config, &journal) {
-                (newest, passed_over) if newest.taken() > mapper.taken() => (newest, passed_over),
-                _ => (mapper, None),
-            },
-            None => Self::newest(config, &journal),
-        };
+        let (mapper, passed_over) = Self::of_checkpoint(config, &journal, checkpoint)
+            .map_or_else(|| Self::newest(config, &journal), |mapper| (mapper, None));
         let mut restored = Restored {
             keyframes: journal.keyframes.len() as u64,
             from_snapshot: mapper.taken() as u64,
@@ -116,13 +108,14 @@ impl Mapper {
     /// As of the newest snapshot that fits, or empty; and why it is not the newest.
     fn newest(config: &Config, journal: &Contents) -> (Self, Option<PassedOver>) {
         let (mut passed_over, mut tried) = (None, 0);
+        let own = Origin::new(config);
         let snapshots: Vec<&[u8]> = journal
             .snapshots
             .iter()
             .map(|(payload, _)| &**payload)
             .collect();
         for (index, (payload, before)) in journal.snapshots.iter().enumerate().rev() {
-            if !is_own(config, payload) {
+            if snapshot::front(own, &mut &**payload).is_none() {
                 passed_over.get_or_insert(PassedOver::Foreign);
                 continue;
             }
@@ -140,27 +133,34 @@ impl Mapper {
         (Self::new(config), passed_over)
     }
 
-    /// As of a snapshot that stands behind all that the journal has.
+    /// As of a snapshot that stands behind all that the journal has; `None`, too, where a snapshot of the journal has
+    /// more, because another process has gone on with it.
     fn of_checkpoint(
         config: &Config,
         journal: &Contents,
         checkpoint: Option<&[u8]>,
     ) -> Option<Self> {
-        let checkpoint = checkpoint.filter(|payload| is_own(config, payload))?;
-        let before = journal.snapshots.iter().map(|(payload, _)| &**payload);
-        let snapshots: Vec<&[u8]> = before.chain([checkpoint]).collect();
+        let (own, checkpoint) = (Origin::new(config), checkpoint?);
+        let taken = |mut payload: &[u8]| snapshot::front(own, &mut payload);
+        let snapshots = || journal.snapshots.iter().map(|(payload, _)| &**payload);
+        let of_journal = snapshots().rev().find_map(taken);
+        if taken(checkpoint)? < of_journal.unwrap_or(0) {
+            return None;
+        }
+        let snapshots: Vec<&[u8]> = snapshots().chain([checkpoint]).collect();
         Self::as_of(config, &journal.keyframes, &snapshots)
     }
 
     /// The mapper as of the last of these snapshots; `None` where that does not fit those and the keyframes before it.
     fn as_of(config: &Config, keyframes: &[Packed], snapshots: &[&[u8]]) -> Option<Self> {
-        let (grown, memory) = remembered(config, snapshots)?;
+        let (taken, grown, memory) = remembered(config, snapshots)?;
         let mut mapper = Self::new(config);
         mapper.counters = memory.counters;
-        let rejected = usize::try_from(memory.counters.keyframes_rejected).ok()?;
-        let taken = memory.ids.len().checked_add(rejected)?;
-        let odometry = mapper.recall_places(&memory.ids, keyframes.get(..taken)?, grown.keys)?;
-        if mapper.newest_ns() != memory.newest_ns {
+        let keyframes = keyframes.get(..usize::try_from(taken).ok()?)?;
+        let odometry = mapper.recall_places(&memory.ids, keyframes, grown.keys)?;
+        let rejected = taken.checked_sub(mapper.places.len() as u64)?;
+        if rejected != memory.counters.keyframes_rejected || mapper.newest_ns() != memory.newest_ns
+        {
             return None;
         }
         let poses: Vec<_> = memory.poses.iter().map(|pose| pose.0).collect();
@@ -214,21 +214,18 @@ impl Mapper {
     }
 }
 
-/// Whether a snapshot is of this configuration and form.
-fn is_own(config: &Config, mut payload: &[u8]) -> bool {
-    snapshot::read(&mut payload) == Some(Origin::new(config))
-}
-
-/// All that has grown as of the last of these snapshots, and what else it has.
-fn remembered(config: &Config, snapshots: &[&[u8]]) -> Option<(Grown, Memory)> {
+/// How many keyframes the last of these snapshots has taken, all that has grown by then, and what else it has.
+fn remembered(config: &Config, snapshots: &[&[u8]]) -> Option<(u64, Grown, Memory)> {
     let own = Origin::new(config);
-    let (mut grown, mut rest): (Grown, &[u8]) = Default::default();
+    let (mut taken, mut grown, mut rest): (_, _, &[u8]) = (None, Grown::default(), &[]);
     for payload in snapshots {
         rest = payload;
-        if snapshot::read(&mut rest) == Some(own) {
+        taken = snapshot::front(own, &mut rest);
+        if taken.is_some() {
             grown.take(snapshot::read(&mut rest)?)?;
         }
     }
+    let taken = taken?;
     let memory: Memory = snapshot::read(&mut rest)?;
     if !rest.is_empty() || memory.fates.len() != grown.candidates.len() {
         return None;
@@ -236,5 +233,5 @@ fn remembered(config: &Config, snapshots: &[&[u8]]) -> Option<(Grown, Memory)> {
     for (candidate, fate) in grown.candidates.iter_mut().zip(&memory.fates) {
         candidate.fate = *fate;
     }
-    Some((grown, memory))
+    Some((taken, grown, memory))
 }

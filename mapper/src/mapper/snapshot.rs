@@ -5,7 +5,7 @@
 //! of all. Keys are there though they follow from keyframes, because each search looks through all of them: a mapper
 //! that comes back would have to unpack its whole journal.
 
-use super::{Counters, Mapper, SECTIONS};
+use super::{Counters, Mapper, fingerprint};
 use crate::{
     Candidate, Fate, RingKey,
     graph::{Loop, LoopId},
@@ -134,9 +134,15 @@ impl Origin {
     pub fn new(config: &Config) -> Self {
         Self {
             form: FORM,
-            config: config.fingerprint_of(|section| SECTIONS.contains(&section)),
+            config: fingerprint(config),
         }
     }
+}
+
+/// Reads what stands in front of a snapshot: how many keyframes its mapper had taken; `None` where it is none of these.
+pub(super) fn front(own: Origin, payload: &mut &[u8]) -> Option<u64> {
+    let origin: Origin = read(payload)?;
+    read(payload).filter(|_| origin == own)
 }
 
 /// Reads what stands in front of bytes; `None` where that is something else.
@@ -185,8 +191,9 @@ impl Mapper {
             counters: self.counters,
             version: self.version,
         };
+        let origin = Origin::new(&self.config);
         // Numbers into memory: nothing there can fail.
-        if let Ok(bytes) = postcard::to_allocvec(&(Origin::new(&self.config), news, memory)) {
+        if let Ok(bytes) = postcard::to_allocvec(&(origin, self.taken() as u64, news, memory)) {
             out.extend_from_slice(&bytes);
         }
     }
@@ -249,7 +256,7 @@ mod tests {
             },
             version: 9,
         };
-        let bytes = postcard::to_allocvec(&(FORM, news, memory)).unwrap();
-        assert_eq!((bytes.len(), crc32fast::hash(&bytes)), (310, 0x1557_304a));
+        let bytes = postcard::to_allocvec(&(FORM, 4_u64, news, memory)).unwrap();
+        assert_eq!((bytes.len(), crc32fast::hash(&bytes)), (311, 0x755f_ddd3));
     }
 }

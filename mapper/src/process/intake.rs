@@ -47,7 +47,8 @@ pub struct Intake {
     /// Whether odometry numbers the drive that the map is of: it has shown that it knows the map's last keyframe. Before
     /// that a keyframe of the right number may be another drive's.
     is_of_this_drive: bool,
-    /// Whether a keyframe came that has the number of one of the map's and is another one.
+    /// Whether a keyframe came that has the number of one of the map's and is another one, or odometry goes on in the
+    /// map's frame without having its last one.
     pub is_other_drive: bool,
 }
 
@@ -56,11 +57,7 @@ impl Intake {
     pub fn open(path: &Path, config: &Config, stage: &mut Stage) -> Result<Self, Box<dyn Error>> {
         let begin = Instant::now();
         let opened =
-            JournalFile::open_by(path, config, |path| Ok(Arc::new(FileBytes::open(path)?)));
-        let opened = opened.map_err(|error| match error {
-            journal::Error::NotAJournal { .. } => format!("{}: {error}", path.display()).into(),
-            error => Box::<dyn Error>::from(error),
-        })?;
+            JournalFile::open_by(path, config, |path| Ok(Arc::new(FileBytes::open(path)?)))?;
         let name = path.display();
         if let Some(cut) = &opened.cut {
             stage.say(&format!(
