@@ -1,18 +1,10 @@
 //! How exact the program is on recordings, from the command to the figure.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{OUTPUTS, Row, ended, names, pose_at, randt, recording, report, run, tum};
 use randt_geometry::{Pose2, elementary::wrap};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use support::{OUTPUTS, Row, ended, names, pose_at, randt, recording, report, run, tum};
 
 /// ATE of a bag's trajectory against its truth by `randt eval`, m.
 fn ate_m(bag: &str, truth: &str, profile: &str) -> Option<f64> {

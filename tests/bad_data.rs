@@ -1,18 +1,10 @@
 //! A good log with bad data in it: every scan that can have a pose has one, and the rest is counted.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::spoilt::{BAD, Ran, SCANS, place, scan, spoilt, spoilt_with};
+use crate::support::{drive, report};
 use randt_messages::{MAX_RETURNS, Message, RadarScan};
 use randt_simulator::Event;
 use std::fs;
-use support::spoilt::{BAD, Ran, SCANS, place, scan, spoilt, spoilt_with};
-use support::{drive, report};
 
 #[test]
 fn the_drive_is_good_before_it_is_spoilt() {

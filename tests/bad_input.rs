@@ -1,19 +1,11 @@
 //! Broken and foreign files: every run ends soon, with a reason, and uses what is good.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::bag::{AS_PUBLISHED, Bag};
+use crate::support::spoilt::{DRIVE, SCANS, checked, file, spoilt, spoilt_with};
+use crate::support::{Random, drive, names, recording, report, run};
 use randt_simulator::Event;
 use std::fs;
 use std::path::PathBuf;
-use support::bag::{AS_PUBLISHED, Bag};
-use support::spoilt::{DRIVE, SCANS, checked, file, spoilt, spoilt_with};
-use support::{Random, drive, names, recording, report, run};
 
 #[test]
 fn a_bag_that_is_cut_anywhere_gives_the_scans_before_the_cut() {
@@ -97,7 +89,7 @@ fn a_bags_clouds_may_be_shuffled_spoilt_empty_or_far_too_large() {
     let Some(path) = recording("bags/room.bag") else {
         return;
     };
-    let ran = |change: &dyn Fn(usize, &mut support::bag::Cloud)| {
+    let ran = |change: &dyn Fn(usize, &mut crate::support::bag::Cloud)| {
         let mut bag = Bag::read(&path, 30);
         bag.rewrite(&AS_PUBLISHED, |number, cloud| change(number, cloud));
         let (_folder, copy) = file("room.bag", &bag.written());

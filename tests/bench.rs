@@ -1,18 +1,10 @@
 //! `randt bench ablation` as a user calls it, on short drives.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{Ended, ended, names, randt};
 use serde_json::Value;
 use std::fs;
 use std::process::{Command, Stdio};
 use std::time::Duration;
-use support::{Ended, ended, names, randt};
 
 /// Half a minute: past the standstill at the begin and through a door.
 const SHORT: [&str; 2] = ["--scans", "150"];

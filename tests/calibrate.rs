@@ -1,15 +1,11 @@
 //! `randt calibrate` on simulated drives: what is found, how far it is off, and what is refused.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-#[path = "support/mod.rs"]
-mod support;
-
+use crate::support::{Ended, drive, ended_within, randt};
 use randt_simulator::{Event, Robot, Simulation, World};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use support::{Ended, drive, ended_within, randt};
 
 /// A drive is simulated and computed some six times; test machines are slow.
 const TIME_MAX: Duration = Duration::from_secs(300);
@@ -268,9 +264,9 @@ fn the_offset_mends_a_run() {
         ),
     ]
     .map(|(name, more)| {
-        let ended = support::run(&log, &at(name), more);
+        let ended = crate::support::run(&log, &at(name), more);
         assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-        let figures = support::figures(&at(name), "trajectory.tum", &truth);
+        let figures = crate::support::figures(&at(name), "trajectory.tum", &truth);
         figures["ate_rmse_m"].as_f64().unwrap()
     });
     println!("ATE {as_it_is:.4} m as it is, {mended:.4} m mended");

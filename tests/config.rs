@@ -1,5 +1,4 @@
 //! `randt config` as a user calls it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use std::fs;
 use std::path::Path;

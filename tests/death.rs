@@ -2,16 +2,12 @@
 //! an undisturbed one.
 //!
 //! The form for every day has 20 kills in two minutes; the long one has 60 and more in a drive of ten minutes:
-//! `cargo build --workspace && cargo test -p randt --test death -- --ignored --nocapture`.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
+//! `cargo build --workspace && cargo test -p randt --test programs death:: -- --ignored --nocapture`.
 
-mod support;
-
+use crate::support::killer::{APART, BACK_MAX_MS, Blow, Killer, Row, STAGES};
+use crate::support::pipeline::Pipeline;
+use crate::support::up::up;
+use crate::support::{Random, ended_within, hall, randt, report, tum};
 use randt_mapper::journal;
 use randt_messages::Message;
 use randt_stage::{Leftover, Realm, leftovers, wipe};
@@ -20,10 +16,6 @@ use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
-use support::killer::{APART, BACK_MAX_MS, Blow, Killer, Row, STAGES};
-use support::pipeline::Pipeline;
-use support::up::up;
-use support::{Random, ended_within, hall, randt, report, tum};
 
 /// Scans that must have a pose.
 const POSES_MIN: f64 = 0.97;

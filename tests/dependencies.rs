@@ -1,5 +1,4 @@
 //! What the project stands on: licences, one version of each crate, and who may use what.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,13 +1,8 @@
 //! `randt doctor` on realms that are well, and on realms that are not.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::{Pipeline, log, signal};
+use crate::support::stages::program;
+use crate::support::{Ended, ended, names, randt};
 use randt_messages::{ImuSample, RadarPoints, Topic};
 use randt_stage::{Realm, Stage};
 use rustix::process::Signal;
@@ -15,9 +10,6 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use support::pipeline::{Pipeline, log, signal};
-use support::stages::program;
-use support::{Ended, ended, names, randt};
 
 /// Whether a line of this grade holds these words.
 fn says(ended: &Ended, grade: &str, words: &str) -> bool {

@@ -1,19 +1,11 @@
 //! `--help`, man pages and completions of every program name the same options and commands.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::ended;
+use crate::support::package::{PROGRAMS, program};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use support::ended;
-use support::package::{PROGRAMS, program};
 
 type Names = BTreeSet<String>;
 
@@ -159,7 +151,8 @@ fn help_man_pages_and_completions_agree() {
         }));
     }
     println!("{count} commands");
-    let pages = ["man1", "man8"].map(|part| support::names(&share.join("man").join(part)).len());
+    let pages =
+        ["man1", "man8"].map(|part| crate::support::names(&share.join("man").join(part)).len());
     assert_eq!(
         pages.iter().sum::<usize>(),
         count,

@@ -1,20 +1,12 @@
 //! Whose drive a keyframe is, and when a drive is over: nothing is spliced, nothing begins again by itself.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::journal::keyframes;
+use crate::support::pipeline::{Pipeline, log_of, signal, until};
+use crate::support::{ended, report};
 use rustix::process::Signal;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use support::journal::keyframes;
-use support::pipeline::{Pipeline, log_of, signal, until};
-use support::{ended, report};
 
 /// The journal of a drive that is over.
 fn old_map(folder: &Path) -> PathBuf {

@@ -1,11 +1,7 @@
 //! `randt eval` as a user calls it.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-#[path = "support/recordings.rs"]
-mod recordings;
-
+use crate::support::recordings::recording;
 use randt_geometry::elementary::sin_cos;
-use recordings::recording;
 use serde_json::Value;
 use std::f64::consts::{PI, TAU};
 use std::fs;

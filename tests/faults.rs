@@ -3,15 +3,9 @@
 //!
 //! The drivers run in this process, without shared memory: their own time on the processor can be told. Each trial has an
 //! emulator of its own, as a process; all run side by side.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::log;
+use crate::support::sensors::{Sensors, unix_s};
 use randt_config::{Config, Selection};
 use randt_device::Count;
 use randt_imu::Imu;
@@ -23,8 +17,6 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use support::pipeline::log;
-use support::sensors::{Sensors, unix_s};
 
 /// When the fault begins and ends, and when all is over, s after the emulator's beginning.
 const BEGIN_S: f64 = 3.0;

@@ -1,20 +1,11 @@
 //! Shared memory that is too small: a stage ends with a clear error before it begins, and none is killed by a store.
-#![cfg(target_os = "linux")]
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::stages::{Place, Running};
+use crate::support::{drive, ended_within};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
-use support::stages::{Place, Running};
-use support::{drive, ended_within};
 
 /// Tells this program that it runs in the small world, and where the log is.
 const LOG: &str = "RANDT_TEST_LOG";
@@ -48,7 +39,7 @@ fn too_little_shared_memory_is_an_error_and_never_a_signal() {
         let mut command = Command::new("unshare");
         command.args(["-m", "sh", "-c", &script]);
         command.arg(std::env::current_exe().unwrap());
-        command.args(["in_the_small_world", "--exact", "--nocapture"]);
+        command.args(["full::in_the_small_world", "--exact", "--nocapture"]);
         command.env(LOG, &log);
         let ended = ended_within(command, Duration::from_secs(90));
         let rows: Vec<&str> = ended

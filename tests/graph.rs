@@ -1,12 +1,9 @@
 //! `randt graph` as a user calls it: the published optima, and false loops among the true ones.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
-mod support;
-
+use crate::support::{ended, randt, recording};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use support::{ended, randt, recording};
 
 /// A map bent by more than this is of no use, m.
 const ATE_MAX_M: f64 = 0.5;

@@ -1,10 +1,6 @@
 //! `randt import` as a user calls it.
-#![allow(clippy::unwrap_used)]
 
-#[path = "support/recordings.rs"]
-mod recordings;
-
-use recordings::recording;
+use crate::support::recordings::recording;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};

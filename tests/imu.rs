@@ -1,11 +1,7 @@
 //! `randt imu` on real recordings: a Phidgets Spatial hung upside down, and an IMU with optical truth (BROAD).
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-#[path = "support/recordings.rs"]
-mod recordings;
-
+use crate::support::recordings::recording;
 use randt_geometry::{Quaternion, elementary};
-use recordings::recording;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

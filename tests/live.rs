@@ -1,13 +1,8 @@
 //! The whole chain live on one machine: both sensors emulated, both drivers, filter, odometry, mapper.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::{Pipeline, signal};
+use crate::support::sensors::{Emulator, Sensors, unix_s};
+use crate::support::{ended, figures, randt, report, run, tum};
 use randt_stage::{Realm, Registry};
 use rustix::process::Signal;
 use std::collections::BTreeMap;
@@ -16,9 +11,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
-use support::pipeline::{Pipeline, signal};
-use support::sensors::{Emulator, Sensors, unix_s};
-use support::{ended, figures, randt, report, run, tum};
 
 /// Stages and drivers are up long before.
 const START: f64 = 4.0;

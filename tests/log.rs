@@ -1,21 +1,13 @@
 //! `randt log`: what it says of logs, what it finds wrong, and that what it writes reads back.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::log;
+use crate::support::{Ended, ended, names, randt, run};
 use randt_log::{LogFile, ROBOT_METADATA, Robot};
 use randt_messages::{ImuSample, ImuSampleTopic, Message, RadarScan};
 use randt_readers::{Event, Options, Source};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use support::pipeline::log;
-use support::{Ended, ended, names, randt, run};
 
 fn log_command(action: &str, file: &Path, more: &[&str]) -> Ended {
     let mut command = randt(&["log", action]);
@@ -128,7 +120,7 @@ fn tables_and_trajectories_have_every_message() {
         "a simulated log has the truth alone"
     );
     assert_eq!(
-        support::tum(&folder.join("truth.tum")).len(),
+        crate::support::tum(&folder.join("truth.tum")).len(),
         messages("truth/pose/v1")
     );
 }
@@ -189,7 +181,7 @@ fn views(file: &Path) -> Vec<(String, u64)> {
 fn viewers_get_what_the_recorder_leaves_out() {
     let folder = tempfile::tempdir().unwrap();
     let input = folder.path().join("run.mcap");
-    support::recorded::write(120, &input);
+    crate::support::recorded::write(120, &input);
     let out = folder.path().join("run.foxglove.mcap");
     let ended = log_command("export", &input, &["--foxglove"]);
     assert_eq!((ended.code, ended.stderr.as_str()), (Some(0), ""));
@@ -208,7 +200,7 @@ fn viewers_get_what_the_recorder_leaves_out() {
     assert_eq!(of("view/cells"), messages("odometry/keyframe/v1"));
     assert!(of("view/graph") > 1 && of("view/loops") > 1 && of("view/grid") > 1);
     assert_eq!(of("view/missing"), 1);
-    support::python::read_logs(std::slice::from_ref(&out));
+    crate::support::python::read_logs(std::slice::from_ref(&out));
 
     // The same by its other name, and nothing is overwritten silently: not even the log itself.
     let again = log_command("export", &input, &["--to", "foxglove"]);

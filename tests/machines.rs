@@ -1,19 +1,11 @@
 //! Machines with and without fused multiply-add and vector units agree: the program once as it is, once on an emulated
 //! processor of 2008 (`qemu-user`).
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{ended, recording, tum};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use support::{ended, recording, tum};
 
 /// Names of the emulator: as Debian has it, and linked statically.
 const EMULATORS: [&str; 2] = ["qemu-x86_64", "qemu-x86_64-static"];
@@ -84,7 +76,7 @@ fn a_drive_with_loops_ends_in_the_same_map() {
         run.arg("run").arg(at("a.mcap")).arg("--out").arg(at(name));
         printed(run);
     }
-    let report = |name: &str| support::report(&at(name))["loops"]["fates"].take();
+    let report = |name: &str| crate::support::report(&at(name))["loops"]["fates"].take();
     let fates = report("here");
     println!("loops: {fates}");
     assert!(fates["accepted"].as_u64().unwrap() >= 5, "{fates}");

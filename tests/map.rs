@@ -1,19 +1,13 @@
 //! The map that a run leaves behind: exact, not mirrored, readable by Nav2, and there whatever the drive was.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{
+    OUTPUTS, Row, drive, figures, hall, names, pose_at, recording, report, run, tum,
+};
 use randt_geometry::Pose2;
 use randt_simulator::World;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use support::{OUTPUTS, Row, drive, figures, hall, names, pose_at, recording, report, run, tum};
 
 /// Grey values of a trinary map.
 const OCCUPIED: u8 = 0;

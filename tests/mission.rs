@@ -1,20 +1,12 @@
 //! Missions: what begins when a robot starts, what goes on after a power cut, what is left when it is over.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::journal::keyframes;
+use crate::support::pipeline::{Pipeline, log, until};
+use crate::support::{Ended, ended, names, randt};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use support::journal::keyframes;
-use support::pipeline::{Pipeline, log, until};
-use support::{Ended, ended, names, randt};
 
 /// A robot: the folder of its missions.
 struct Robot {

@@ -1,18 +1,10 @@
 //! docs/operate.md as an operator follows it: every command in it is run, in its order, on a machine with emulated sensors.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::boot::Image;
+use crate::support::package::{build, collect};
+use crate::support::robot::{can_boot, emulate, equip, until, until_alive};
 use std::fs;
 use std::time::Duration;
-use support::boot::Image;
-use support::package::{build, collect};
-use support::robot::{can_boot, emulate, equip, until, until_alive};
 
 /// What is another one than on a robot: sensors that are emulated, no question where nobody answers.
 const OTHERS: [(&str, &str); 5] = [

@@ -1,21 +1,13 @@
 //! The Debian package: what is in it, and a machine on which it is installed, upgraded in part and whole, and purged.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::boot::{Image, Machine};
+use crate::support::ended;
+use crate::support::package::{OTHER_LAYOUT, PROGRAMS, build, collect};
+use crate::support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use support::boot::{Image, Machine};
-use support::ended;
-use support::package::{OTHER_LAYOUT, PROGRAMS, build, collect};
-use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
 
 /// This test's own program on the machine.
 const OURS: &str = "/usr/bin/test-package";
@@ -133,7 +125,7 @@ fn a_package_has_what_debian_asks_for() {
 #[test]
 fn odometry_of_another_layout() {
     if std::env::var_os(OTHER_LAYOUT).is_some() {
-        support::package::run_other_odometry();
+        crate::support::package::run_other_odometry();
     }
 }
 
@@ -261,7 +253,7 @@ fn it_is_installed_upgraded_and_purged() {
     let before = pids(&machine);
     let script = folder.path().join("script");
     let mut text = fs::File::create(&script).unwrap();
-    let test = "--exact odometry_of_another_layout --nocapture";
+    let test = "--exact package::odometry_of_another_layout --nocapture";
     writeln!(text, "#!/bin/sh\n{OTHER_LAYOUT}=1 exec {OURS} {test}").unwrap();
     drop(text);
     let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
@@ -318,7 +310,7 @@ fn it_is_installed_upgraded_and_purged() {
     println!("{:.1} s: purged", begin.elapsed().as_secs_f64());
 }
 
-/// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test --test package -- --ignored`.
+/// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test -p randt --test programs package:: -- --ignored`.
 /// The root, for example: `mmdebstrap --variant=minbase --include=systemd,procps bullseye DIR`. The package:
 /// `systemd/package/build`.
 #[test]

@@ -1,13 +1,7 @@
 //! The stages as processes: in any order, side by side, and what they take of memory and calls.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::stages::{Place, Running, memory};
+use crate::support::{Ended, calls, drive, ended, ended_within, randt, run};
 use randt::pipeline::Pipeline;
 use randt_config::Config;
 use randt_mapper::journal::{self, Kind};
@@ -20,8 +14,6 @@ use randt_stage::{Qos, Realm, Stage, TOPICS};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use support::stages::{Place, Running, memory};
-use support::{Ended, calls, drive, ended, ended_within, randt, run};
 
 /// Other tests load the machine: a sample that comes late is waited for, so that both computations use the same ones.
 const PATIENT: &str = "odometry.imu_wait_max_s=20";

@@ -1,18 +1,10 @@
 //! `randt plot`: which pictures it draws of which logs, and what it says of those that it does not.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::log;
+use crate::support::{Ended, ended, names, randt, recorded};
 use randt_log::{LogFile, Options};
 use std::fs;
 use std::path::Path;
-use support::pipeline::log;
-use support::{Ended, ended, names, randt, recorded};
 
 /// All that there are.
 const PICTURES: [&str; 6] = [

@@ -1,25 +1,17 @@
 //! A robot whose power is cut while it drives, under systemd: everybody is gone at once, and what was not on the disk.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::blows::STAGES;
+use crate::support::boot::{Image, Machine};
+use crate::support::journal::heads;
+use crate::support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
+use crate::support::sensors::unix_s;
+use crate::support::{ended, names};
 use randt_messages::KeyframeHead;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
-use support::blows::STAGES;
-use support::boot::{Image, Machine};
-use support::journal::heads;
-use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
-use support::sensors::unix_s;
-use support::{ended, names};
 
 /// What a cut may take of the map: this much of its end.
 const LOST_MAX_NS: i64 = 1_500_000_000;

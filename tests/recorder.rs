@@ -1,14 +1,9 @@
 //! `randt-recorder` as a process: what it records of a running pipeline, what it leaves when it is killed, what it does
 //! when its folder is gone, and that all of it can be read and computed again.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::{Pipeline, log, until};
+use crate::support::python::read_logs;
+use crate::support::{Random, ended, names, randt, run};
 use randt_log::LogReader;
 use randt_messages::{ImuSampleTopic, RadarScan, Topic};
 use randt_stage::Clock;
@@ -19,9 +14,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
-use support::pipeline::{Pipeline, log, until};
-use support::python::read_logs;
-use support::{Random, ended, names, randt, run};
 
 /// What `randt log info` says.
 fn info(file: &Path) -> Value {

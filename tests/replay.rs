@@ -1,13 +1,8 @@
 //! A live run that was recorded is computed again to the last bit, also where it had waited for the IMU in vain.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::{Pipeline, log, signal, until};
+use crate::support::sensors::{Emulator, Sensors, unix_s};
+use crate::support::{report, run};
 use randt::compare::published;
 use randt_log::{CONFIG_METADATA, LogFile, LogReader, Options, ROBOT_METADATA};
 use randt_messages::{ImuSampleTopic, ImuUse, RadarScan};
@@ -17,9 +12,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
-use support::pipeline::{Pipeline, log, signal, until};
-use support::sensors::{Emulator, Sensors, unix_s};
-use support::{report, run};
 
 const SCANS: u32 = 150;
 /// Longer than a scan waits for its samples, 0.1 s, and shorter than a serial port's buffer lasts.

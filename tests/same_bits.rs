@@ -1,19 +1,11 @@
 //! One binary gives the same bytes in every run, whatever the folder, the core or the machine's vector units.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::bag::{AS_PUBLISHED, Bag, Layout};
+use crate::support::{Ended, OUTPUTS, ended, hall, names, randt, recording, report, run};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 use std::time::SystemTime;
-use support::bag::{AS_PUBLISHED, Bag, Layout};
-use support::{Ended, OUTPUTS, ended, hall, names, randt, recording, report, run};
 
 /// What a run wrote, the report's times left out.
 fn outputs(ended: &Ended, folder: &Path) -> Vec<(&'static str, Vec<u8>)> {

@@ -1,20 +1,12 @@
 //! A log that is played through the processes as fast as it was recorded gives the bits of `randt run`.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::phidgets::{OFF_NS, restamp};
+use crate::support::pipeline::Pipeline;
+use crate::support::up::up;
+use crate::support::{ended_within, hall, report, run, tum};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
-use support::phidgets::{OFF_NS, restamp};
-use support::pipeline::Pipeline;
-use support::up::up;
-use support::{ended_within, hall, report, run, tum};
 
 /// The drive takes 90 s; starting and ending some more.
 const TIME_MAX: Duration = Duration::from_secs(150);

@@ -1,14 +1,9 @@
 //! Sensors that are absent, unplugged, plugged in again elsewhere, or something else: `randt top` says so, and they are
 //! tried again for ever. What `randt doctor sensors` makes of them.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::{Pipeline, log};
+use crate::support::sensors::{Emulator, Sensors};
+use crate::support::stages::program;
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
@@ -16,9 +11,6 @@ use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use support::pipeline::{Pipeline, log};
-use support::sensors::{Emulator, Sensors};
-use support::stages::program;
 
 /// A driver is back within two seconds; `randt top` needs two to look.
 const SEEN_MAX: Duration = Duration::from_secs(12);
@@ -157,7 +149,7 @@ fn a_radar_may_be_absent_gone_or_something_else() {
 fn doctor(pipeline: &Pipeline, robot: &Path, more: &[&str]) -> (Option<i32>, String) {
     let mut command = pipeline.command(&["doctor", "sensors"]);
     command.arg("--robot").arg(robot).args(more);
-    let ended = support::ended(command);
+    let ended = crate::support::ended(command);
     println!("{}", ended.stdout);
     (ended.code, ended.stdout)
 }
@@ -177,7 +169,7 @@ fn the_doctor_says_whether_sensors_answer_and_make_sense() {
         assert!(said.contains(words), "{words}");
     }
 
-    let second = format!("{:.3}", support::sensors::unix_s());
+    let second = format!("{:.3}", crate::support::sensors::unix_s());
     let begin = ["--loop", "--at", &second];
     let plugged: [Emulator; 2] = [sensors.radar(&log, &begin), sensors.imu(&log, &begin)];
     // The drive begins with a stand, and then it turns.

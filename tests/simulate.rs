@@ -1,5 +1,4 @@
 //! `randt simulate` as a user calls it.
-#![allow(clippy::unwrap_used)]
 
 use randt_log::LogReader;
 use randt_messages::{RadarScan, TruthPoseTopic};

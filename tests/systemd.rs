@@ -1,26 +1,18 @@
 //! Under systemd: the units' text, and a machine that boots with them while every stage suffers what a robot's stages do.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::blows::{Blow, Blows, STAGES};
+use crate::support::boot::{Image, Machine, units_folder};
+use crate::support::directives::DIRECTIVES;
+use crate::support::large;
+use crate::support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
+use crate::support::sensors::unix_s;
+use crate::support::watch::{WATCHES, Watch};
+use crate::support::{Ended, ended};
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use support::blows::{Blow, Blows, STAGES};
-use support::boot::{Image, Machine, units_folder};
-use support::directives::DIRECTIVES;
-use support::large;
-use support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
-use support::sensors::unix_s;
-use support::watch::{WATCHES, Watch};
-use support::{Ended, ended};
 
 /// Where this test's own program is on the machine.
 const WATCHER: &str = "/usr/bin/randt-test-watch";
@@ -178,7 +170,7 @@ fn units_need_no_newer_systemd_than_245_and_agree_in_what_they_share() {
 #[test]
 fn watches() {
     if std::env::var_os(WATCHES).is_some() {
-        support::watch::print();
+        crate::support::watch::print();
     }
 }
 
@@ -274,7 +266,7 @@ fn a_machine_boots_without_sensors_and_every_stage_suffers_alone() {
 
 /// SIGHUP: what can change live does, the rest is named, nobody is restarted.
 fn reload(machine: &Machine) {
-    let pids = support::blows::pids(machine);
+    let pids = crate::support::blows::pids(machine);
     let robot = machine.path("/etc/randt/robot.toml");
     let changed = ROBOT.replace("[imu]\n", "silence_s = 2.0\n[imu]\nsilence_s = 1.5\n");
     fs::write(&robot, changed.replace("0.12", "0.25")).unwrap();
@@ -303,7 +295,7 @@ fn reload(machine: &Machine) {
     );
     says("odometry", "systemctl restart randt-odometry");
     says("filter", "nothing of it has changed");
-    assert_eq!(support::blows::pids(machine), pids);
+    assert_eq!(crate::support::blows::pids(machine), pids);
     fs::write(&robot, ROBOT).unwrap();
 }
 
@@ -311,7 +303,7 @@ fn reload(machine: &Machine) {
 fn wrong_configuration(machine: &Machine) {
     let robot = machine.path("/etc/randt/robot.toml");
     fs::write(&robot, ROBOT.replace("address =", "adress =")).unwrap();
-    let pids = support::blows::pids(machine);
+    let pids = crate::support::blows::pids(machine);
     // One that runs keeps what it has.
     machine.good(&["systemctl", "reload", "randt-filter"]);
     machine.run(&["systemctl", "restart", "randt-imu"]);
@@ -335,7 +327,7 @@ fn wrong_configuration(machine: &Machine) {
             .filter(|(unit, _)| unit != "randt-imu.service")
             .collect()
     };
-    assert_eq!(others(support::blows::pids(machine)), others(pids));
+    assert_eq!(others(crate::support::blows::pids(machine)), others(pids));
     fs::write(&robot, ROBOT).unwrap();
     machine.good(&["systemctl", "start", "randt-imu"]);
 }

@@ -1,19 +1,11 @@
 //! `randt top` on running stages: its figures, its words for what becomes of a stage, and that it disturbs nobody.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::{Pipeline, log, signal};
 use randt_messages::{ImuSample, OdometryStateTopic, Topic};
 use randt_stage::Stage;
 use rustix::process::Signal;
 use serde_json::Value;
 use std::time::Duration;
-use support::pipeline::{Pipeline, log, signal};
 
 const ONCE: [&str; 3] = ["top", "--once", "--json"];
 
@@ -142,7 +134,7 @@ fn the_pipeline_has_latency_pose_and_map() {
     let log = log(folder.path(), 60);
     let mut pipeline = Pipeline::new("whole");
     let journal = folder.path().join("journal");
-    let mut mapper = std::process::Command::new(support::stages::program("mapper"));
+    let mut mapper = std::process::Command::new(crate::support::stages::program("mapper"));
     pipeline.enter(&mut mapper);
     mapper.arg("--journal").arg(journal);
     pipeline.start("mapper", mapper);

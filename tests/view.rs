@@ -1,23 +1,15 @@
 //! `randt-view` as a process: what viewers get of a running pipeline, also over a link of 200 kbit/s with half a second each
 //! way, late, and after it was killed; and that nobody else notices.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::pipeline::{Pipeline, log, until};
+use crate::support::stages::program;
+use crate::support::viewer::{Viewer, connect, slow_link};
 use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::{SocketAddr, TcpListener};
 use std::process::Command;
 use std::time::{Duration, Instant};
-use support::pipeline::{Pipeline, log, until};
-use support::stages::program;
-use support::viewer::{Viewer, connect, slow_link};
 use tungstenite::Message;
 
 /// 200 kbit/s, and half a second each way.
@@ -262,10 +254,10 @@ fn who_comes_late_gets_everything_and_again_after_a_kill() {
     let recorder = pipeline.start("recorder", recorder);
     std::thread::sleep(Duration::from_secs(3));
     pipeline.end(recorder, Signal::TERM);
-    let name = support::names(&out).pop().unwrap();
-    let mut info = support::randt(&["log", "info", "--json"]);
+    let name = crate::support::names(&out).pop().unwrap();
+    let mut info = crate::support::randt(&["log", "info", "--json"]);
     info.arg(out.join(name));
-    let info: Value = serde_json::from_str(&support::ended(info).stdout).unwrap();
+    let info: Value = serde_json::from_str(&crate::support::ended(info).stdout).unwrap();
     let recorded = info["topics"]["mapper/grid/v1"]["messages"]
         .as_u64()
         .unwrap();
@@ -293,8 +285,8 @@ fn what_is_sent_is_read_by_the_official_schemas() {
         let name = format!("{}.{topic}.{number}", got.schema);
         std::fs::write(payloads.join(name), &got.payload).unwrap();
     }
-    if let Some(mut read) = support::python::script("read_view.py") {
-        support::python::run(read.arg(&payloads));
+    if let Some(mut read) = crate::support::python::script("read_view.py") {
+        crate::support::python::run(read.arg(&payloads));
     }
     // A browser that speaks something else is told so, and a stranger's words harm nobody.
     let mut stream = std::net::TcpStream::connect(address).unwrap();
@@ -334,7 +326,7 @@ fn up_starts_it() {
     up.arg("--set").arg(format!("view.listen=\"{address}\""));
     up.arg("--play").arg(&input);
     up.arg("--out").arg(folder.path().join("out"));
-    let running = std::thread::spawn(move || support::ended(up));
+    let running = std::thread::spawn(move || crate::support::ended(up));
     let viewer = Viewer::open(address);
     until("a pose", || !viewer.of("view/pose").is_empty());
     let ended = running.join().unwrap();
@@ -349,7 +341,7 @@ fn what_is_no_address_is_refused_at_once() {
         let mut command = Command::new(program("view"));
         pipeline.enter(&mut command);
         command.args(arguments);
-        support::ended(command)
+        crate::support::ended(command)
     };
     let usage = view(&["--listen", "bad"]);
     assert_eq!(usage.code, Some(2), "{}", usage.stderr);

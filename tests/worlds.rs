@@ -1,21 +1,13 @@
 //! Two laps of each world that comes with the program: loops, accuracy, and what happens without parts of the method.
 //!
 //! Nine drives, each simulated once and computed two to four times, in two threads; a minute or two.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{ended_within, figures, randt};
 use std::path::Path;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
-use support::{ended_within, figures, randt};
 
 /// Every step of a trial takes seconds; the machine may be shared.
 const STEP_MAX: Duration = Duration::from_secs(180);

@@ -1,10 +1,5 @@
 //! What whole-program tests share: the binary with a time limit, the recordings, trajectories, hostile inputs.
 #![allow(
-    dead_code,
-    unused_imports,
-    reason = "every test is a program of its own and uses a part of this"
-)]
-#![allow(
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
@@ -27,7 +22,7 @@ pub mod phidgets;
 pub mod pipeline;
 pub mod python;
 pub mod recorded;
-mod recordings;
+pub mod recordings;
 pub mod robot;
 pub mod sensors;
 pub mod spoilt;

@@ -92,10 +92,6 @@ impl Sensors {
 }
 
 impl Emulator {
-    pub fn pid(&self) -> u32 {
-        self.0.id()
-    }
-
     /// Whether it has played its log to the end.
     pub fn ended(&mut self) -> bool {
         match self.0.try_wait().unwrap() {

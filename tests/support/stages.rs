@@ -171,16 +171,6 @@ impl Running {
         self.wait(END_MAX)
     }
 
-    /// Time on a processor so far.
-    pub fn processor(&self) -> Duration {
-        let tasks = fs::read_dir(format!("/proc/{}/task", self.pid())).unwrap();
-        let nanoseconds = tasks.flatten().filter_map(|task| {
-            let text = fs::read_to_string(task.path().join("schedstat")).ok()?;
-            text.split(' ').next()?.parse::<u64>().ok()
-        });
-        Duration::from_nanos(nanoseconds.sum())
-    }
-
     /// Bytes that went through write() so far; what is sent through sockets is not among them.
     pub fn written(&self) -> u64 {
         let text = fs::read_to_string(format!("/proc/{}/io", self.pid())).unwrap();

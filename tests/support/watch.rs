@@ -116,7 +116,7 @@ impl Watch {
             &variable,
             program,
             "--exact",
-            "watches",
+            "systemd::watches",
             "--nocapture",
         ]);
         command.stdin(Stdio::null()).stdout(Stdio::piped());

@@ -1,0 +1,49 @@
+//! Whole-program tests: real binaries in temporary directories. One program, so that it is linked once and tests that
+//! wait run side by side; `cargo test -p randt --test programs NAME::` runs the tests of one file.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+mod accuracy;
+mod bad_data;
+mod bad_input;
+mod bench;
+mod calibrate;
+mod config;
+mod death;
+mod dependencies;
+mod doctor;
+mod documents;
+mod drives;
+mod eval;
+mod faults;
+#[cfg(target_os = "linux")]
+mod full;
+mod graph;
+mod import;
+mod imu;
+mod live;
+mod log;
+mod machines;
+mod map;
+mod mission;
+mod operate;
+mod package;
+mod pipeline;
+mod plot;
+mod power_cut;
+mod recorder;
+mod replay;
+mod same_bits;
+mod same_bits_live;
+mod sensors;
+mod simulate;
+mod systemd;
+mod top;
+mod view;
+mod worlds;
