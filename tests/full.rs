@@ -1,7 +1,7 @@
 //! Shared memory that is too small: a stage ends with a clear error before it begins, and none is killed by a store.
 
 use crate::support::stages::{Place, Running};
-use crate::support::{drive, ended_within};
+use crate::support::{Ended, drive, ended_within};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -33,15 +33,17 @@ fn too_little_shared_memory_is_an_error_and_never_a_signal() {
         println!("not run: this user may not make its own mounts");
         return;
     }
+    // Each has a shared memory of its own, so that they run side by side.
+    let log = &log;
+    let sizes: Vec<_> = std::thread::scope(|scope| {
+        let running = SIZES_KB.map(|size| (size, scope.spawn(move || in_memory_of(size, log))));
+        running
+            .into_iter()
+            .map(|(size, running)| (size, running.join().unwrap()))
+            .collect()
+    });
     let (mut refused, mut ran) = (0, 0);
-    for size in SIZES_KB {
-        let script = format!("mount -t tmpfs -o size={size}k tmpfs /dev/shm && exec \"$0\" \"$@\"");
-        let mut command = Command::new("unshare");
-        command.args(["-m", "sh", "-c", &script]);
-        command.arg(std::env::current_exe().unwrap());
-        command.args(["full::in_the_small_world", "--exact", "--nocapture"]);
-        command.env(LOG, &log);
-        let ended = ended_within(command, Duration::from_secs(90));
+    for (size, ended) in sizes {
         let rows: Vec<&str> = ended
             .stdout
             .lines()
@@ -59,6 +61,17 @@ fn too_little_shared_memory_is_an_error_and_never_a_signal() {
         ran += usize::from(rows.iter().all(|row| row.contains("ran")));
     }
     assert!(refused > 0 && ran > 0, "sizes on both sides");
+}
+
+/// This program once more, with so much shared memory.
+fn in_memory_of(size: u32, log: &Path) -> Ended {
+    let script = format!("mount -t tmpfs -o size={size}k tmpfs /dev/shm && exec \"$0\" \"$@\"");
+    let mut command = Command::new("unshare");
+    command.args(["-m", "sh", "-c", &script]);
+    command.arg(std::env::current_exe().unwrap());
+    command.args(["full::in_the_small_world", "--exact", "--nocapture"]);
+    command.env(LOG, log);
+    ended_within(command, Duration::from_secs(90))
 }
 
 #[test]

@@ -135,7 +135,7 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
     let mut early = BTreeMap::new();
     while !emulators.iter_mut().all(Emulator::ended) {
         let elapsed_s = begin.elapsed().as_secs_f64();
-        assert!(elapsed_s < drive_s + 30.0, "the emulators do not end");
+        assert!(elapsed_s < drive_s + 120.0, "the emulators do not end");
         if early.is_empty() && elapsed_s > START + drive_s / 8.0 {
             early = memory(own.realm());
         }

@@ -2,9 +2,8 @@
 
 use crate::support::boot::Image;
 use crate::support::package::{build, collect};
-use crate::support::robot::{can_boot, emulate, equip, until, until_alive};
+use crate::support::robot::{BOOTED_MAX, can_boot, emulate, equip, until, until_alive};
 use std::fs;
-use std::time::Duration;
 
 /// What is another one than on a robot: sensors that are emulated, no question where nobody answers.
 const OTHERS: [(&str, &str); 5] = [
@@ -90,7 +89,7 @@ fn every_command_of_the_operators_page_works() {
             }
             if command.contains("mission stop") {
                 // Something to report.
-                until("keyframes", Duration::from_secs(30), || {
+                until("keyframes", BOOTED_MAX, || {
                     let status = machine.status("randt-mapper");
                     let count = status
                         .split(", ")

@@ -3,11 +3,11 @@
 use crate::support::boot::{Image, Machine};
 use crate::support::ended;
 use crate::support::package::{OTHER_LAYOUT, PROGRAMS, build, collect};
-use crate::support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
+use crate::support::robot::{BOOTED_MAX, ROBOT, can_boot, emulate, equip, until, until_alive};
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// This test's own program on the machine.
 const OURS: &str = "/usr/bin/test-package";
@@ -203,7 +203,7 @@ fn it_is_installed_upgraded_and_purged() {
     machine.good(&["systemctl", "start", "randt.target"]);
     emulate(&machine);
     until_alive(&machine);
-    until("all stages", Duration::from_secs(5), || {
+    until("all stages", BOOTED_MAX, || {
         pids(&machine)
             .iter()
             .all(|(name, pid)| *pid != 0 && is(name, "is-active") == "active")
@@ -262,7 +262,7 @@ fn it_is_installed_upgraded_and_purged() {
     let mut restart = machine.command(&["systemctl", "restart", "--no-block", "randt-odometry"]);
     assert!(restart.status().unwrap().success());
     let mut journal = String::new();
-    until("a refusal", Duration::from_secs(10), || {
+    until("a refusal", BOOTED_MAX, || {
         journal = machine.journal("randt-odometry", &["--priority", "err", "--output", "cat"]);
         journal.contains("was built") || journal.contains("were built")
     });

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 /// Other tests load the machine: a sample that comes late is waited for, so that both computations use the same ones.
 const PATIENT: &str = "odometry.imu_wait_max_s=20";
 /// No pipeline of these tests may take longer.
-const TIME_MAX: Duration = Duration::from_secs(60);
+const TIME_MAX: Duration = Duration::from_secs(180);
 
 #[test]
 fn memory_and_calls_stay_small_while_scans_flow() {
@@ -50,12 +50,14 @@ fn memory_and_calls_stay_small_while_scans_flow() {
         std::thread::sleep(Duration::from_millis(100));
     }
     let seconds = begin.elapsed().as_secs_f64();
-    let scans_kb_s = scans_kb(&log) / seconds;
+    let scans_kb = scans_kb(&log);
     println!(
-        "scans {scans_kb_s:.0} kB/s, memory {:.1} MB",
+        "scans {:.0} kB/s, memory {:.1} MB",
+        scans_kb / seconds,
         most as f64 * 1e-6
     );
-    assert!(scans_kb_s > 600.0, "{scans_kb_s}");
+    // What flows would be seen if it were written: 600 kB for each second of the drive, which lasts 15 s.
+    assert!(scans_kb > 9_000.0, "{scans_kb}");
     assert!(most < 64_000_000, "{most}");
     for ((stage, before), traced) in stages.iter().zip(before).zip(traced) {
         let written = (stage.written() - before) as f64 * 1e-3 / seconds;

@@ -3,7 +3,7 @@
 use crate::support::blows::STAGES;
 use crate::support::boot::{Image, Machine};
 use crate::support::journal::heads;
-use crate::support::robot::{ROBOT, can_boot, emulate, equip, until, until_alive};
+use crate::support::robot::{BOOTED_MAX, ROBOT, can_boot, emulate, equip, until, until_alive};
 use crate::support::sensors::unix_s;
 use crate::support::{ended, names};
 use randt_messages::KeyframeHead;
@@ -11,7 +11,6 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
-use std::time::Duration;
 
 /// What a cut may take of the map: this much of its end.
 const LOST_MAX_NS: i64 = 1_500_000_000;
@@ -28,7 +27,7 @@ fn boot(disk: &Path) -> Machine {
     image.disk(disk);
     image.enable_all(&STAGES);
     let machine = image.boot();
-    until("the target", Duration::from_secs(15), || {
+    until("the target", BOOTED_MAX, || {
         machine.property("randt.target", "ActiveState") == "active"
     });
     emulate(&machine);
@@ -56,9 +55,7 @@ fn after_a_power_cut_the_mission_goes_on() {
     assert_eq!(ended(make).code, Some(0));
 
     let machine = boot(&disk);
-    until("a map", Duration::from_secs(60), || {
-        keyframes(&machine).len() >= 20
-    });
+    until("a map", BOOTED_MAX, || keyframes(&machine).len() >= 20);
     let current = fs::read_link(machine.path("/var/lib/randt/current")).unwrap();
     let logs = names(&machine.path("/var/lib/randt/current/logs"));
     let before = keyframes(&machine);
@@ -90,7 +87,7 @@ fn after_a_power_cut_the_mission_goes_on() {
     assert!(kept > 0);
 
     // It drives on, in a part that nobody has joined to the map yet.
-    until("a new part", Duration::from_secs(60), || {
+    until("a new part", BOOTED_MAX, || {
         keyframes(&machine).len() >= kept + 3
     });
     let all = keyframes(&machine);
@@ -111,7 +108,7 @@ fn after_a_power_cut_the_mission_goes_on() {
     assert_eq!(top["map"]["parts"], 2);
 
     // The log that was cut is whole.
-    until("a whole log", Duration::from_secs(20), || {
+    until("a whole log", BOOTED_MAX, || {
         machine.property("randt-recover", "SubState") == "exited"
     });
     for log in logs {

@@ -230,10 +230,7 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     // Gone while it records: it makes it anew.
     fs::remove_dir_all(&out).unwrap();
     until("recording goes on", || !names(&out).is_empty());
-    let begin = Instant::now();
-    until("it is well again", || {
-        state(&pipeline).0 == "running" || begin.elapsed().as_secs() > 8
-    });
+    until("it is well again", || state(&pipeline).0 == "running");
     // Everybody else went on meanwhile.
     let ended = pipeline.randt(&["top", "--once", "--json"]);
     let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
@@ -249,7 +246,7 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     let [state] = states.as_slice() else {
         panic!("no states: {figures}");
     };
-    assert!(state["rate_hz"].as_f64().unwrap() > 4.0, "{state}");
+    assert!(state["rate_hz"].as_f64().unwrap() > 2.5, "{state}");
     assert_eq!(state["lost"], 0, "{state}");
 }
 
@@ -312,7 +309,7 @@ fn a_real_disk_that_is_read_only_and_then_full_stops_nothing() {
     let begin = Instant::now();
     let mut why = String::new();
     while !why.contains("space") {
-        assert!(begin.elapsed().as_secs() < 60, "8 MB are not full: {why}");
+        assert!(begin.elapsed().as_secs() < 240, "8 MB are not full: {why}");
         why = state(&pipeline).1;
     }
     // Room again; what was written is kept aside.

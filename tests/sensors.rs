@@ -13,7 +13,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 /// A driver is back within two seconds; `randt top` needs two to look.
-const SEEN_MAX: Duration = Duration::from_secs(12);
+const SEEN_MAX: Duration = Duration::from_secs(60);
 
 /// A driver and what `randt top` says of it.
 struct Watched<'a> {

@@ -1,12 +1,6 @@
 //! The grid alone: keyframes of a simulated drive at their true poses must give the walls, all of them, and no others.
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::Drive;
 use nalgebra::Vector2;
 use randt_geometry::Pose2;
 use randt_mapper::grid::{CellState, Grid, GridKeyframe, TILE_CELLS};
@@ -14,7 +8,6 @@ use randt_mapper::{LazySight, Sight};
 use randt_messages::{Keyframe, Message};
 use randt_simulator::{Wall, World};
 use std::ops::Range;
-use support::Drive;
 
 /// Cells this near to a wall are right, m.
 const NEAR_M: f64 = 0.2;

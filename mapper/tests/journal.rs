@@ -1,16 +1,13 @@
 //! A mapper that is killed, at whichever keyframe and in the middle of whichever write, comes back as if nothing had
 //! happened: its map is that of the undisturbed one, to the last bit.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-mod support;
-
+use crate::support::{Drive, config};
 use randt_config::Config;
 use randt_mapper::journal::{Bytes, Contents};
 use randt_mapper::{Candidate, Known, Mapper, PassedOver, Restored, grid::CellCount, journal};
 use randt_messages::{Keyframe, Message};
 use randt_simulator::World;
 use std::sync::{Arc, LazyLock};
-use support::{Drive, config};
 
 /// All that a mapper knows, bit by bit.
 fn memory(mapper: &Mapper) -> Vec<u8> {

@@ -1,5 +1,4 @@
 //! The journal's file: cut at any byte, locked, damaged, foreign, full. Nothing of it is ever thrown away in silence.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 use randt_config::Config;
 use randt_mapper::Mapper;

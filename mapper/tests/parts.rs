@@ -1,16 +1,13 @@
 //! A radar that goes blind for seconds opens a new odometry frame: its part of the map stays by itself until loops that
 //! agree with one another join it, and never in the wrong place.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-mod support;
-
+use crate::support::{Drive, config};
 use randt_config::Config;
 use randt_geometry::elementary::wrap;
 use randt_mapper::Mapper;
 use randt_messages::{Keyframe, Message};
 use randt_simulator::World;
 use std::collections::BTreeSet;
-use support::{Drive, config};
 
 /// Gives the mapper a drive and says how far every accepted loop is off the truth at most (m, degrees).
 fn map(world: &World, drive: &Drive) -> (Mapper, f64, f64) {

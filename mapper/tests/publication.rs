@@ -1,5 +1,4 @@
 //! What the mapper publishes is what it knows: pages of the graph, the correction, tiles as the map's picture has them.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 use randt_config::Config;
 use randt_geometry::Pose2;

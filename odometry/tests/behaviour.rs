@@ -1,19 +1,12 @@
 //! What odometry does at starts and stops, at gaps, with a late IMU and without one.
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{Input, config, inputs, shift_scan};
 use randt_filter::ClusterFilter;
 use randt_geometry::Pose2;
 use randt_messages::{ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints};
 use randt_odometry::{Counters, Odometry, Sink};
 use randt_simulator::{Event, Robot, Simulation, World};
 use std::sync::LazyLock;
-use support::{Input, config, inputs, shift_scan};
 
 /// Standstill ends here, as the simulated driver has it; 5 sweeps a second.
 const STANDING_SCANS: usize = 12;
@@ -381,7 +374,7 @@ fn a_radar_whose_lateness_is_known_is_not_late() {
         let mut config = config();
         config.odometry.radar_late_s = radar_late_s;
         let mut odometry = Odometry::new(&config, true);
-        let mut outcome = support::Outcome::default();
+        let mut outcome = crate::support::Outcome::default();
         for mut input in inputs(40) {
             if let Input::Points(scan) = &mut input {
                 shift_scan(scan, shifted_ns);

@@ -1,17 +1,10 @@
 //! How scans and IMU samples interleave has no say in the result, nor has who waits for whom.
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{Input, Outcome, config, inputs, shift};
 use proptest::prelude::*;
 use randt_messages::{ImuSample, ImuUse, Message, RadarPoints};
 use randt_odometry::Odometry;
 use std::sync::LazyLock;
-use support::{Input, Outcome, config, inputs, shift};
 
 const SECOND_NS: i64 = 1_000_000_000;
 
@@ -25,7 +18,7 @@ struct Streams {
 static DRIVE: LazyLock<Streams> = LazyLock::new(|| {
     let mut all = inputs(90);
     // From here on the clock is 5000 s back.
-    let set_back = support::place(&all, 60) + 7;
+    let set_back = crate::support::place(&all, 60) + 7;
     all[set_back..]
         .iter_mut()
         .for_each(|input| shift(input, -5000 * SECOND_NS));
@@ -161,7 +154,7 @@ fn samples_without_scans_do_not_pile_up() {
     }
     let mut scan = DRIVE.scans[0].clone();
     let by_ns = sample.header.stamp_ns - SECOND_NS - scan.head.sweep.end_ns;
-    support::shift_scan(&mut scan, by_ns);
+    crate::support::shift_scan(&mut scan, by_ns);
     odometry.push_points(scan.as_ref(), &mut outcome);
     assert_eq!(outcome.states[0].imu_use, ImuUse::Covered as u32);
     // The last second is still to come.

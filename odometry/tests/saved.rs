@@ -1,16 +1,9 @@
 //! Odometry may be killed after any input: restored, it goes on to the same bits.
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{Input, Outcome, config, inputs, place, shift_scan};
 use proptest::prelude::*;
 use randt_odometry::{Error, Odometry};
 use std::sync::LazyLock;
-use support::{Input, Outcome, config, inputs, place, shift_scan};
 
 /// Most bytes that the state may have.
 const ROOM: usize = 1 << 20;

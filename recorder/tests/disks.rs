@@ -1,8 +1,8 @@
 //! Disks that are full, broken, gone or slow: what is recorded, what is told.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-mod support;
-
+use crate::support::{
+    BEGIN_NS, Drive, Faulty, Name, S, Wrong, drops, name, read, recorder, settings,
+};
 use randt_log::LogReader;
 use randt_messages::{DropCause, LogDrop, health::text_of};
 use randt_recorder::{BUDGET, Queue, Recorder, Sink, Worker};
@@ -10,7 +10,6 @@ use std::collections::BTreeSet;
 use std::io::{Cursor, ErrorKind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use support::{BEGIN_NS, Drive, Faulty, Name, S, Wrong, drops, name, read, recorder, settings};
 
 /// A recorder behind its queue, without threads.
 struct Bench {
@@ -232,8 +231,10 @@ fn stalled_for(stall: Duration, budget: usize, returns: usize) -> Outcome {
         std::thread::sleep(Duration::from_millis(20));
     }
     worker.finish();
+    println!("the bus waited {longest:?} at most");
+    // Milliseconds; more on a busy machine, but not for as long as the disk.
     assert!(
-        longest < Duration::from_millis(500),
+        longest < stall / 2,
         "the bus waited {longest:?} for the disk"
     );
     assert!(told, "a stall is told of while it lasts");

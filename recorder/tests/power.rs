@@ -1,13 +1,12 @@
 //! What a power cut and a cut file leave.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-mod support;
-
+use crate::support::{
+    BEGIN_NS, Drive, Faulty, Name, Random, S, Wrong, name, read, recorder, settings,
+};
 use randt_log::{LogReader, LogWriter, Options, copy};
 use randt_recorder::Raw;
 use std::collections::BTreeSet;
 use std::io::Cursor;
-use support::{BEGIN_NS, Drive, Faulty, Name, Random, S, Wrong, name, read, recorder, settings};
 
 /// Nothing older is lost.
 const LOST_MAX_NS: i64 = 3 * S / 2;

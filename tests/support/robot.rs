@@ -11,6 +11,9 @@ const DRIVE: &str = "/usr/bin/drive.mcap";
 pub const ROBOT: &str = "[robot]\nradar_x_m = 0.12\n[radar]\nsource = \"beam-udp\"\naddress = \"127.0.0.1:6320\"\n\
      [imu]\nsource = \"mip\"\ndevice = \"/run/randt/imu\"\n[record]\nfree_min_gb = 0.1\n";
 
+/// What becomes of a machine is waited for so long: seconds where nothing else runs.
+pub const BOOTED_MAX: Duration = Duration::from_secs(120);
+
 /// Whether a machine can be booted here. Under CI it must.
 pub fn can_boot() -> bool {
     let is_there = |path: &str| Path::new(path).exists();
@@ -72,7 +75,7 @@ pub fn until(what: &str, time_max: Duration, mut is_so: impl FnMut() -> bool) ->
 
 /// Waits until poses come, at full rate and good.
 pub fn until_alive(machine: &Machine) -> Duration {
-    until("all is alive", Duration::from_secs(15), || {
+    until("all is alive", BOOTED_MAX, || {
         let status = machine.status("randt-odometry");
         status.starts_with("5.0 Hz, last scan 0.") && status.ends_with("s ago, trust good")
     })

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 /// Where shared memory lives; the run folder lies there too, as on a robot.
 const SHARED_MEMORY: &str = "/dev/shm";
 /// A process that does not end on SIGTERM within this time never will.
-const END_MAX: Duration = Duration::from_secs(10);
+const END_MAX: Duration = Duration::from_secs(60);
 
 /// Programs started so far by this process.
 static STARTED: AtomicU32 = AtomicU32::new(0);

@@ -69,7 +69,7 @@ impl Viewer {
         let mut socket = loop {
             match connect(address) {
                 Ok(socket) => break socket,
-                Err(error) => assert!(begin.elapsed().as_secs() < 10, "{address}: {error}"),
+                Err(error) => assert!(begin.elapsed().as_secs() < 60, "{address}: {error}"),
             }
             std::thread::sleep(Duration::from_millis(50));
         };

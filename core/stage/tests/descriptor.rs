@@ -1,5 +1,4 @@
 //! A stage sleeps on a device as it sleeps on a topic.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 use randt_stage::{Descriptor, Realm, Stage, Woken};
 use std::io::{Read, Write};

@@ -1,13 +1,10 @@
 //! Whoever begins to read gets what was sent before, at once, though nothing more is sent.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-mod support;
-
+use crate::support::{Other, told};
 use randt_messages::{ImuSample, ImuSampleTopic, MessageRef};
 use randt_stage::{Realm, Stage, Woken};
 use std::path::Path;
 use std::time::Duration;
-use support::{Other, told};
 
 fn realm(run: &Path) -> Realm {
     Realm::new("history", Some(run)).unwrap()
@@ -37,7 +34,7 @@ fn writer() {
 #[test]
 fn a_late_reader_is_woken_by_what_was_sent_before() {
     let run = tempfile::tempdir().unwrap();
-    let other = Other::start("writer", run.path());
+    let other = Other::start("history::writer", run.path());
     let mut stage = Stage::open("reader", &realm(run.path())).unwrap();
     let mut samples = stage.subscriber::<ImuSampleTopic>().unwrap();
     stage.running().unwrap();

@@ -1,16 +1,8 @@
 //! Two builds whose messages differ by two swapped fields of one size do not talk to each other, and say what to do.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{Other, told};
 use randt_stage::{Error, Realm, Stage, Woken};
 use std::path::Path;
-use support::{Other, told};
 
 /// This build.
 mod ours {
@@ -73,7 +65,7 @@ fn builds_with_swapped_fields_refuse_each_other_and_name_the_stage_to_restart() 
     use randt_messages::Topic;
     assert_eq!(size_of::<ours::Wheel>(), size_of::<theirs::Wheel>());
     let run = tempfile::tempdir().unwrap();
-    let other = Other::start("other_build", run.path());
+    let other = Other::start("layout::other_build", run.path());
     let pid = other.pid();
     let error = attempt(run.path()).unwrap_err();
     assert!(matches!(error, Error::Layout { .. }), "{error:?}");

@@ -1,13 +1,10 @@
 //! A message that was filled in shared memory arrives as one that was copied there.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
-mod support;
-
+use crate::support::{Other, told};
 use randt_messages::{RadarScan, Return};
 use randt_stage::{Realm, Stage, Woken};
 use std::path::Path;
 use std::time::Duration;
-use support::{Other, told};
 
 fn realm(run: &Path) -> Realm {
     Realm::new("loan", Some(run)).unwrap()
@@ -56,7 +53,7 @@ fn writer() {
 #[test]
 fn what_is_filled_in_a_loan_arrives() {
     let run = tempfile::tempdir().unwrap();
-    let other = Other::start("writer", run.path());
+    let other = Other::start("loan::writer", run.path());
     let mut stage = Stage::open("reader", &realm(run.path())).unwrap();
     let mut scans = stage.subscriber::<RadarScan>().unwrap();
     stage.running().unwrap();

@@ -1,20 +1,11 @@
 //! All stages of a pipeline run as one user; another one is told so.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
-#![cfg(target_os = "linux")]
 
-mod support;
-
+use crate::support::{command, told};
 use randt_stage::{Error, Realm, Stage};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
-use support::{command, told};
 
 /// The user that every system has for those who may do nothing.
 const NOBODY: u32 = 65534;
@@ -70,7 +61,7 @@ fn another_user_is_refused_and_told_whose_pipeline_it_is() {
 }
 
 fn assert_refused(program: &Path, run: &Path, owned: &Path) {
-    let other = command(program, "other_user", run);
+    let other = command(program, "user::other_user", run);
     let mut sudo = Command::new("setpriv");
     let id = NOBODY.to_string();
     sudo.args(["--reuid", &id, "--regid", &id, "--clear-groups"]);

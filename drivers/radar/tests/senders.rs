@@ -1,5 +1,4 @@
 //! The senders of docs/beam-udp, in C and in Python, against the driver.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use randt_config::Config;
 use randt_messages::SensorKind;

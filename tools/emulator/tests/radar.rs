@@ -66,14 +66,14 @@ fn compare(spoken: Spoken, clockwise: bool, first: usize, step_intensity: f32, s
             );
             assert!((item.intensity - wanted.intensity).abs() <= step_intensity);
         }
-        // Loopback and two busy cores: a beam arrives within a few milliseconds, the quickest within less.
+        // The sweep's own stamp, not that of another one or of its beginning. How near depends on how soon beams arrive:
+        // a few milliseconds, on a busy machine more.
         let end_ns = emulator.pace.unix_ns(expected.end_ns);
         let late_ns = message.head.header.stamp_ns - end_ns;
-        assert!(
-            (-2_000_000..20_000_000).contains(&late_ns),
-            "{late_ns} ns late"
-        );
-        assert!((head.end_ns - head.begin_ns - TURN_NS).abs() < 1_000_000);
+        let turn_ns = head.end_ns - head.begin_ns;
+        println!("{number}: {late_ns} ns late, a turn of {turn_ns} ns");
+        assert!(late_ns.abs() < TURN_NS / 4, "{late_ns} ns late");
+        assert!((turn_ns - TURN_NS).abs() < TURN_NS / 10, "{turn_ns} ns");
         for (beam, wanted) in head.beams().iter().zip(expected.beams()) {
             let turned = (beam.azimuth_rad - wanted.azimuth_rad).abs();
             assert!(turned.min(std::f32::consts::TAU - turned) <= step_rad);

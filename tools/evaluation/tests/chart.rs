@@ -1,5 +1,4 @@
 //! Figures over time.
-#![allow(clippy::unwrap_used)]
 
 use randt_evaluation::{Band, Chart, Colour, Line, Panel, plot_chart};
 

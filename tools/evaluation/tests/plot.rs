@@ -1,5 +1,4 @@
 //! The picture of a drive.
-#![allow(clippy::unwrap_used)]
 
 use randt_evaluation::{Plot, plot_trajectories};
 use randt_geometry::Pose2;

@@ -1,5 +1,4 @@
 //! The paper's published trajectories give its published figures, to the last digit printed.
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use randt_evaluation::{Trajectory, evaluate};
 use std::path::{Path, PathBuf};

@@ -1,8 +1,5 @@
 //! A simulated drive: same seed same bits, truth that fits itself, sensors on their right sides.
 
-// Helpers of tests may unwrap; clippy only knows #[test] functions themselves.
-#![allow(clippy::unwrap_used)]
-
 use nalgebra::Vector2;
 use randt_geometry::{Pose2, elementary};
 use randt_messages::{ImuSampleTopic, MessageRef, TruthPoseTopic};

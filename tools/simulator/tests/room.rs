@@ -1,8 +1,5 @@
 //! Our sweeps against those of the recording room.bag: returns, filtered returns, beam width, intensities.
 
-// Helpers of tests may unwrap; clippy only knows #[test] functions themselves.
-#![allow(clippy::unwrap_used)]
-
 use randt_config::{Filter, Sensor};
 use randt_filter::ClusterFilter;
 use randt_messages::{Message, RadarPoints, RadarScan};

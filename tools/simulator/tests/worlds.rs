@@ -1,8 +1,5 @@
 //! The worlds that come with the program, and what a world's text may hold.
 
-// Helpers of tests may unwrap; clippy only knows #[test] functions themselves.
-#![allow(clippy::unwrap_used, clippy::panic)]
-
 use nalgebra::Vector2;
 use proptest::prelude::*;
 use randt_geometry::{Pose2, elementary};

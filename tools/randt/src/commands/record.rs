@@ -25,7 +25,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let path = this.with_file_name("randt-recorder");
     ensure!(
         path.is_file(),
-        "{}: not there; the stages stand beside randt itself (cargo build --release makes them all)",
+        "{}: not there; the stages stand beside randt itself (cargo build makes them all)",
         path.display()
     );
     let failed = Command::new(&path).args(&arguments.options).exec();

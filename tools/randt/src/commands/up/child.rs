@@ -42,7 +42,7 @@ impl Program {
         let path = this.with_file_name(format!("randt-{name}"));
         ensure!(
             path.is_file(),
-            "{}: not there; the stages stand beside randt itself (cargo build --release makes them all)",
+            "{}: not there; the stages stand beside randt itself (cargo build makes them all)",
             path.display()
         );
         Ok(Self::new(name, path, realm))

@@ -1,0 +1,16 @@
+//! The process shell between two processes of one machine. One program, so that it is linked once.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+mod descriptor;
+mod history;
+mod layout;
+mod loan;
+#[cfg(target_os = "linux")]
+mod user;

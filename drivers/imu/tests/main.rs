@@ -1,0 +1,12 @@
+//! IMUs behind emulated devices. One program, so that it is linked once.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+mod serial;
+mod vendor_library;

@@ -1,0 +1,10 @@
+//! Radars behind real sockets. One program, so that it is linked once.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod dense;
+mod senders;

@@ -1,0 +1,15 @@
+//! The mapper as a library, on simulated drives. One program, so that it is linked once.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod support;
+
+mod grid;
+mod journal;
+mod journal_file;
+mod parts;
+mod publication;

@@ -1,0 +1,11 @@
+//! Figures and pictures of trajectories. One program, so that it is linked once.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod chart;
+mod plot;
+mod published;

@@ -1,0 +1,11 @@
+//! Simulated worlds, drives and sensors. One program, so that it is linked once.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test says by panicking what is wrong"
+)]
+
+mod drive;
+mod room;
+mod worlds;
