@@ -3,7 +3,7 @@
 //!
 //! The form for every day has 13 kills in two minutes, each kind of blow once; the long one has 60 and more in a drive of
 //! ten minutes:
-//! `cargo build --workspace && cargo test -p randt --test programs death:: -- --ignored --nocapture`.
+//! `cargo build --workspace && cargo test --test programs death:: -- --ignored --nocapture`.
 
 use crate::support::killer::{APART, BACK_MAX_MS, Blow, Killer, Row, STAGES};
 use crate::support::pipeline::Pipeline;

@@ -88,7 +88,7 @@ fn csail_stays_straight() {
     stays_straight("CSAIL", SEEDS);
 }
 
-/// `cargo test -p randt --test programs graph:: -- --ignored --nocapture`
+/// `cargo test --test programs graph:: -- --ignored --nocapture`
 #[test]
 #[ignore = "two minutes of computing"]
 fn they_stay_straight_ten_times() {

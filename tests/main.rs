@@ -1,5 +1,5 @@
 //! Whole-program tests: real binaries in temporary directories. One program, so that it is linked once and tests that
-//! wait run side by side; `cargo test -p randt --test programs NAME::` runs the tests of one file.
+//! wait run side by side; `cargo test --test programs NAME::` runs the tests of one file.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -103,7 +103,7 @@ fn every_command_of_the_operators_page_works() {
             for (from, to) in OTHERS {
                 it = it.replace(from, to);
             }
-            let ended = machine.run(&["timeout", "20", "bash", "-c", &it]);
+            let ended = machine.run(&["timeout", "100", "bash", "-c", &it]);
             println!("# {command}\n{}{}", ended.stdout, ended.stderr);
             // `dpkg --verify` ends with 0 or 2 where something differs, and status with 3 where a unit is not active.
             let is_good = ended.code == Some(0) || command.starts_with("dpkg --verify");

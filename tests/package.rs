@@ -310,7 +310,7 @@ fn it_is_installed_upgraded_and_purged() {
     println!("{:.1} s: purged", begin.elapsed().as_secs_f64());
 }
 
-/// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test -p randt --test programs package:: -- --ignored`.
+/// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test --test programs package:: -- --ignored`.
 /// The root, for example: `mmdebstrap --variant=minbase --include=systemd,procps bullseye DIR`. The package:
 /// `systemd/package/build`.
 #[test]

@@ -71,10 +71,13 @@ pub fn ended(command: Command) -> Ended {
 }
 
 /// The same with a limit of its own, for drives of many minutes.
-pub fn ended_within(mut command: Command, time_max: Duration) -> Ended {
+///
+/// It goes behind what runs in real time in other tests: an emulated sensor that is kept from sending loses data, as a
+/// real one does.
+pub fn ended_within(command: Command, time_max: Duration) -> Ended {
     let folder = tempfile::tempdir().unwrap();
     let [out, err] = ["stdout", "stderr"].map(|name| folder.path().join(name));
-    let mut child = command
+    let mut child = behind(&command)
         .stdin(Stdio::null())
         .stdout(File::create(&out).unwrap())
         .stderr(File::create(&err).unwrap())
@@ -97,6 +100,23 @@ pub fn ended_within(mut command: Command, time_max: Duration) -> Ended {
         stdout: text(&out),
         stderr: text(&err),
     }
+}
+
+/// The command at a lower priority.
+fn behind(command: &Command) -> Command {
+    let mut nice = Command::new("nice");
+    nice.args(["-n", "10"]).arg(command.get_program());
+    nice.args(command.get_args());
+    for (key, value) in command.get_envs() {
+        match value {
+            Some(value) => nice.env(key, value),
+            None => nice.env_remove(key),
+        };
+    }
+    if let Some(folder) = command.get_current_dir() {
+        nice.current_dir(folder);
+    }
+    nice
 }
 
 /// `randt run INPUT --out OUT` with more arguments.
