@@ -1,6 +1,7 @@
 //! A stage as a child process: started, started again when it dies, ended.
 
-use anyhow::{Context, ensure};
+use crate::output::warn;
+use anyhow::Context;
 use indicatif::ProgressBar;
 use randt_stage::Realm;
 use std::ffi::OsStr;
@@ -13,11 +14,15 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A stage that ends by itself so often in a row, each time this soon, will not get better.
+/// A stage that ends by itself so often in a row, each time this soon, lacks something.
 const FAILURES_MAX: u32 = 5;
 const SOON: Duration = Duration::from_secs(3);
-/// Between two such ends, so that what it waits for can come about.
+/// Between two such ends, so that what it waits for can come about; after more of them twice as long each time ...
 const BACK_OFF: Duration = Duration::from_millis(100);
+/// ... up to this: a stage whose memory or disk is there again is back within it.
+const BACK_OFF_MAX: Duration = Duration::from_secs(5);
+/// Exit codes of a wrong option and a wrong configuration, which trying again does not mend.
+const REFUSALS: [i32; 2] = [2, 78];
 /// A child that does not end on SIGTERM within this time is killed ...
 const END_MAX: Duration = Duration::from_secs(5);
 /// ... but one that has to bring a log to a busy disk has more, as under systemd.
@@ -40,11 +45,6 @@ impl Program {
     pub fn stage(name: &str, realm: &Realm) -> anyhow::Result<Self> {
         let this = std::env::current_exe().context("where this program is")?;
         let path = this.with_file_name(format!("randt-{name}"));
-        ensure!(
-            path.is_file(),
-            "{}: not there; the stages stand beside randt itself (cargo build --release makes them all)",
-            path.display()
-        );
         Ok(Self::new(name, path, realm))
     }
 
@@ -105,7 +105,22 @@ struct Shared {
     /// 0 while there is none.
     pid: AtomicU32,
     stopping: AtomicBool,
-    given_up: Mutex<Option<String>>,
+    trouble: Mutex<Trouble>,
+}
+
+/// What is wrong with a program.
+#[derive(Clone, Debug, Default)]
+struct Trouble {
+    /// Starts that failed where several did in a row, and ends after which it was not started again.
+    failures: u64,
+    /// The last words of the first of them.
+    why: String,
+    /// Since when it runs, if it has come back from several failures.
+    back: Option<Instant>,
+    /// Whether it is not started again.
+    is_over: bool,
+    /// Whether it had to be killed at its end.
+    was_killed: bool,
 }
 
 impl Child {
@@ -129,10 +144,25 @@ impl Child {
         &self.name
     }
 
-    /// Why it will not be started again, where that is so.
-    pub fn given_up(&self) -> Option<String> {
-        // A keeper that panicked has said so.
-        self.shared.given_up.lock().ok()?.clone()
+    /// Its last words, where it fails again and again, or will not be started again.
+    pub fn failing(&self) -> Option<String> {
+        let trouble = self.shared.trouble();
+        let is_back = trouble.back.is_some_and(|back| back.elapsed() > SOON);
+        (trouble.failures > 0 && (trouble.is_over || !is_back)).then_some(trouble.why)
+    }
+
+    /// How often it failed by itself, where that was again and again, with the first case; what it had to do then is lost.
+    pub fn failures(&self) -> (u64, String) {
+        let trouble = self.shared.trouble();
+        (
+            trouble.failures,
+            format!("randt-{}: {}", self.name, trouble.why),
+        )
+    }
+
+    /// Whether it did not end when it was asked to, and was killed over what it had still to do.
+    pub fn was_killed(&self) -> bool {
+        self.shared.trouble().was_killed
     }
 
     /// Ends it and waits for that.
@@ -158,6 +188,7 @@ impl Child {
             }
             if begin.elapsed() > end_max {
                 signal = Some(rustix::process::Signal::KILL);
+                self.shared.change(|trouble| trouble.was_killed = true);
             }
             std::thread::sleep(LOOK);
         }
@@ -166,7 +197,31 @@ impl Child {
     }
 }
 
-/// Starts a program again and again until it is to stop or is past hope.
+impl Shared {
+    fn trouble(&self) -> Trouble {
+        // A keeper that panicked has said so.
+        self.trouble
+            .lock()
+            .map_or_else(|_| Trouble::default(), |it| it.clone())
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Trouble)) {
+        if let Ok(mut trouble) = self.trouble.lock() {
+            change(&mut trouble);
+        }
+    }
+
+    /// Sleeps, unless the end is asked for.
+    fn pause(&self, pause: Duration) {
+        let end = Instant::now() + pause;
+        while !self.stopping.load(Ordering::SeqCst) && Instant::now() < end {
+            std::thread::sleep(LOOK.min(pause));
+        }
+    }
+}
+
+/// Starts a program again and again until it is to stop. One that fails in a row is tried ever less often, and never
+/// given up: what it lacks may come back, and the others go on meanwhile.
 fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
     let mut failures = 0;
     while !shared.stopping.load(Ordering::SeqCst) {
@@ -176,13 +231,13 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
         if shared.stopping.load(Ordering::SeqCst) {
             return;
         }
-        let (by_itself, configuration) = match &ended {
+        let (by_itself, is_refused) = match &ended {
             // Other signals are somebody else's doing.
             Ok(status) => (
                 status
                     .signal()
                     .is_none_or(|signal| FAULTS.contains(&signal)),
-                status.code() == Some(78),
+                status.code().is_some_and(|code| REFUSALS.contains(&code)),
             ),
             Err(_) => (true, false),
         };
@@ -191,21 +246,51 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
         } else {
             0
         };
-        if program.once || configuration || failures >= FAILURES_MAX {
-            let why = match ended {
-                Ok(_) if !last_words.is_empty() => last_words,
-                Ok(status) => format!("randt-{}: ended with {status}", program.name),
-                Err(error) => format!("{}: {error}", program.path.display()),
-            };
-            if let Ok(mut given_up) = shared.given_up.lock() {
-                *given_up = Some(why);
+        let why = match ended {
+            Ok(_) if !last_words.is_empty() => last_words,
+            Ok(status) => format!("ended with {status}"),
+            Err(error) => format!(
+                "{}: {error}; the stages stand beside randt itself (cargo build --release makes them all)",
+                program.path.display()
+            ),
+        };
+        let is_over = program.once || is_refused;
+        if is_over || failures >= FAILURES_MAX {
+            let is_first = failures <= FAILURES_MAX;
+            if is_first && !program.once {
+                let then = match is_over {
+                    true => "it is not started again",
+                    false => "it is tried again, ever less often",
+                };
+                bar.suspend(|| warn(&format!("randt-{}: fails: {why}; {then}", program.name)));
             }
-            return;
+            shared.change(|trouble| {
+                // Those before were not counted yet.
+                trouble.failures += if is_first {
+                    u64::from(failures.max(1))
+                } else {
+                    1
+                };
+                if trouble.why.is_empty() {
+                    trouble.why = why;
+                }
+                (trouble.back, trouble.is_over) = (None, is_over);
+            });
+            if is_over {
+                return;
+            }
         }
         if by_itself {
-            std::thread::sleep(BACK_OFF);
+            shared.pause(back_off(failures));
         }
+        shared.change(|trouble| _ = trouble.back.get_or_insert_with(Instant::now));
     }
+}
+
+/// How long to wait after so many failures in a row.
+fn back_off(failures: u32) -> Duration {
+    let doublings = failures.saturating_sub(FAILURES_MAX - 1).min(16);
+    BACK_OFF.saturating_mul(1 << doublings).min(BACK_OFF_MAX)
 }
 
 /// One life of a child.
@@ -219,11 +304,93 @@ fn once(
     shared.pid.store(child.id(), Ordering::SeqCst);
     if let Some(errors) = child.stderr.take() {
         for line in BufReader::new(errors).lines().map_while(Result::ok) {
-            bar.suspend(|| eprintln!("{line}"));
+            bar.suspend(|| warn(&line));
             *last_words = line;
         }
     }
     let status = child.wait();
     shared.pid.store(0, Ordering::SeqCst);
     status
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_stage::Realm;
+
+    fn program(path: &str, arguments: &[&str]) -> Program {
+        let run = std::env::temp_dir();
+        let realm = Realm::new("child", Some(&run)).unwrap();
+        let mut program = Program::new("test", path.into(), &realm);
+        program.arguments = arguments.iter().map(Into::into).collect();
+        program
+    }
+
+    fn until(child: &Child, holds: impl Fn(&Child) -> bool) {
+        let begin = Instant::now();
+        while !holds(child) {
+            assert!(
+                begin.elapsed() < Duration::from_secs(10),
+                "{:?}",
+                child.failures()
+            );
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    #[test]
+    fn a_program_that_fails_again_and_again_is_tried_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let there = folder.path().join("there");
+        let script = format!(
+            "[ -e {0} ] && exec sleep 60; echo broken >&2; exit 1",
+            there.display()
+        );
+        let mut child = Child::start(program("/bin/sh", &["-c", &script]), ProgressBar::hidden());
+        until(&child, |child| child.failures().0 > u64::from(FAILURES_MAX));
+        assert_eq!(child.failing().as_deref(), Some("broken"));
+        assert_eq!(child.failures().1, "randt-test: broken");
+        // What it lacked comes back.
+        std::fs::write(&there, "").unwrap();
+        until(&child, |child| child.failing().is_none());
+        assert!(
+            child.failures().0 > u64::from(FAILURES_MAX),
+            "what was, was"
+        );
+        child.stop();
+        assert!(!child.was_killed());
+    }
+
+    #[test]
+    fn a_program_that_is_not_there_or_refuses_its_options_says_so() {
+        let absent = Child::start(program("/nowhere/randt-x", &[]), ProgressBar::hidden());
+        until(&absent, |child| child.failing().is_some());
+        let why = absent.failing().unwrap();
+        assert!(why.contains("/nowhere/randt-x"), "{why}");
+        let refused = program("/bin/sh", &["-c", "echo no >&2; exit 78"]);
+        let mut refused = Child::start(refused, ProgressBar::hidden());
+        until(&refused, |child| child.failing().is_some());
+        std::thread::sleep(5 * BACK_OFF);
+        assert_eq!(refused.failures(), (1, "randt-test: no".to_owned()));
+        refused.stop();
+        let mut absent = absent;
+        absent.stop();
+    }
+
+    #[test]
+    fn a_program_that_somebody_kills_has_not_failed() {
+        let mut child = Child::start(program("/bin/sleep", &["60"]), ProgressBar::hidden());
+        for _ in 0..2 * FAILURES_MAX {
+            until(&child, |child| child.shared.pid.load(Ordering::SeqCst) != 0);
+            let pid = child.shared.pid.load(Ordering::SeqCst) as i32;
+            let pid = rustix::process::Pid::from_raw(pid).unwrap();
+            rustix::process::kill_process(pid, rustix::process::Signal::KILL).unwrap();
+            let raw = pid.as_raw_pid() as u32;
+            until(&child, |child| {
+                child.shared.pid.load(Ordering::SeqCst) != raw
+            });
+        }
+        assert_eq!(child.failures().0, 0);
+        child.stop();
+    }
 }
