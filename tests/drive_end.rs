@@ -266,24 +266,33 @@ fn a_log_that_is_gone_at_the_end_costs_what_only_it_knows() {
     trial.is_as_computed();
 }
 
+fn signal_if_there(pid: u32, with: Signal) {
+    let pid = rustix::process::Pid::from_raw(pid as i32).unwrap();
+    // It may have ended in this moment.
+    let _ = rustix::process::kill_process(pid, with);
+}
+
 #[test]
 fn a_closed_terminal_and_a_second_ctrl_c_end_it_with_its_results() {
     let cases = [
         &[Signal::HUP] as &[Signal],
         &[Signal::TERM],
-        &[Signal::INT, Signal::INT, Signal::HUP],
+        // Somebody who is impatient.
+        &[Signal::INT, Signal::INT, Signal::HUP, Signal::TERM],
     ];
     side_by_side(&cases, |signals| {
         let trial = Trial::new("signal");
         let ended = trial.drive(&[], |trial| {
             let up = trial.pid("up").unwrap();
-            for with in *signals {
-                // It may have ended already.
-                let _ = rustix::process::kill_process(
-                    rustix::process::Pid::from_raw(up as i32).unwrap(),
-                    *with,
-                );
-                std::thread::sleep(Duration::from_millis(30));
+            signal(up, signals[0]);
+            let exe = PathBuf::from(format!("/proc/{up}/exe"));
+            let own = trial.programs.randt(&[]).get_program().to_owned();
+            // Until it is gone, while it writes its files too.
+            while signals.len() > 1 && fs::read_link(&exe).is_ok_and(|exe| exe == *own) {
+                for with in *signals {
+                    signal_if_there(up, *with);
+                    std::thread::sleep(Duration::from_millis(10));
+                }
             }
         });
         let why = trial.lost(&ended, "interrupted");

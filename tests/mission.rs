@@ -129,8 +129,8 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
     pipeline.kill_all();
 
     let stopped = robot.stop(&pipeline);
-    assert_eq!(stopped.code, Some(0), "{}", stopped.stderr);
-    assert_eq!(stopped.stderr, "");
+    assert_eq!(stopped.code, Some(3), "{}", stopped.stderr);
+    assert!(stopped.says("power_cuts 1 "), "{}", stopped.stderr);
     let report = robot.current().join("report");
     for file in ["report.json", "map.pgm", "trajectory.tum", "plot.svg"] {
         assert!(report.join(file).is_file(), "{file}: {}", stopped.stdout);

@@ -13,7 +13,7 @@ use crate::{
     report::{self, Accuracy, Cost, Count, Input, Report},
     results::Results,
 };
-use anyhow::Context;
+use anyhow::{Context, bail};
 use randt_config::Config;
 use randt_messages::OdometryState;
 use std::collections::BTreeMap;
@@ -101,7 +101,7 @@ pub fn finish_drive(
     };
     let files = results.files(&trajectory, mapper);
     let picture = results.picture(&trajectory, &report.input.name, mapper);
-    let failed = write(out, files, picture)?;
+    let mut failed = write(out, files, picture)?;
     if let Some(first) = failed.first() {
         let lost = Count::lost(failed.len() as u64, first.clone());
         report.counters.insert("files_not_written", lost);
@@ -109,7 +109,10 @@ pub fn finish_drive(
     let mut json = serde_json::to_string_pretty(&report)?;
     json.push('\n');
     // Last: where there is a report, the rest is there, or it says what is not.
-    write_whole(&out.join("report.json"), json.as_bytes())?;
+    if let Err(error) = write_whole(&out.join("report.json"), json.as_bytes()) {
+        failed.push(format!("{error:#}"));
+        bail!("{}", failed.join("; "));
+    }
     print(&summary::text(&report, out))?;
     // Why a run ends with 3 belongs where its errors go.
     let lost = report.counters.iter().filter(|(_, c)| c.loss);

@@ -175,10 +175,12 @@ impl Mission {
         files
     }
 
-    /// Notes that it goes on.
-    pub fn resume(&mut self, now: &Now) -> anyhow::Result<()> {
+    /// Notes that it goes on. `has_memory`: whether what the stages had in memory is there.
+    pub fn resume(&mut self, now: &Now, has_memory: bool) -> anyhow::Result<()> {
         self.repair()?;
         self.record.resumed_ns.push(now.date_ns);
+        let has_driven = self.folder.join(JOURNAL).exists() || !self.log_files()?.is_empty();
+        self.record.power_cuts += u64::from(has_driven && !has_memory);
         self.record.boot = Some(now.boot.clone());
         self.save()
     }

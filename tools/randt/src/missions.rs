@@ -118,6 +118,14 @@ impl Missions {
         Ok(Some(mission))
     }
 
+    /// The same for whoever goes on without one: a link that leads to none is told of.
+    pub fn current_or_none(&self) -> Option<Mission> {
+        self.current().unwrap_or_else(|error| {
+            warn(&format!("{error:#}"));
+            None
+        })
+    }
+
     /// The date, as far as it is known: it cannot be before the last sign of life of any mission.
     pub fn date_ns(&self, now: &Now) -> anyhow::Result<i64> {
         if now.is_date_known {

@@ -212,3 +212,6 @@ fn nanoseconds(begin: Instant, end: Instant) -> u64 {
         .try_into()
         .unwrap_or(u64::MAX)
 }
+
+#[cfg(test)]
+mod tests;

@@ -254,3 +254,6 @@ fn returns(mapper: &Mapper) -> Vec<[f64; 2]> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,7 +3,9 @@
 mod child;
 mod ending;
 mod journal;
+mod launch;
 mod processes;
+mod program;
 mod watch;
 
 use crate::{earlier, exit::Outcome, input::InputOptions, job};

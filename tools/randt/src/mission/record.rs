@@ -27,6 +27,9 @@ pub struct Record {
     /// When it went on after it had been interrupted.
     #[serde(default)]
     pub resumed_ns: Vec<i64>,
+    /// How often it went on without what the stages had in memory.
+    #[serde(default)]
+    pub power_cuts: u64,
     /// When it began or went on last, by a clock that cannot be set.
     #[serde(default)]
     pub boot: Option<BootTime>,

@@ -31,7 +31,8 @@ fn it_goes_on_after_a_short_interruption_only() {
     assert!(mission.goes_on(&after(&mission, 9 * MINUTE_NS, true, rebooted)));
     assert!(!mission.goes_on(&after(&mission, 11 * MINUTE_NS, true, rebooted)));
     let now = after(&mission, 0, true, ("one", 2 * MINUTE_NS));
-    mission.resume(&now).unwrap();
+    mission.resume(&now, false).unwrap();
+    assert_eq!(mission.record.power_cuts, 0, "nobody has driven");
     mission.stop(now.date_ns + 2).unwrap();
     assert!(!mission.goes_on(&after(&mission, 0, true, rebooted)));
     let read = Mission::open(mission.folder()).unwrap();

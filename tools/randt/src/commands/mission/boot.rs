@@ -5,7 +5,7 @@ use crate::date::Now;
 use crate::exit::Outcome;
 use crate::mission::{CONFIGURATION, Mission};
 use crate::missions::Missions;
-use crate::output::{print, warn, write_whole};
+use crate::output::{print, write_whole};
 use crate::units::seconds;
 use randt_config::SelectionArguments;
 use randt_stage::{RealmArguments, wipe};
@@ -29,16 +29,12 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     }
     let now = Now::read();
     // Whatever has become of the last one, the robot can drive.
-    let last = missions.current().unwrap_or_else(|error| {
-        warn(&format!("{error:#}"));
-        None
-    });
-    let (mission, how) = match last {
+    let (mission, how) = match missions.current_or_none() {
         Some(mut mission) => {
             mission.repair()?;
             recover::set_aside(&mission)?;
             if mission.goes_on(&now) {
-                mission.resume(&now)?;
+                mission.resume(&now, owner::owns(&mission, &realm))?;
                 (mission, "goes on".to_owned())
             } else {
                 let how = format!("begins: {}", why_not(&mission, &now));

@@ -5,7 +5,7 @@ use crate::earlier::JOURNAL;
 use crate::exit::Outcome;
 use crate::mission::Mission;
 use crate::missions::Missions;
-use crate::output::{print, warn};
+use crate::output::print;
 use crate::units::{bytes, count, seconds};
 use serde::Serialize;
 use std::fs;
@@ -63,11 +63,7 @@ impl Row {
 
 /// Prints them, the oldest first.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let current = missions.current().unwrap_or_else(|error| {
-        warn(&format!("{error:#}"));
-        None
-    });
-    let current = current.map(|mission| mission.name());
+    let current = missions.current_or_none().map(|mission| mission.name());
     let all = missions.all()?.into_iter();
     let rows: anyhow::Result<Vec<Row>> = all
         .map(|mission| Row::of(&mission, current.as_ref() == Some(&mission.name())))

@@ -28,7 +28,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
             // Before anything is stopped.
             missions.check_free(name)?;
         }
-        ran = match missions.current()? {
+        ran = match missions.current_or_none() {
             Some(mission) => {
                 let ran = stages::stop(&mission, &realm)?;
                 outcome = stop::end(missions, mission, &realm)?;

@@ -41,6 +41,12 @@ pub fn write(
             logged.unreadable,
             logged.first_unreadable,
         ),
+        (
+            "power_cuts",
+            mission.record.power_cuts,
+            "what was not on the disk yet: a second of logs at most, and odometry's window"
+                .to_owned(),
+        ),
     ] {
         if count > 0 {
             counters.insert(name, Count::lost(count, first));

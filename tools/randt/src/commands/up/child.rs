@@ -1,14 +1,11 @@
 //! A stage as a child process: started, started again when it dies, ended.
 
+use super::program::Program;
 use crate::output::warn;
-use anyhow::Context;
 use indicatif::ProgressBar;
-use randt_stage::Realm;
-use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
-use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::PathBuf;
-use std::process::{Command, ExitStatus, Stdio};
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -30,68 +27,6 @@ const RECORDED_MAX: Duration = Duration::from_secs(30);
 /// Signals that a program brings upon itself: SIGILL, SIGABRT, SIGBUS, SIGFPE, SIGSEGV.
 const FAULTS: [i32; 5] = [4, 6, 7, 8, 11];
 const LOOK: Duration = Duration::from_millis(5);
-
-/// What to start.
-pub struct Program {
-    name: String,
-    path: PathBuf,
-    arguments: Vec<std::ffi::OsString>,
-    /// Whether it is not started again: a log that begins anew would be another drive.
-    once: bool,
-}
-
-impl Program {
-    /// A stage's own program, which stands beside this one.
-    pub fn stage(name: &str, realm: &Realm) -> anyhow::Result<Self> {
-        let this = std::env::current_exe().context("where this program is")?;
-        let path = this.with_file_name(format!("randt-{name}"));
-        Ok(Self::new(name, path, realm))
-    }
-
-    /// A command of this program.
-    pub fn command(name: &str, realm: &Realm) -> anyhow::Result<Self> {
-        let this = std::env::current_exe().context("where this program is")?;
-        let mut program = Self::new(name, this, realm);
-        program.arguments.insert(0, name.into());
-        program.once = true;
-        Ok(program)
-    }
-
-    fn new(name: &str, path: PathBuf, realm: &Realm) -> Self {
-        let mut program = Self {
-            name: name.to_owned(),
-            path,
-            arguments: Vec::new(),
-            once: false,
-        };
-        program.option("--prefix", realm.prefix());
-        program.option("--run", realm.run());
-        program.option("--parent", std::process::id().to_string());
-        program
-    }
-
-    /// Adds an option with its value.
-    pub fn option(&mut self, name: &str, value: impl AsRef<OsStr>) {
-        self.flag(name);
-        self.flag(value);
-    }
-
-    /// Adds one argument.
-    pub fn flag(&mut self, argument: impl AsRef<OsStr>) {
-        self.arguments.push(argument.as_ref().to_owned());
-    }
-
-    fn start(&self) -> std::io::Result<std::process::Child> {
-        Command::new(&self.path)
-            .args(&self.arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            // Ctrl-C is for the supervisor, which ends its children in order.
-            .process_group(0)
-            .spawn()
-    }
-}
 
 /// A program that is kept running by a thread of its own: a dead stage is back before anybody has noticed.
 pub struct Child {
@@ -224,6 +159,7 @@ impl Shared {
 /// given up: what it lacks may come back, and the others go on meanwhile.
 fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
     let mut failures = 0;
+    let mut has_run = false;
     while !shared.stopping.load(Ordering::SeqCst) {
         let begin = Instant::now();
         let mut last_words = String::new();
@@ -241,6 +177,7 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
             ),
             Err(_) => (true, false),
         };
+        has_run |= begin.elapsed() >= SOON;
         failures = if by_itself && begin.elapsed() < SOON {
             failures + 1
         } else {
@@ -250,11 +187,12 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
             Ok(_) if !last_words.is_empty() => last_words,
             Ok(status) => format!("ended with {status}"),
             Err(error) => format!(
-                "{}: {error}; the stages stand beside randt itself (cargo build --release makes them all)",
+                "{}: {error}; the stages stand beside randt itself (cargo build makes them all)",
                 program.path.display()
             ),
         };
-        let is_over = program.once || is_refused;
+        // One that has run by these options will run by them again, when what it was refused for is there again.
+        let is_over = program.once || (is_refused && !has_run);
         if is_over || failures >= FAILURES_MAX {
             let is_first = failures <= FAILURES_MAX;
             if is_first && !program.once {
@@ -314,83 +252,4 @@ fn once(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use randt_stage::Realm;
-
-    fn program(path: &str, arguments: &[&str]) -> Program {
-        let run = std::env::temp_dir();
-        let realm = Realm::new("child", Some(&run)).unwrap();
-        let mut program = Program::new("test", path.into(), &realm);
-        program.arguments = arguments.iter().map(Into::into).collect();
-        program
-    }
-
-    fn until(child: &Child, holds: impl Fn(&Child) -> bool) {
-        let begin = Instant::now();
-        while !holds(child) {
-            assert!(
-                begin.elapsed() < Duration::from_secs(10),
-                "{:?}",
-                child.failures()
-            );
-            std::thread::sleep(LOOK);
-        }
-    }
-
-    #[test]
-    fn a_program_that_fails_again_and_again_is_tried_on() {
-        let folder = tempfile::tempdir().unwrap();
-        let there = folder.path().join("there");
-        let script = format!(
-            "[ -e {0} ] && exec sleep 60; echo broken >&2; exit 1",
-            there.display()
-        );
-        let mut child = Child::start(program("/bin/sh", &["-c", &script]), ProgressBar::hidden());
-        until(&child, |child| child.failures().0 > u64::from(FAILURES_MAX));
-        assert_eq!(child.failing().as_deref(), Some("broken"));
-        assert_eq!(child.failures().1, "randt-test: broken");
-        // What it lacked comes back.
-        std::fs::write(&there, "").unwrap();
-        until(&child, |child| child.failing().is_none());
-        assert!(
-            child.failures().0 > u64::from(FAILURES_MAX),
-            "what was, was"
-        );
-        child.stop();
-        assert!(!child.was_killed());
-    }
-
-    #[test]
-    fn a_program_that_is_not_there_or_refuses_its_options_says_so() {
-        let absent = Child::start(program("/nowhere/randt-x", &[]), ProgressBar::hidden());
-        until(&absent, |child| child.failing().is_some());
-        let why = absent.failing().unwrap();
-        assert!(why.contains("/nowhere/randt-x"), "{why}");
-        let refused = program("/bin/sh", &["-c", "echo no >&2; exit 78"]);
-        let mut refused = Child::start(refused, ProgressBar::hidden());
-        until(&refused, |child| child.failing().is_some());
-        std::thread::sleep(5 * BACK_OFF);
-        assert_eq!(refused.failures(), (1, "randt-test: no".to_owned()));
-        refused.stop();
-        let mut absent = absent;
-        absent.stop();
-    }
-
-    #[test]
-    fn a_program_that_somebody_kills_has_not_failed() {
-        let mut child = Child::start(program("/bin/sleep", &["60"]), ProgressBar::hidden());
-        for _ in 0..2 * FAILURES_MAX {
-            until(&child, |child| child.shared.pid.load(Ordering::SeqCst) != 0);
-            let pid = child.shared.pid.load(Ordering::SeqCst) as i32;
-            let pid = rustix::process::Pid::from_raw(pid).unwrap();
-            rustix::process::kill_process(pid, rustix::process::Signal::KILL).unwrap();
-            let raw = pid.as_raw_pid() as u32;
-            until(&child, |child| {
-                child.shared.pid.load(Ordering::SeqCst) != raw
-            });
-        }
-        assert_eq!(child.failures().0, 0);
-        child.stop();
-    }
-}
+mod tests;

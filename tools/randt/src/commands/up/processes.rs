@@ -1,19 +1,21 @@
 //! The running stages: started in the order of the data's way, watched, ended along it.
 
 use super::Arguments;
-use super::child::{Child, Program};
+use super::child::Child;
 use super::journal::HeldJournal;
+use super::launch::{self, PLAY};
+use super::program::Program;
 use super::watch::{STAGES, Watch};
-use crate::output::warn;
+use crate::output::{warn, write_whole};
 use crate::report::Count;
 use crate::{job, progress};
 use anyhow::{bail, ensure};
 use indicatif::ProgressBar;
-use randt_config::{Config, Loaded, Selection};
+use randt_config::Loaded;
 use randt_readers::Source;
 use randt_stage::{Realm, Stage, Woken, stop_requested};
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// How often children and the end are looked for where nothing else happens.
@@ -24,8 +26,6 @@ const QUIET: Duration = Duration::from_secs(2);
 const START_MAX: Duration = Duration::from_secs(10);
 /// Between two attempts to see the pipeline again.
 const REOPEN_EVERY: Duration = Duration::from_secs(1);
-/// What stands in for the drivers.
-const PLAY: &str = "play";
 
 /// Why a drive is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +41,8 @@ pub enum End {
 /// All stages of a pipeline, and what is seen of them.
 pub struct Processes {
     realm: Realm,
+    /// The configuration for the stages, in the run folder.
+    profile: (PathBuf, String),
     /// `None` while the pipeline cannot be seen.
     stage: Option<Stage>,
     reopened: Instant,
@@ -66,10 +68,11 @@ impl Processes {
         let watch = Watch::open(&mut stage)?;
         stage.running()?;
         let profile = realm.folder().join("up.toml");
-        write_profile(&profile, loaded)?;
+        launch::write_profile(&profile, loaded)?;
         let bar = progress::bar(source.and_then(|source| source.info().scans), "scans");
         let mut processes = Self {
             realm: realm.clone(),
+            profile: (profile, loaded.to_toml()),
             stage: Some(stage),
             reopened: Instant::now(),
             unseen: (0, String::new()),
@@ -79,62 +82,16 @@ impl Processes {
             begin: Instant::now(),
         };
         let journal = std::path::absolute(arguments.out.join(crate::earlier::JOURNAL))?;
-        processes.add_stages(arguments, &profile, &journal)?;
+        let profile = processes.profile.0.clone();
+        for program in launch::stages(arguments, realm, &profile, &journal)? {
+            processes.add(program);
+        }
         processes.wait_until_running()?;
         let journal = HeldJournal::open(&journal)?;
-        processes.add_sources(arguments, &profile)?;
+        for program in launch::sources(arguments, realm, &profile)? {
+            processes.add(program);
+        }
         Ok((processes, journal))
-    }
-
-    fn add_stages(
-        &mut self,
-        arguments: &Arguments,
-        profile: &Path,
-        journal: &Path,
-    ) -> anyhow::Result<()> {
-        if let Some(folder) = &arguments.record {
-            let mut program = Program::stage("recorder", &self.realm)?;
-            program.option("--profile", profile);
-            program.option("--out", std::path::absolute(folder)?);
-            self.add(program);
-        }
-        if arguments.view {
-            let mut program = Program::stage("view", &self.realm)?;
-            program.option("--profile", profile);
-            self.add(program);
-        }
-        for name in STAGES.into_iter().rev() {
-            let mut program = Program::stage(name, &self.realm)?;
-            program.option("--profile", profile);
-            match name {
-                "mapper" => program.option("--journal", journal),
-                "odometry" if arguments.no_imu => program.flag("--no-imu"),
-                _ => {}
-            }
-            self.add(program);
-        }
-        Ok(())
-    }
-
-    /// What stands at the beginning of the data's way.
-    fn add_sources(&mut self, arguments: &Arguments, profile: &Path) -> anyhow::Result<()> {
-        if let Some(log) = &arguments.play {
-            let mut program = Program::command(PLAY, &self.realm)?;
-            program.flag(log);
-            program.flag("--stay");
-            program.option("--rate", arguments.rate.to_string());
-            for argument in arguments.options.as_arguments() {
-                program.flag(argument);
-            }
-            self.add(program);
-        } else if !arguments.no_drivers {
-            for name in super::drivers(arguments.no_imu) {
-                let mut program = Program::stage(name, &self.realm)?;
-                program.option("--profile", profile);
-                self.add(program);
-            }
-        }
-        Ok(())
     }
 
     /// Starts a program whose data go to those that were added before.
@@ -184,8 +141,7 @@ impl Processes {
             }
             let of_stages = self.children.iter().filter(|child| child.name() != PLAY);
             let failing = of_stages.filter(|child| child.failing().is_some());
-            let failing: std::collections::BTreeSet<String> =
-                failing.map(|child| child.name().to_owned()).collect();
+            let failing: BTreeSet<String> = failing.map(|child| child.name().to_owned()).collect();
             if STAGES.iter().all(|name| failing.contains(*name)) {
                 return End::AllFail;
             }
@@ -249,6 +205,9 @@ impl Processes {
         let opened = opened.and_then(|mut stage| {
             self.watch.reopen(&mut stage)?;
             stage.running()?;
+            // The run folder may be another one now.
+            let (profile, text) = &self.profile;
+            write_whole(profile, text.as_bytes())?;
             Ok(stage)
         });
         // Why not was said when it began.
@@ -310,21 +269,6 @@ impl Processes {
         let failing = |child: &Child| Some(format!("randt-{}: {}", child.name(), child.failing()?));
         self.children.iter().find_map(failing)
     }
-}
-
-/// The configuration for the stages, exactly as it is in force here.
-fn write_profile(path: &Path, loaded: &Loaded) -> anyhow::Result<()> {
-    crate::output::write_whole(path, loaded.to_toml().as_bytes())?;
-    let read = Config::load(&Selection {
-        profile: Some(path.display().to_string()),
-        ..Selection::default()
-    })?;
-    ensure!(
-        read.config == loaded.config,
-        "{}: does not read back as it was written",
-        path.display()
-    );
-    Ok(())
 }
 
 impl Drop for Processes {
