@@ -2,7 +2,7 @@
 
 use crate::support::bag::{AS_PUBLISHED, Bag};
 use crate::support::spoilt::{DRIVE, SCANS, checked, file, spoilt, spoilt_with};
-use crate::support::{Random, drive, names, recording, report, run};
+use crate::support::{OUTPUTS, Random, drive, names, recording, report, run};
 use randt_simulator::Event;
 use std::fs;
 use std::path::PathBuf;
@@ -236,19 +236,27 @@ fn where_nothing_can_be_written_nothing_is_left() {
         );
     }
     assert_eq!(fs::read_to_string(&taken).unwrap(), "mine");
-    // A folder stands where a file should be.
+    // A folder stands where a file should be: the others are there, and the report says which one is not.
     let out = folder.path().join("out");
     fs::create_dir_all(out.join("plot.svg")).unwrap();
     let ended = run(&log, &out, &[]);
-    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert_eq!(ended.code, Some(3), "{}", ended.stderr);
     assert!(ended.stderr.contains("plot.svg"), "{}", ended.stderr);
+    assert_eq!(names(&out), OUTPUTS);
+    assert!(out.join("plot.svg").is_dir());
+    let lost = &report(&out)["counters"]["files_not_written"];
     assert!(
-        names(&out)
-            .iter()
-            .all(|name| !name.ends_with(".part") && name != "report.json"),
-        "{:?}",
-        names(&out)
+        lost["first"].as_str().unwrap().contains("plot.svg"),
+        "{lost}"
     );
+    // Nothing tells what happened where the report cannot be written.
+    let out = folder.path().join("without");
+    fs::create_dir_all(out.join("report.json")).unwrap();
+    let ended = run(&log, &out, &[]);
+    assert_eq!(ended.code, Some(1), "{}", ended.stderr);
+    assert!(ended.stderr.contains("report.json"), "{}", ended.stderr);
+    assert!(out.join("trajectory.tum").is_file());
+    fs::remove_dir_all(out).unwrap();
     assert_eq!(names(folder.path()), ["drive.mcap", "out", "taken"]);
 }
 

@@ -19,6 +19,7 @@ mod death;
 mod dependencies;
 mod doctor;
 mod documents;
+mod drive_end;
 mod drives;
 mod eval;
 mod faults;

@@ -10,7 +10,10 @@ use std::time::SystemTime;
 /// What a run wrote, the report's times left out.
 fn outputs(ended: &Ended, folder: &Path) -> Vec<(&'static str, Vec<u8>)> {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    assert_eq!(names(folder), OUTPUTS);
+    let mut found = names(folder);
+    // What was there before.
+    found.retain(|name| name != "before-1");
+    assert_eq!(found, OUTPUTS);
     let bytes = |name: &'static str| match name {
         "report.json" => (name, report(folder).to_string().into_bytes()),
         _ => (name, fs::read(folder.join(name)).unwrap()),
@@ -39,8 +42,10 @@ fn check_every_way(input: &Path) {
     assert_same(
         &outputs(&run(input, &at("first"), &[]), &at("first")),
         &expected,
-        "written over",
+        "written once more",
     );
+    let kept = outputs(&first, &at("first").join("before-1"));
+    assert_same(&kept, &expected, "kept");
 
     // The same file by another path, from another working folder.
     let elsewhere = at("another folder");

@@ -5,9 +5,10 @@ use crate::support::boot::{Image, Machine, units_folder};
 use crate::support::directives::DIRECTIVES;
 use crate::support::large;
 use crate::support::robot::{BOOTED_MAX, ROBOT, can_boot, emulate, equip, until, until_alive};
-use crate::support::sensors::unix_s;
 use crate::support::watch::{WATCHES, Watch};
 use crate::support::{Ended, ended};
+use randt::date::Now;
+use randt::mission::Record;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::Path;
@@ -180,10 +181,14 @@ fn boot(folder: &Path) -> Machine {
     image.write("etc/randt/robot.toml", ROBOT);
     // A large map, as of a mission that was interrupted a moment ago; tmpfiles gives it to the stages' user.
     let mission = "var/lib/randt/missions/first";
-    let begun_ns = unix_s() * 1e9;
-    let record = format!(
-        "{{\"randt\":\"\",\"begun_ns\":{begun_ns:.0},\"stopped_ns\":null,\"resumed_ns\":[]}}"
-    );
+    // The machine has this one's kernel, and so its boot.
+    let now = Now::read();
+    let record = Record {
+        begun_ns: now.date_ns,
+        boot: Some(now.boot),
+        ..Record::default()
+    };
+    let record = serde_json::to_string(&record).unwrap();
     image.write(&format!("{mission}/mission.json"), &record);
     let journal = image.file(&format!("{mission}/map.journal"));
     match std::env::var_os(JOURNAL) {

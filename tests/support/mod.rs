@@ -20,6 +20,7 @@ pub mod observer;
 pub mod package;
 pub mod phidgets;
 pub mod pipeline;
+pub mod programs;
 pub mod python;
 pub mod recorded;
 pub mod recordings;

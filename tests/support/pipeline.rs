@@ -135,6 +135,14 @@ impl Pipeline {
         }
     }
 
+    /// Ends all in order, the last one to start first.
+    pub fn end_all(&mut self) {
+        let pids: Vec<u32> = self.children.iter().map(Child::id).collect();
+        pids.into_iter()
+            .rev()
+            .for_each(|pid| self.end(pid, Signal::TERM));
+    }
+
     /// Names in /dev/shm that are this realm's.
     pub fn segments(&self) -> Vec<String> {
         let mut names = super::names(Path::new("/dev/shm"));

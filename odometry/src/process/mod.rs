@@ -8,4 +8,4 @@ mod past;
 
 pub use feed::Feed;
 pub use outbox::Outbox;
-pub use past::{Past, PastError};
+pub use past::{LeftBehind, Past, PastError, RECORDS};

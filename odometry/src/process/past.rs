@@ -3,14 +3,16 @@
 use super::outbox::{self, Into, Outbox};
 use crate::Odometry;
 use randt_config::Config;
-use randt_messages::{Keyframe, Layout, Message, PoseRecord};
+use randt_messages::{Keyframe, Layout, Message, OdometryState, PoseRecord};
 use randt_saved::Error as SavedError;
-use randt_stage::{Checkpoint, Error, KeyframeRing, Realm, Stage};
+use randt_stage::{Checkpoint, Error, KeyframeRing, Stage};
 use std::path::{Path, PathBuf};
 
 /// Files in the realm's folder.
 const STATE: &str = "odometry.state";
 const RING: &str = "keyframes.ring";
+/// The files that [`Past::read`] reads.
+pub const RECORDS: [&str; 2] = [STATE, RING];
 /// Room for the state: that of an iSDR-C takes under 1 MB, a Navtech's some more.
 const STATE_BYTES: usize = 4 << 20;
 /// Keyframes that are sent again after a restart; of older ones the mapper asks for what it lacks.
@@ -30,6 +32,17 @@ pub enum PastError {
     /// There is none.
     #[error("odometry left no state behind")]
     Nothing,
+}
+
+/// What a process left behind, as far as it is there.
+#[derive(Debug)]
+pub struct LeftBehind {
+    /// The estimate with its window, or why there is none.
+    pub odometry: Result<Odometry, PastError>,
+    /// The last states that were published, oldest first.
+    pub states: Vec<OdometryState>,
+    /// The last keyframes; `None` where there never were any.
+    pub ring: Option<Result<KeyframeRing, Error>>,
 }
 
 /// The records of one realm; their writer is the only one.
@@ -62,17 +75,32 @@ impl Past {
         })
     }
 
-    /// What a stage that has ended left behind.
-    pub fn read(
-        realm: &Realm,
-        config: &Config,
-        use_imu: bool,
-    ) -> Result<(Odometry, KeyframeRing), PastError> {
-        let past = Self::at(&realm.state())?;
-        let newest = past.state.versions().into_iter().next();
-        let bytes = newest.and_then(|bytes| bytes.get(outbox::BYTES..));
-        let bytes = bytes.ok_or(PastError::Nothing)?;
-        Ok((Odometry::restore(config, use_imu, bytes)?, past.ring))
+    /// What a stage that has ended left behind in a folder. Nothing is made there: where a file is missing, so is what it
+    /// would tell.
+    pub fn read(folder: &Path, config: &Config, use_imu: bool) -> LeftBehind {
+        let (state, ring) = (folder.join(STATE), folder.join(RING));
+        let mut left = LeftBehind {
+            odometry: Err(PastError::Nothing),
+            states: Vec::new(),
+            ring: ring.is_file().then(|| KeyframeRing::open(&ring)),
+        };
+        if !state.is_file() {
+            return left;
+        }
+        let state = match Checkpoint::open(&state, STATE_BYTES) {
+            Ok(state) => state,
+            Err(error) => {
+                left.odometry = Err(error.into());
+                return left;
+            }
+        };
+        let newest = state.versions().into_iter().next();
+        if let Some((sent, bytes)) = newest.and_then(|bytes| bytes.split_at_checked(outbox::BYTES))
+        {
+            left.states = Outbox::restore(sent).take_states().copied().collect();
+            left.odometry = Odometry::restore(config, use_imu, bytes).map_err(PastError::from);
+        }
+        left
     }
 
     /// Goes on where the last process ended: with the whole state, else from the pose, else from nothing. Says which,

@@ -1,10 +1,11 @@
 //! One computation: a source through the pipeline into results, with progress and Ctrl-C.
 
-use crate::{pipeline::Pipeline, results::Results};
+use crate::{pipeline::Pipeline, report::Count, results::Results};
 use indicatif::ProgressBar;
 use randt_config::{Config, Loaded};
 use randt_filter::check_sweep;
 use randt_readers::{Event, Extrinsics, Source};
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -32,7 +33,29 @@ pub struct Done {
     pub interrupted: bool,
 }
 
-/// Lets Ctrl-C and SIGTERM end the work cleanly. A second handler in one process is refused; that is no failure.
+impl Done {
+    /// What was left out, and why.
+    pub fn counters(&self) -> BTreeMap<&'static str, Count> {
+        let mut counters = BTreeMap::new();
+        if let Some(misfit) = &self.first_misfit {
+            let count = Count::lost(self.misfits, misfit.to_string());
+            counters.insert("scans_not_of_this_sensor", count);
+        }
+        if self.interrupted {
+            let first = "the input was not read to its end".to_owned();
+            counters.insert("interrupted", Count::lost(1, first));
+        }
+        counters
+    }
+
+    /// Ends the drive where no files are wanted.
+    pub fn finish(&mut self) {
+        self.pipeline.finish(&mut self.results);
+    }
+}
+
+/// Lets Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end the work cleanly. A second handler in one process is refused;
+/// that is no failure.
 pub fn catch_interrupts() {
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
 }
@@ -61,7 +84,8 @@ pub fn mounted(mut loaded: Loaded, extrinsics: &Extrinsics) -> Loaded {
     loaded
 }
 
-/// Runs a source to its end.
+/// Runs a source to its end. The drive is not over by that: its last scans are still in odometry's window, for
+/// [`crate::finish_drive`] or [`Done::finish`].
 pub fn run(
     source: &mut dyn Source,
     config: &Config,
@@ -104,10 +128,6 @@ pub fn run(
             break;
         }
         reading = Instant::now();
-    }
-    done.pipeline.finish(&mut done.results);
-    if let (true, Some(misfit)) = (done.results.states.is_empty(), done.first_misfit.take()) {
-        return Err(misfit.into());
     }
     bar.finish_and_clear();
     Ok(done)

@@ -3,40 +3,31 @@
 //! Responsible for what a mission is and how it goes on or ends. Not responsible for which one is the current one
 //! (`missions`), nor for the stages that write into it.
 
-use crate::output::write_whole;
-use anyhow::Context;
-use serde::{Deserialize, Serialize};
-use std::fs;
+mod record;
+
+use crate::date::Now;
+use crate::earlier::JOURNAL;
+use crate::output::{warn, write_whole};
+use anyhow::{Context, ensure};
+use randt_odometry::process::RECORDS;
+use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-/// The mapper's journal.
-pub const JOURNAL: &str = "map.journal";
+pub use record::Record;
+
 /// The configuration in force when it began or went on.
 pub const CONFIGURATION: &str = "config.toml";
 /// What was made of it when it was stopped.
 pub const REPORT: &str = "report";
 /// The recorder's folder.
 const LOGS: &str = "logs";
-/// What the mission says of itself.
-const RECORD: &str = "mission.json";
+/// What odometry left in memory, where that was about to be taken away before there was a report.
+const STATE: &str = "state";
 /// A mission that was not stopped goes on if its last sign of life is no older than this: somebody has changed the
 /// battery. After a longer pause the robot may stand in another building.
 const PAUSE_MAX_NS: i64 = 600_000_000_000;
-
-/// What `mission.json` says.
-#[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq, Eq)]
-pub struct Record {
-    /// Version of the program that began it.
-    pub randt: String,
-    /// When it began, ns since 1970 of the system's clock.
-    pub begun_ns: i64,
-    /// When it was stopped; not for one that runs, or that a power cut ended.
-    pub stopped_ns: Option<i64>,
-    /// When it went on after it had been interrupted.
-    pub resumed_ns: Vec<i64>,
-}
 
 /// A mission on the disk.
 #[derive(Clone, Debug)]
@@ -44,11 +35,13 @@ pub struct Mission {
     folder: PathBuf,
     /// What it says of itself.
     pub record: Record,
+    /// Why what it says cannot be read, where that is so; the record is then made of what is there.
+    pub broken: Option<String>,
 }
 
 impl Mission {
     /// Makes a new one. The folder must not be there yet.
-    pub fn begin(folder: &Path, now_ns: i64) -> anyhow::Result<Self> {
+    pub fn begin(folder: &Path, number: u64, date_ns: i64, now: &Now) -> anyhow::Result<Self> {
         let said = || format!("{}: cannot be made", folder.display());
         fs::create_dir(folder).with_context(said)?;
         fs::create_dir(folder.join(LOGS)).with_context(said)?;
@@ -56,30 +49,72 @@ impl Mission {
             folder: folder.to_owned(),
             record: Record {
                 randt: env!("CARGO_PKG_VERSION").to_owned(),
-                begun_ns: now_ns,
+                number,
+                begun_ns: date_ns,
+                boot: Some(now.boot.clone()),
                 ..Record::default()
             },
+            broken: None,
         };
         mission.save()?;
         Ok(mission)
     }
 
-    /// Reads one.
+    /// Reads one. A folder that has something of a mission is one, whatever has become of its record.
     pub fn open(folder: &Path) -> anyhow::Result<Self> {
-        let path = folder.join(RECORD);
-        let text = fs::read_to_string(&path)
-            .with_context(|| format!("{}: is no mission", folder.display()))?;
-        let record = serde_json::from_str(&text).with_context(|| path.display().to_string())?;
-        Ok(Self {
+        let names = [record::FILE, LOGS, JOURNAL];
+        let has_any = names.iter().any(|name| folder.join(name).exists());
+        ensure!(has_any, "{}: is no mission", folder.display());
+        let mut mission = Self {
             folder: folder.to_owned(),
-            record,
-        })
+            record: Record::default(),
+            broken: None,
+        };
+        match Record::read(folder) {
+            Ok(record) => mission.record = record,
+            Err(error) => {
+                mission.broken = Some(format!("{error:#}"));
+                mission.record = mission.guess();
+            }
+        }
+        Ok(mission)
+    }
+
+    /// What a record that is lost must have said, by what is there.
+    fn guess(&self) -> Record {
+        let report = self.folder.join(REPORT).join("report.json");
+        let files = self
+            .files()
+            .into_iter()
+            .chain([self.folder.join(CONFIGURATION)]);
+        Record {
+            begun_ns: files
+                .filter_map(|file| modified_ns(&file))
+                .min()
+                .unwrap_or(0),
+            stopped_ns: modified_ns(&report),
+            ..Record::default()
+        }
+    }
+
+    /// Writes a record that cannot be read anew, of what is there. What stood in its place is kept.
+    pub fn repair(&mut self) -> anyhow::Result<()> {
+        let Some(why) = self.broken.take() else {
+            return Ok(());
+        };
+        let kept = record::keep_broken(&self.folder)?;
+        self.save()?;
+        let kept = kept.map_or(String::new(), |kept| {
+            format!("; what was there is kept as {kept}")
+        });
+        warn(&format!("{}: {why}; it is written anew{kept}", self.name()));
+        Ok(())
     }
 
     fn save(&self) -> anyhow::Result<()> {
         let mut text = serde_json::to_string_pretty(&self.record)?;
         text.push('\n');
-        write_whole(&self.folder.join(RECORD), text.as_bytes())
+        write_whole(&self.folder.join(record::FILE), text.as_bytes())
     }
 
     /// Its folder.
@@ -98,35 +133,93 @@ impl Mission {
         self.folder.join(LOGS)
     }
 
-    /// Whether it is to go on when the robot starts: it was interrupted, and not long ago. A clock that has not been set
-    /// yet reads a time before that.
-    pub fn goes_on(&self, now_ns: i64) -> bool {
-        self.record.stopped_ns.is_none() && now_ns - self.last_sign_ns() <= PAUSE_MAX_NS
+    /// Whether a mapper writes its map at this moment.
+    pub fn is_written(&self) -> bool {
+        let lock = File::open(self.folder.join(format!("{JOURNAL}.lock")));
+        lock.is_ok_and(|lock| lock.try_lock().is_err())
+    }
+
+    /// How long it has been silent, ns, at most; `None` where nobody can tell: the machine was started anew, and nothing
+    /// stands behind its date, or the date is before the last sign of life.
+    pub fn silent_ns(&self, now: &Now) -> Option<i64> {
+        let boot = self.record.boot.as_ref();
+        let in_boot = boot.and_then(|boot| now.since_ns(boot));
+        let by_date = now.date_ns - self.last_sign_ns();
+        let is_believed = by_date >= 0 && (now.is_date_known || in_boot.is_some());
+        [in_boot, is_believed.then_some(by_date)]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// Whether it is to go on when the robot starts: it was interrupted, and surely not long ago.
+    pub fn goes_on(&self, now: &Now) -> bool {
+        let is_recent = self.silent_ns(now).is_some_and(|ns| ns <= PAUSE_MAX_NS);
+        self.record.stopped_ns.is_none() && is_recent
     }
 
     /// When something was last written, ns since 1970.
     pub fn last_sign_ns(&self) -> i64 {
-        let files = self.log_files().unwrap_or_default().into_iter();
-        let files = files.chain([self.folder.join(JOURNAL), self.folder.join(RECORD)]);
-        let modified_ns = |path: PathBuf| {
-            let modified = fs::metadata(path).ok()?.modified().ok()?;
-            let since = modified.duration_since(UNIX_EPOCH).ok()?;
-            i64::try_from(since.as_nanos()).ok()
-        };
-        let newest = files.filter_map(modified_ns).max();
+        let newest = self
+            .files()
+            .iter()
+            .filter_map(|file| modified_ns(file))
+            .max();
         newest.unwrap_or(self.record.begun_ns)
     }
 
-    /// Notes that it goes on.
-    pub fn resume(&mut self, now_ns: i64) -> anyhow::Result<()> {
-        self.record.resumed_ns.push(now_ns);
+    /// What shows when it was alive.
+    fn files(&self) -> Vec<PathBuf> {
+        let mut files = self.log_files().unwrap_or_default();
+        files.extend([JOURNAL, record::FILE].map(|name| self.folder.join(name)));
+        files
+    }
+
+    /// Notes that it goes on. `has_memory`: whether what the stages had in memory is there.
+    pub fn resume(&mut self, now: &Now, has_memory: bool) -> anyhow::Result<()> {
+        self.repair()?;
+        self.record.resumed_ns.push(now.date_ns);
+        let has_driven = self.folder.join(JOURNAL).exists() || !self.log_files()?.is_empty();
+        self.record.power_cuts += u64::from(has_driven && !has_memory);
+        self.record.boot = Some(now.boot.clone());
         self.save()
     }
 
     /// Notes that it is over.
-    pub fn stop(&mut self, now_ns: i64) -> anyhow::Result<()> {
-        self.record.stopped_ns = Some(now_ns);
+    pub fn stop(&mut self, date_ns: i64) -> anyhow::Result<()> {
+        self.repair()?;
+        self.record.stopped_ns = Some(date_ns);
         self.save()
+    }
+
+    /// Whether its report is there.
+    pub fn has_report(&self) -> bool {
+        self.folder.join(REPORT).join("report.json").is_file()
+    }
+
+    /// Where odometry's last state was kept, if it was.
+    pub fn kept_state(&self) -> Option<PathBuf> {
+        let kept = self.folder.join(STATE);
+        kept.is_dir().then_some(kept)
+    }
+
+    /// Keeps odometry's last state, which is about to be taken away.
+    pub fn keep_state(&self, from: &Path) -> anyhow::Result<()> {
+        let kept = self.folder.join(STATE);
+        let there = RECORDS.map(|name| (from.join(name), kept.join(name)));
+        for (from, to) in there.iter().filter(|(from, _)| from.is_file()) {
+            fs::create_dir_all(&kept).with_context(|| kept.display().to_string())?;
+            fs::copy(from, to).with_context(|| format!("{}: cannot be kept", from.display()))?;
+        }
+        Ok(())
+    }
+
+    /// What odometry left is in the report now.
+    pub fn drop_state(&self) -> anyhow::Result<()> {
+        match self.kept_state() {
+            Some(kept) => fs::remove_dir_all(&kept).with_context(|| kept.display().to_string()),
+            None => Ok(()),
+        }
     }
 
     /// Its logs, finished and not, in the order of time.
@@ -146,42 +239,11 @@ impl Mission {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::time::SystemTime;
-
-    fn now_ns() -> i64 {
-        SystemTime::now()
-            .duration_since(UNIX_EPOCH)
-            .unwrap()
-            .as_nanos() as i64
-    }
-
-    #[test]
-    fn it_goes_on_after_a_short_interruption_only() {
-        let folder = tempfile::tempdir().unwrap();
-        let now_ns = now_ns();
-        let mut mission = Mission::begin(&folder.path().join("a"), now_ns).unwrap();
-        assert!(mission.goes_on(now_ns + 590_000_000_000));
-        assert!(!mission.goes_on(now_ns + 620_000_000_000));
-        // The clock is not set yet.
-        assert!(mission.goes_on(0));
-        mission.resume(now_ns + 1).unwrap();
-        mission.stop(now_ns + 2).unwrap();
-        assert!(!mission.goes_on(now_ns + 3));
-        let read = Mission::open(mission.folder()).unwrap();
-        assert_eq!(read.record, mission.record);
-        assert_eq!(read.record.resumed_ns, [now_ns + 1]);
-    }
-
-    #[test]
-    fn what_is_no_mission_is_told() {
-        let folder = tempfile::tempdir().unwrap();
-        let text = format!("{:#}", Mission::open(folder.path()).unwrap_err());
-        assert!(text.contains("is no mission"), "{text}");
-        fs::write(folder.path().join("mission.json"), "{\"randt\": 5}").unwrap();
-        let text = format!("{:#}", Mission::open(folder.path()).unwrap_err());
-        assert!(text.contains("mission.json"), "{text}");
-    }
+fn modified_ns(path: &Path) -> Option<i64> {
+    let modified = fs::metadata(path).ok()?.modified().ok()?;
+    let since = modified.duration_since(UNIX_EPOCH).ok()?;
+    i64::try_from(since.as_nanos()).ok()
 }
+
+#[cfg(test)]
+mod tests;

@@ -2,7 +2,9 @@
 //!
 //! A folder `missions` with one folder each, and beside it a link `current`, through which the stages write.
 
+use crate::date::Now;
 use crate::mission::Mission;
+use crate::output::warn;
 use anyhow::{Context, bail, ensure};
 use randt_log::name_of_date;
 use std::fs;
@@ -52,6 +54,18 @@ impl Missions {
         self.root.join(CURRENT)
     }
 
+    /// Waits until no other command begins or ends a mission, and keeps others from it.
+    pub fn lock(&self) -> anyhow::Result<fs::File> {
+        let path = self.folder();
+        let folder = fs::File::open(&path).with_context(|| path.display().to_string())?;
+        if folder.try_lock().is_err() {
+            warn("another command works on the missions; it is waited for");
+            let locked = folder.lock();
+            locked.with_context(|| format!("{}: cannot be locked", path.display()))?;
+        }
+        Ok(folder)
+    }
+
     /// All of them, the oldest first; what is none is left out.
     pub fn all(&self) -> anyhow::Result<Vec<Mission>> {
         let folder = self.folder();
@@ -60,7 +74,19 @@ impl Missions {
             .flatten()
             .filter_map(|entry| Mission::open(&entry.path()).ok())
             .collect();
-        missions.sort_by_key(|mission| (mission.record.begun_ns, mission.name()));
+        // A record that cannot be read has lost its number: the date says where it belongs.
+        let numbers: Vec<_> = missions
+            .iter()
+            .map(|it| (it.record.begun_ns, it.record.number))
+            .collect();
+        for broken in missions.iter_mut().filter(|it| it.broken.is_some()) {
+            let record = &mut broken.record;
+            let before = numbers
+                .iter()
+                .filter(|(begun_ns, _)| *begun_ns < record.begun_ns);
+            record.number = before.map(|(_, number)| *number).max().unwrap_or(0);
+        }
+        missions.sort_by_key(|it| (it.record.number, it.record.begun_ns, it.name()));
         Ok(missions)
     }
 
@@ -77,10 +103,37 @@ impl Missions {
         })
     }
 
-    /// The one that the stages write into.
-    pub fn current(&self) -> Option<Mission> {
-        let folder = fs::read_link(self.link()).ok()?;
-        Mission::open(&self.root.join(folder)).ok()
+    /// The one that the stages write into. A link that leads to none is an error that says so.
+    pub fn current(&self) -> anyhow::Result<Option<Mission>> {
+        let link = self.link();
+        let folder = match fs::read_link(&link) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            folder => {
+                folder.with_context(|| format!("{}: is no link to a mission", link.display()))?
+            }
+        };
+        let mission = Mission::open(&self.root.join(folder));
+        let mission =
+            mission.with_context(|| format!("{}: leads to no mission", link.display()))?;
+        Ok(Some(mission))
+    }
+
+    /// The same for whoever goes on without one: a link that leads to none is told of.
+    pub fn current_or_none(&self) -> Option<Mission> {
+        self.current().unwrap_or_else(|error| {
+            warn(&format!("{error:#}"));
+            None
+        })
+    }
+
+    /// The date, as far as it is known: it cannot be before the last sign of life of any mission.
+    pub fn date_ns(&self, now: &Now) -> anyhow::Result<i64> {
+        if now.is_date_known {
+            return Ok(now.date_ns);
+        }
+        let all = self.all()?;
+        let signs = all.iter().map(Mission::last_sign_ns);
+        Ok(signs.fold(now.date_ns, i64::max))
     }
 
     /// Refuses a name that a new one cannot have.
@@ -92,29 +145,33 @@ impl Missions {
     }
 
     /// Begins a new one, and makes it the current one.
-    pub fn begin(&self, name: Option<&str>, now_ns: i64) -> anyhow::Result<Mission> {
-        let mission = match name {
+    pub fn begin(&self, name: Option<&str>, now: &Now) -> anyhow::Result<Mission> {
+        let newest = self.all()?.iter().map(|it| it.record.number).max();
+        let number = newest.unwrap_or(0) + 1;
+        let date_ns = self.date_ns(now)?;
+        let folder = match name {
             Some(name) => {
                 self.check_free(name)?;
-                Mission::begin(&self.folder().join(name), now_ns)?
+                self.folder().join(name)
             }
-            None => self.begin_unnamed(now_ns)?,
+            None => self.free_folder(date_ns)?,
         };
+        let mission = Mission::begin(&folder, number, date_ns, now)?;
         self.hand_over(mission.folder())?;
         self.point_to(&mission)?;
         Ok(mission)
     }
 
     /// Two may begin within a second, and a clock without a battery reads the same at each start.
-    fn begin_unnamed(&self, now_ns: i64) -> anyhow::Result<Mission> {
-        let date = name_of_date(now_ns);
+    fn free_folder(&self, date_ns: i64) -> anyhow::Result<PathBuf> {
+        let date = name_of_date(date_ns);
         let free = (1..).map(|n| match n {
             1 => date.clone(),
             _ => format!("{date}-{n}"),
         });
         let mut free = free.map(|name| self.folder().join(name));
         match free.find(|folder| !folder.exists()) {
-            Some(folder) => Mission::begin(&folder, now_ns),
+            Some(folder) => Ok(folder),
             None => bail!("{}: all names are taken", self.folder().display()),
         }
     }
@@ -164,23 +221,92 @@ fn check_name(name: &str) -> anyhow::Result<()> {
 mod tests {
     use super::*;
 
+    fn at(date_ns: i64, is_date_known: bool) -> Now {
+        Now {
+            date_ns,
+            is_date_known,
+            ..Now::default()
+        }
+    }
+
+    fn names(missions: &Missions) -> Vec<String> {
+        missions.all().unwrap().iter().map(Mission::name).collect()
+    }
+
     #[test]
     fn the_newest_is_the_current_one() {
         let root = tempfile::tempdir().unwrap();
         let missions = Missions::open(root.path()).unwrap();
-        assert!(missions.current().is_none());
-        let first = missions.begin(None, 5_000_000_000).unwrap();
-        let second = missions.begin(None, 5_900_000_000).unwrap();
+        assert!(missions.current().unwrap().is_none());
+        let first = missions.begin(None, &at(5_000_000_000, true)).unwrap();
+        let second = missions.begin(None, &at(5_900_000_000, true)).unwrap();
         assert_eq!(first.name(), "1970-01-01T00-00-05Z");
         assert_eq!(second.name(), "1970-01-01T00-00-05Z-2");
-        assert_eq!(missions.current().unwrap().name(), second.name());
-        let third = missions.begin(Some("cellar"), 6_000_000_000).unwrap();
+        let current = missions.current().unwrap().unwrap();
+        assert_eq!(current.name(), second.name());
+        let third = missions
+            .begin(Some("cellar"), &at(6_000_000_000, true))
+            .unwrap();
         assert!(missions.link().join("logs").is_dir());
-        assert!(missions.begin(Some("cellar"), 7_000_000_000).is_err());
-        let names: Vec<String> = missions.all().unwrap().iter().map(Mission::name).collect();
-        assert_eq!(names, [first.name(), second.name(), third.name()]);
+        let taken = missions.begin(Some("cellar"), &at(7_000_000_000, true));
+        assert!(taken.is_err());
+        assert_eq!(
+            names(&missions),
+            [first.name(), second.name(), third.name()]
+        );
         let text = format!("{:#}", missions.get("attic").unwrap_err());
         assert!(text.contains("cellar"), "{text}");
+    }
+
+    #[test]
+    fn a_clock_that_begins_in_1970_again_and_again_keeps_the_order() {
+        let root = tempfile::tempdir().unwrap();
+        let missions = Missions::open(root.path()).unwrap();
+        let begun: Vec<String> = (0..12)
+            .map(|_| {
+                missions
+                    .begin(None, &at(20_000_000_000, false))
+                    .unwrap()
+                    .name()
+            })
+            .collect();
+        assert_eq!(names(&missions), begun);
+        // What was written before says that it is later than 1970, but for the first one, which has nothing to go by.
+        assert!(begun[0].starts_with("1970"), "{begun:?}");
+        assert!(
+            begun[1..].iter().all(|name| !name.starts_with("1970")),
+            "{begun:?}"
+        );
+        // The first that knows the date again stands behind them, though they bear later ones.
+        let known = missions
+            .begin(None, &at(1_000_000_000_000_000_000, true))
+            .unwrap();
+        assert_eq!(names(&missions).last(), Some(&known.name()));
+    }
+
+    #[test]
+    fn a_broken_record_stands_where_it_stood() {
+        let root = tempfile::tempdir().unwrap();
+        let missions = Missions::open(root.path()).unwrap();
+        let now_ns = Now::read().date_ns;
+        let begun = [-40, -20, 100].map(|s| {
+            let now = at(now_ns + s * 1_000_000_000, true);
+            missions.begin(None, &now).unwrap()
+        });
+        fs::write(begun[1].folder().join("mission.json"), "{").unwrap();
+        let all = missions.all().unwrap();
+        assert_eq!(names(&missions), begun.each_ref().map(Mission::name));
+        assert!(all[1].broken.is_some() && all[0].broken.is_none());
+    }
+
+    #[test]
+    fn a_link_that_leads_nowhere_is_told() {
+        let root = tempfile::tempdir().unwrap();
+        let missions = Missions::open(root.path()).unwrap();
+        let mission = missions.begin(None, &at(5, true)).unwrap();
+        fs::remove_dir_all(mission.folder()).unwrap();
+        let text = format!("{:#}", missions.current().unwrap_err());
+        assert!(text.contains("current: leads to no mission"), "{text}");
     }
 
     #[test]

@@ -4,11 +4,10 @@ use crate::{
     compare::Comparison,
     digest,
     loops::Loops,
-    pipeline::Timing,
+    pipeline::{Pipeline, Timing},
     results::{FrameSpan, TrustCount},
 };
 use randt_config::Config;
-use randt_odometry::Counters;
 use randt_readers::{Counter, InputInfo};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -144,16 +143,10 @@ pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> BTreeMap<&'sta
     ])
 }
 
-/// All counters of reader and odometry that are not zero.
+/// All counters of a reader that are not zero.
 ///
 /// Texts name the input without its path, so that a report does not depend on where things lie.
-pub fn counters(
-    path: &Path,
-    input: &[Counter],
-    odometry: &Counters,
-    mapper: &randt_mapper::Counters,
-) -> BTreeMap<&'static str, Count> {
-    let mut all = BTreeMap::new();
+pub fn of_reader(path: &Path, input: &[Counter]) -> BTreeMap<&'static str, Count> {
     let folder = path
         .parent()
         .map(|p| format!("{}/", p.display()))
@@ -166,18 +159,22 @@ pub fn counters(
             text.replace(&folder, "")
         }
     };
-    for counter in input.iter().filter(|c| c.count > 0) {
-        all.insert(
-            counter.name,
-            Count {
-                count: counter.count,
-                loss: counter.loss,
-                first: without_path(&counter.first),
-            },
-        );
-    }
-    // Whether a scan lacks its pose, or only its best one.
-    for (name, count, loss) in [
+    let count = |counter: &Counter| Count {
+        count: counter.count,
+        loss: counter.loss,
+        first: without_path(&counter.first),
+    };
+    let counted = input.iter().filter(|counter| counter.count > 0);
+    counted
+        .map(|counter| (counter.name, count(counter)))
+        .collect()
+}
+
+/// All counters of odometry and mapper that are not zero.
+pub fn of_pipeline(pipeline: &Pipeline) -> BTreeMap<&'static str, Count> {
+    let (odometry, mapper) = (pipeline.counters(), pipeline.mapper().counters());
+    let counts = [
+        // Whether a scan lacks its pose, or only its best one.
         ("odometry_scans_rejected", odometry.scans_rejected, true),
         ("odometry_scans_repeated", odometry.scans_repeated, true),
         (
@@ -198,19 +195,21 @@ pub fn counters(
         ("odometry_points_outside", odometry.points_outside, false),
         ("mapper_keyframes_rejected", mapper.keyframes_rejected, true),
         ("mapper_solver_failures", mapper.solver_failures, false),
-    ] {
-        if count > 0 {
-            all.insert(
-                name,
-                Count {
-                    count,
-                    loss,
-                    first: String::new(),
-                },
-            );
-        }
-    }
-    all
+        (
+            "keyframes_of_another_drive",
+            pipeline.keyframes_refused(),
+            true,
+        ),
+    ];
+    let counted = counts.into_iter().filter(|(_, count, _)| *count > 0);
+    let count = |count, loss| Count {
+        count,
+        loss,
+        first: String::new(),
+    };
+    counted
+        .map(|(name, number, loss)| (name, count(number, loss)))
+        .collect()
 }
 
 /// What the input says of itself, for the report.

@@ -1,6 +1,5 @@
 //! What a run leaves behind: trajectories, picture, report.
 
-use crate::output::write_whole;
 use anyhow::Context;
 use randt_evaluation::{
     Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
@@ -9,6 +8,7 @@ use randt_geometry::Pose2;
 use randt_mapper::Mapper;
 use randt_messages::{Keyframe, MessageRef, OdometryState, Trust, TruthPose};
 use randt_odometry::Sink;
+use std::collections::HashSet;
 use std::path::Path;
 
 /// Most points of the map in the picture; more would only make the file larger.
@@ -21,13 +21,24 @@ const PICTURE_STRIDE: usize = 4;
 pub struct Results {
     /// The live state of every scan.
     pub states: Vec<OdometryState>,
+    /// The scans that have one, where states come from several places and each counts once.
+    known: Option<HashSet<(u64, u64)>>,
     /// The truth, where the log has it; never given to the pipeline.
     truth: Trajectory,
 }
 
 impl Sink for Results {
     fn state(&mut self, state: &OdometryState) {
-        self.states.push(*state);
+        let Some(known) = &mut self.known else {
+            self.states.push(*state);
+            return;
+        };
+        if known.insert((state.scan_epoch, state.scan_sequence)) {
+            let order = |state: &OdometryState| (state.odom_frame_id, state.header.stamp_ns);
+            let before = |other: &OdometryState| order(other) < order(state);
+            let at = self.states.iter().rposition(before).map_or(0, |i| i + 1);
+            self.states.insert(at, *state);
+        }
     }
 
     fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
@@ -58,12 +69,23 @@ pub struct TrustCount {
 }
 
 impl Results {
-    /// Those of a drive that is over.
-    pub fn of(states: Vec<OdometryState>) -> Self {
+    /// Of a drive whose states come from several places: each scan's counts once, in the order of frames and stamps.
+    pub fn merged() -> Self {
         Self {
-            states,
-            truth: Trajectory::default(),
+            known: Some(HashSet::new()),
+            ..Self::default()
         }
+    }
+
+    /// States that odometry has numbered and that are not here.
+    pub fn states_missing(&self) -> u64 {
+        let before = std::iter::once(None).chain(self.states.iter().map(Some));
+        let missing = |(before, state): (Option<&OdometryState>, &OdometryState)| {
+            // A number that does not rise is that of an odometry that began without its past.
+            let next = before.map_or(0, |before| before.id + 1);
+            state.id.checked_sub(next).unwrap_or(state.id)
+        };
+        before.zip(&self.states).map(missing).sum()
     }
 
     /// Keeps a true pose for the evaluation.
@@ -143,32 +165,23 @@ impl Results {
         count
     }
 
-    /// Writes `odometry.tum`, `trajectory.tum`, `keyframes.tum` and `plot.svg`; gives the final trajectory's text.
-    pub fn write(
-        &self,
-        folder: &Path,
-        title: &str,
-        trajectory: &Trajectory,
-        mapper: &Mapper,
-    ) -> anyhow::Result<String> {
-        let rows = trajectory.to_tum();
-        let picture = self
-            .picture(trajectory, title, mapper)
-            .context("plot.svg")?;
-        for (name, text) in [
-            ("odometry.tum", &self.odometry().to_tum()),
-            ("trajectory.tum", &rows),
-            ("keyframes.tum", &keyframes(mapper).to_tum()),
-            ("plot.svg", &picture),
-        ] {
-            write_whole(&folder.join(name), text.as_bytes())?;
+    /// Trajectories and map, each with its name. A map that holds nothing has no picture.
+    pub fn files(&self, trajectory: &Trajectory, mapper: &Mapper) -> Vec<(&'static str, Vec<u8>)> {
+        let mut files = vec![
+            ("odometry.tum", self.odometry().to_tum().into_bytes()),
+            ("trajectory.tum", trajectory.to_tum().into_bytes()),
+            ("keyframes.tum", keyframes(mapper).to_tum().into_bytes()),
+        ];
+        if let Some(picture) = mapper.grid().picture() {
+            // As Nav2's map_server reads them.
+            files.push(("map.pgm", picture.to_pgm()));
+            files.push(("map.yaml", picture.to_yaml("map.pgm").into_bytes()));
         }
-        write_grid(folder, mapper)?;
-        Ok(rows)
+        files
     }
 
     /// The picture: what stands in the map's largest part is drawn with its returns and loops, other parts as lines.
-    fn picture(
+    pub fn picture(
         &self,
         trajectory: &Trajectory,
         title: &str,
@@ -191,19 +204,6 @@ impl Results {
             map: &returns(mapper),
             loops: &loops,
         })?)
-    }
-}
-
-/// Writes `map.pgm` and `map.yaml` as Nav2's map_server reads them. A map that holds nothing has no picture; one of an
-/// earlier run must not stand for it.
-fn write_grid(folder: &Path, mapper: &Mapper) -> anyhow::Result<()> {
-    let (pgm, yaml) = (folder.join("map.pgm"), folder.join("map.yaml"));
-    match mapper.grid().picture() {
-        Some(picture) => {
-            write_whole(&pgm, &picture.to_pgm())?;
-            write_whole(&yaml, picture.to_yaml("map.pgm").as_bytes())
-        }
-        None => [pgm, yaml].iter().try_for_each(|path| remove(path)),
     }
 }
 
@@ -254,3 +254,6 @@ fn returns(mapper: &Mapper) -> Vec<[f64; 2]> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests;

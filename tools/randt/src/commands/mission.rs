@@ -3,16 +3,18 @@
 mod boot;
 mod export;
 mod list;
+mod logged;
 mod new;
+mod owner;
 mod recover;
 mod report;
+mod stages;
 mod stop;
 mod target;
 
 use crate::exit::Outcome;
 use crate::missions::{Missions, ROOT};
 use std::path::PathBuf;
-use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Arguments of `randt mission`.
 #[derive(Debug, clap::Args)]
@@ -30,14 +32,14 @@ enum Action {
     /// Begin a new mission with an empty map; the one before is stopped
     New(new::Arguments),
     /// End the mission: the pipeline stops, the report is written, and the next start begins a new one
-    Stop,
+    Stop(stop::Arguments),
     /// Say which missions there are
     List(list::Arguments),
     /// Copy a mission somewhere else, with whole logs and its report
     Export(export::Arguments),
     /// Decide at the robot's start whether the last mission goes on (systemd calls this)
     Boot(boot::Arguments),
-    /// Make whole logs of those that a power cut left (systemd calls this)
+    /// Make whole logs of those that a power cut left, and records that cannot be read anew (systemd calls this)
     Recover,
 }
 
@@ -46,18 +48,10 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let missions = Missions::open(&arguments.root)?;
     match arguments.action {
         Action::New(arguments) => new::run(&missions, &arguments),
-        Action::Stop => stop::run(&missions),
+        Action::Stop(arguments) => stop::run(&missions, &arguments),
         Action::List(arguments) => list::run(&missions, &arguments),
         Action::Export(arguments) => export::run(&missions, &arguments),
         Action::Boot(arguments) => boot::run(&missions, &arguments),
         Action::Recover => recover::run(&missions),
     }
-}
-
-/// What the system's clock reads, ns since 1970.
-fn now_ns() -> i64 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH);
-    now.map_or(0, |since| {
-        i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
-    })
 }

@@ -1,17 +1,18 @@
 //! `randt run`: a radar log in, a trajectory and a map out.
 
 use crate::{
-    compare::{self, Comparison},
-    conclusion::{Conclusion, Shown},
+    compare,
     exit::Outcome,
+    finish_drive::{Drive, Shown, finish_drive},
     input::InputOptions,
-    job::{self, Done},
+    job,
     output::write_whole,
-    progress,
-    report::{self, Count},
+    pipeline::Pipeline,
+    progress, report,
 };
-use anyhow::{Context, bail};
-use randt_config::{Config, SelectionArguments};
+use anyhow::{Context, anyhow};
+use randt_config::SelectionArguments;
+use randt_messages::OdometryState;
 use randt_readers::Source;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -84,26 +85,27 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
 
     let bar = progress::bar(source.info().scans, "scans");
     let done = job::run(source.as_mut(), &config, !arguments.no_imu, &bar)?;
-    if done.results.states.is_empty() {
-        let counters = source.counters();
-        let why = counters
-            .iter()
-            .map(|c| format!("\n  {}: {} ({})", c.name, c.count, c.first))
-            .collect::<String>();
-        bail!(
-            "{}: holds no scan that could be used{why}",
-            arguments.input.display()
-        );
-    }
-    let comparison = published.map(|published| Comparison::of(&published, &done.results.states));
-    finish(
-        &arguments,
-        source.as_ref(),
-        &config,
-        &done,
-        comparison,
-        begin,
-    )
+    let input = arguments.input.as_path();
+    let use_imu = !arguments.no_imu && done.imu_samples > 0;
+    let mut counters = report::of_reader(input, &source.counters());
+    counters.extend(done.counters());
+    let drive = Drive {
+        input: report::input(source.info(), input, use_imu, done.imu_samples)?,
+        pipeline: done.pipeline,
+        results: done.results,
+        config: &config,
+        counters,
+        published,
+    };
+    let timing = |pipeline: &Pipeline, _: &[OdometryState]| {
+        let whole_ns = begin.elapsed().as_nanos() as u64;
+        report::timing(&pipeline.timing, &done.read_ns, whole_ns)
+    };
+    let shown = finish_drive(drive, timing, &arguments.out)?;
+    shown.ok_or_else(|| {
+        done.first_misfit
+            .map_or_else(|| no_scan(input, source.as_ref()), Into::into)
+    })
 }
 
 /// The folder, made and tried out before the work begins.
@@ -115,43 +117,11 @@ pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
     std::fs::remove_file(&trial).with_context(|| trial.display().to_string())
 }
 
-/// Everything that was found out, written and printed.
-fn finish(
-    arguments: &Arguments,
-    source: &dyn Source,
-    config: &Config,
-    done: &Done,
-    comparison: Option<Comparison>,
-    begin: Instant,
-) -> anyhow::Result<Shown> {
-    let input = arguments.input.as_path();
-    let mapper = done.pipeline.mapper();
-    let odometry = done.pipeline.counters();
-    let mut counters = report::counters(input, &source.counters(), &odometry, &mapper.counters());
-    if let Some(misfit) = &done.first_misfit {
-        counters.insert(
-            "scans_not_of_this_sensor",
-            Count::lost(done.misfits, misfit.to_string()),
-        );
-    }
-    if done.interrupted {
-        let first = "the input was not read to its end".to_owned();
-        counters.insert("interrupted", Count::lost(1, first));
-    }
-    let timing = report::timing(
-        &done.pipeline.timing,
-        &done.read_ns,
-        begin.elapsed().as_nanos() as u64,
-    );
-    let use_imu = !arguments.no_imu && done.imu_samples > 0;
-    Conclusion {
-        input: report::input(source.info(), input, use_imu, done.imu_samples)?,
-        results: &done.results,
-        mapper,
-        config,
-        counters,
-        timing,
-        comparison,
-    }
-    .write(&arguments.out)
+fn no_scan(input: &Path, source: &dyn Source) -> anyhow::Error {
+    let counters = source.counters();
+    let why = counters
+        .iter()
+        .map(|c| format!("\n  {}: {} ({})", c.name, c.count, c.first))
+        .collect::<String>();
+    anyhow!("{}: holds no scan that could be used{why}", input.display())
 }

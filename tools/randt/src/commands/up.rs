@@ -1,39 +1,23 @@
 //! `randt up`: the whole pipeline as child processes, for a desk or a test.
 
 mod child;
-mod harvest;
+mod ending;
+mod journal;
+mod launch;
+mod processes;
+mod program;
 mod watch;
 
-use crate::{
-    exit::Outcome,
-    input::InputOptions,
-    job,
-    output::{print, write_whole},
-    progress,
-    report::Count,
-};
-use anyhow::{bail, ensure};
-use child::{Child, Program};
-use harvest::Drive;
-use indicatif::ProgressBar;
-use randt_config::{Config, Loaded, Selection, SelectionArguments};
+use crate::{earlier, exit::Outcome, input::InputOptions, job};
+use anyhow::bail;
+use ending::Ending;
+use processes::Processes;
+use randt_config::{Loaded, SelectionArguments};
 use randt_imu::Imu;
 use randt_radar::Radar;
 use randt_readers::Source;
-use randt_stage::{Realm, RealmArguments, Stage, Woken};
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-use watch::Watch;
-
-/// How often children and the end are looked for where nothing else happens.
-const LOOK: Duration = Duration::from_millis(100);
-/// After the end of the log nothing more is to be expected when nothing has come for so long.
-const QUIET: Duration = Duration::from_secs(2);
-/// A stage that is not running after this time is told of.
-const START_MAX: Duration = Duration::from_secs(10);
-
-/// What stands in for the drivers.
-const PLAY: &str = "play";
+use randt_stage::RealmArguments;
+use std::path::PathBuf;
 
 /// Refuses a configuration that a driver would end by.
 pub fn check_drivers(loaded: &Loaded, no_imu: bool) -> anyhow::Result<()> {
@@ -92,6 +76,8 @@ pub struct Arguments {
 
 /// Starts everything, watches it, ends it, and leaves the files.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    // A closed terminal (SIGHUP) too; of the other signals a stage has handlers of its own.
+    job::catch_interrupts();
     let source = match &arguments.play {
         Some(log) => Some(randt_readers::open(log, &arguments.options.options())?),
         None => None,
@@ -102,19 +88,18 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     }
     crate::commands::run::prepare_folder(&arguments.out)?;
     let realm = arguments.realm.realm()?;
-    harvest::set_aside(&arguments.out)?;
     if randt_stage::wipe(&realm, true)?.is_none() {
         bail!(
             "{}: a pipeline runs here already, or a stage of one; stop it, or give this one another --prefix (a recorder is started by --record, a view by --view)",
             realm.folder().display()
         );
     }
-    let mut pipeline = Pipeline::start(&arguments, &realm, &loaded, source.as_deref())?;
-    let ended = pipeline.watch();
-    let stopped = pipeline.stop();
-    let interrupted = ended?;
-    stopped?;
-    let drive = Drive {
+    earlier::keep_drive(&arguments.out)?;
+    let (mut processes, journal) =
+        Processes::start(&arguments, &realm, &loaded, source.as_deref())?;
+    let end = processes.watch();
+    processes.stop();
+    let ending = Ending {
         realm: &realm,
         out: &arguments.out,
         config: &loaded.config,
@@ -122,12 +107,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         log: arguments.play.as_deref(),
         options: arguments.options.options(),
     };
-    let (mut extra, begin) = (pipeline.watch.counters(), pipeline.begin);
-    if interrupted && arguments.play.is_some() {
-        let first = "the log was not played to its end".to_owned();
-        extra.insert("interrupted", Count::lost(1, first));
-    }
-    drive.harvest(pipeline.watch.take_states(), extra, begin)
+    ending.finish(processes, journal, end)
 }
 
 /// What is in force, with the mounting that the log says.
@@ -141,190 +121,4 @@ fn configuration(
         Some(source) => job::with_mounting(loaded, source),
         None => loaded,
     })
-}
-
-/// The running stages.
-struct Pipeline {
-    stage: Option<Stage>,
-    watch: Watch,
-    /// In the order of the data's way, which is the order in which they are ended.
-    children: Vec<Child>,
-    bar: ProgressBar,
-    begin: Instant,
-}
-
-impl Pipeline {
-    fn start(
-        arguments: &Arguments,
-        realm: &Realm,
-        loaded: &Loaded,
-        source: Option<&dyn Source>,
-    ) -> anyhow::Result<Self> {
-        let mut stage = Stage::open("up", realm)?;
-        stage.expect(&loaded.config.sensor);
-        let watch = Watch::open(&mut stage)?;
-        stage.running()?;
-        let profile = realm.folder().join("up.toml");
-        write_profile(&profile, loaded)?;
-        let bar = progress::bar(source.and_then(|source| source.info().scans), "scans");
-        let mut pipeline = Self {
-            stage: Some(stage),
-            watch,
-            children: Vec::new(),
-            bar,
-            begin: Instant::now(),
-        };
-        let journal = std::path::absolute(arguments.out.join(harvest::JOURNAL))?;
-        if let Some(folder) = &arguments.record {
-            let mut program = Program::stage("recorder", realm)?;
-            program.option("--profile", &profile);
-            program.option("--out", std::path::absolute(folder)?);
-            pipeline.add(program);
-        }
-        if arguments.view {
-            let mut program = Program::stage("view", realm)?;
-            program.option("--profile", &profile);
-            pipeline.add(program);
-        }
-        for name in ["mapper", "odometry", "filter"] {
-            let mut program = Program::stage(name, realm)?;
-            program.option("--profile", &profile);
-            match name {
-                "mapper" => program.option("--journal", &journal),
-                "odometry" if arguments.no_imu => program.flag("--no-imu"),
-                _ => {}
-            }
-            pipeline.add(program);
-        }
-        pipeline.wait_until_running()?;
-        if let Some(log) = &arguments.play {
-            let mut program = Program::command(PLAY, realm)?;
-            program.flag(log);
-            program.flag("--stay");
-            program.option("--rate", arguments.rate.to_string());
-            for argument in arguments.options.as_arguments() {
-                program.flag(argument);
-            }
-            pipeline.add(program);
-        } else if !arguments.no_drivers {
-            for name in drivers(arguments.no_imu) {
-                let mut program = Program::stage(name, realm)?;
-                program.option("--profile", &profile);
-                pipeline.add(program);
-            }
-        }
-        Ok(pipeline)
-    }
-
-    /// Starts a program whose data go to those that were added before.
-    fn add(&mut self, program: Program) {
-        let child = Child::start(program, self.bar.clone());
-        self.children.insert(0, child);
-    }
-
-    /// Waits until every stage says that it runs.
-    fn wait_until_running(&mut self) -> anyhow::Result<()> {
-        let give_up = Instant::now() + START_MAX;
-        loop {
-            self.look()?;
-            let waiting: Vec<&str> = self
-                .children
-                .iter()
-                .map(Child::name)
-                .filter(|name| !self.watch.runs(name))
-                .collect();
-            if waiting.is_empty() {
-                return Ok(());
-            }
-            ensure!(
-                Instant::now() < give_up,
-                "{} did not start within {START_MAX:?}",
-                waiting.join(", ")
-            );
-            if self.wait()? == Woken::Stop {
-                bail!("interrupted before the pipeline ran");
-            }
-        }
-    }
-
-    /// Watches until the log is computed or the end is asked for; gives whether it was asked for.
-    fn watch(&mut self) -> anyhow::Result<bool> {
-        loop {
-            if self.wait()? == Woken::Stop {
-                return Ok(true);
-            }
-            self.look()?;
-            if self.play_has_ended() {
-                return Ok(true);
-            }
-            self.bar.set_position(self.watch.scans());
-            self.bar.set_message(self.watch.line());
-            let quiet = self.watch.quiet_for() > QUIET;
-            if self.watch.is_played() && (self.watch.is_computed() || quiet) {
-                return Ok(false);
-            }
-        }
-    }
-
-    fn wait(&mut self) -> anyhow::Result<Woken> {
-        let Some(stage) = &mut self.stage else {
-            return Ok(Woken::Stop);
-        };
-        let woken = stage.wait(&self.watch.wakes(), Some(LOOK))?;
-        self.watch.receive()?;
-        Ok(woken)
-    }
-
-    /// Whether somebody ended the log before its end: what was computed until then is kept.
-    fn play_has_ended(&self) -> bool {
-        let mut children = self.children.iter();
-        children.any(|child| child.name() == PLAY && child.given_up().is_some())
-    }
-
-    /// Whether a stage has given up, with its last words.
-    fn look(&self) -> anyhow::Result<()> {
-        let mut stages = self.children.iter().filter(|child| child.name() != PLAY);
-        match stages.find_map(Child::given_up) {
-            Some(why) => bail!(why),
-            None => Ok(()),
-        }
-    }
-
-    /// Ends the children along the data's way, so that each gets what the one before sent last.
-    fn stop(&mut self) -> anyhow::Result<()> {
-        for child in &mut self.children {
-            child.stop();
-            self.watch.receive()?;
-        }
-        self.bar.finish_and_clear();
-        match self.stage.take() {
-            Some(stage) => Ok(stage.close()?),
-            None => Ok(()),
-        }
-    }
-}
-
-/// The configuration for the stages, exactly as it is in force here.
-fn write_profile(path: &Path, loaded: &Loaded) -> anyhow::Result<()> {
-    write_whole(path, loaded.to_toml().as_bytes())?;
-    let read = Config::load(&Selection {
-        profile: Some(path.display().to_string()),
-        ..Selection::default()
-    })?;
-    ensure!(
-        read.config == loaded.config,
-        "{}: does not read back as it was written",
-        path.display()
-    );
-    Ok(())
-}
-
-impl Drop for Pipeline {
-    fn drop(&mut self) {
-        // Where starting failed half way; a second stop does nothing.
-        if let Err(error) = self.stop() {
-            // Nobody is left to hand it to.
-            let _ = print(&format!("{error}\n"));
-        }
-    }
 }

@@ -174,7 +174,8 @@ fn trial(
     let selection = arguments.selection.with(variant.set);
     let loaded = selection.load(source.info().sensor.name())?;
     let config = job::with_mounting(loaded, &source).config;
-    let done = job::run(&mut source, &config, variant.use_imu, bar)?;
+    let mut done = job::run(&mut source, &config, variant.use_imu, bar)?;
+    done.finish();
     if done.interrupted {
         bail!("interrupted; nothing was written");
     }

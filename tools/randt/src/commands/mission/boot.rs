@@ -1,16 +1,14 @@
 //! `randt mission boot`: before the stages start.
 
-use super::{now_ns, recover};
+use super::{owner, recover};
+use crate::date::Now;
 use crate::exit::Outcome;
 use crate::mission::{CONFIGURATION, Mission};
 use crate::missions::Missions;
 use crate::output::{print, write_whole};
+use crate::units::seconds;
 use randt_config::SelectionArguments;
-use randt_stage::{Realm, RealmArguments, wipe};
-use std::fs;
-
-/// In the run folder: whose state it is that stages left there.
-const OWNER: &str = "mission";
+use randt_stage::{RealmArguments, wipe};
 
 /// Arguments of `randt mission boot`.
 #[derive(Debug, clap::Args)]
@@ -24,25 +22,28 @@ pub struct Arguments {
 /// Goes on with the last mission where it was interrupted a short while ago, else begins a new one.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let realm = arguments.realm.realm()?;
+    let _lock = missions.lock()?;
     if wipe(&realm, false)?.is_none() {
         return print("the stages run already: the mission is what it is\n")
             .map(|()| Outcome::Good);
     }
-    let now_ns = now_ns();
-    let (mission, how) = match missions.current() {
-        Some(mut mission) if mission.goes_on(now_ns) => {
+    let now = Now::read();
+    // Whatever has become of the last one, the robot can drive.
+    let (mission, how) = match missions.current_or_none() {
+        Some(mut mission) => {
+            mission.repair()?;
             recover::set_aside(&mission)?;
-            mission.resume(now_ns)?;
-            (mission, "goes on")
-        }
-        last => {
-            if let Some(last) = last {
-                recover::set_aside(&last)?;
+            if mission.goes_on(&now) {
+                mission.resume(&now, owner::owns(&mission, &realm))?;
+                (mission, "goes on".to_owned())
+            } else {
+                let how = format!("begins: {}", why_not(&mission, &now));
+                (missions.begin(None, &now)?, how)
             }
-            (missions.begin(None, now_ns)?, "begins")
         }
+        None => (missions.begin(None, &now)?, "begins".to_owned()),
     };
-    disown(&realm, &mission)?;
+    owner::hand_to(&mission, missions, &realm)?;
     // A wrong configuration is told by each stage that it stops.
     if let Ok(loaded) = arguments.selection.load(None) {
         let path = mission.folder().join(CONFIGURATION);
@@ -52,13 +53,14 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     Ok(Outcome::Good)
 }
 
-/// What stages of another mission left in memory would make this one go on where that was.
-fn disown(realm: &Realm, mission: &Mission) -> anyhow::Result<()> {
-    let path = realm.folder().join(OWNER);
-    let owner = fs::read_to_string(&path).unwrap_or_default();
-    if owner != mission.name() {
-        wipe(realm, true)?;
-        write_whole(&path, mission.name().as_bytes())?;
+/// Why a mission does not go on.
+fn why_not(mission: &Mission, now: &Now) -> String {
+    let name = mission.name();
+    match (mission.record.stopped_ns, mission.silent_ns(now)) {
+        (Some(_), _) => format!("{name} was stopped"),
+        (None, Some(ns)) => format!("{name} was interrupted {} ago", seconds(ns as f64 * 1e-9)),
+        (None, None) => {
+            format!("{name} was interrupted, and without a date nobody knows how long ago")
+        }
     }
-    Ok(())
 }

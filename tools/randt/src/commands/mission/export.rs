@@ -4,7 +4,7 @@ use super::{recover, report};
 use crate::exit::Outcome;
 use crate::mission::{Mission, REPORT};
 use crate::missions::Missions;
-use crate::output::print;
+use crate::output::{print, warn};
 use crate::progress;
 use crate::units::bytes;
 use anyhow::{Context, ensure};
@@ -25,7 +25,7 @@ pub struct Arguments {
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mission = match &arguments.name {
         Some(name) => missions.get(name)?,
-        None => missions.current().context("there is no mission yet")?,
+        None => missions.current()?.context("there is no mission yet")?,
     };
     let to = arguments.out.join(mission.name());
     ensure!(!to.exists(), "{}: exists already", to.display());
@@ -40,15 +40,29 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
         }
         Ok(size) => size,
     };
-    let copied = Mission::open(&part)?;
+    let mut copied = Mission::open(&part)?;
+    copied.repair()?;
     recover::set_aside(&copied)?;
-    recover::mend(&copied.logs())?;
-    if let Err(error) = report::write(&copied, &mission.name(), &part.join(REPORT)) {
-        eprintln!("{}: no report: {error:#}", mission.name());
+    recover::mend(&copied)?;
+    let mut outcome = Outcome::Good;
+    // One that was stopped has its report: nothing that was known then is there to make a better one.
+    if !copied.has_report() {
+        let state = copied.kept_state();
+        match report::write(
+            &copied,
+            &mission.name(),
+            state.as_deref(),
+            &part.join(REPORT),
+        ) {
+            Ok(true) => outcome = Outcome::DataLost,
+            Ok(false) => {}
+            Err(error) => warn(&format!("{}: no report: {error:#}", mission.name())),
+        }
+        copied.drop_state()?;
     }
     fs::rename(&part, &to).with_context(|| to.display().to_string())?;
     print(&format!("{}: {}\n", to.display(), bytes(size)))?;
-    Ok(Outcome::Good)
+    Ok(outcome)
 }
 
 /// Copies a folder; gives its bytes.

@@ -1,8 +1,9 @@
 //! `randt mission list`: which missions there are.
 
-use super::now_ns;
+use crate::date::Now;
+use crate::earlier::JOURNAL;
 use crate::exit::Outcome;
-use crate::mission::{JOURNAL, Mission};
+use crate::mission::Mission;
 use crate::missions::Missions;
 use crate::output::print;
 use crate::units::{bytes, count, seconds};
@@ -22,8 +23,11 @@ pub struct Arguments {
 #[derive(Debug, Serialize)]
 struct Row {
     name: String,
-    /// `current`, `stopped`, or `interrupted`: a power cut, and it did not go on.
+    /// `current`, `stopped`, `interrupted` (a power cut, and it did not go on), or `broken`.
     state: &'static str,
+    /// Why its record cannot be read; what the other fields say is then guessed from its files.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    broken: Option<String>,
     begun_ns: i64,
     /// Its last sign of life.
     end_ns: i64,
@@ -39,10 +43,12 @@ impl Row {
         Ok(Self {
             name: mission.name(),
             state: match mission.record.stopped_ns {
+                _ if mission.broken.is_some() => "broken",
                 Some(_) => "stopped",
                 None if is_current => "current",
                 None => "interrupted",
             },
+            broken: mission.broken.clone(),
             begun_ns: mission.record.begun_ns,
             end_ns: mission
                 .record
@@ -57,7 +63,7 @@ impl Row {
 
 /// Prints them, the oldest first.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let current = missions.current().map(|mission| mission.name());
+    let current = missions.current_or_none().map(|mission| mission.name());
     let all = missions.all()?.into_iter();
     let rows: anyhow::Result<Vec<Row>> = all
         .map(|mission| Row::of(&mission, current.as_ref() == Some(&mission.name())))
@@ -70,7 +76,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     if rows.is_empty() {
         print("no mission yet; the pipeline's start begins one\n")?;
     }
-    let now_ns = now_ns();
+    let now_ns = Now::read().date_ns;
     for row in rows {
         print(&format!(
             "{:<24} {:<12} {:>7}, {:>7} ago  map {:>8}, {} of {}\n",
@@ -82,6 +88,11 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
             count(row.logs as u64, "log", "logs"),
             bytes(row.log_bytes),
         ))?;
+        if let Some(why) = row.broken {
+            print(&format!(
+                "  broken: {why}; `randt mission recover` writes it anew\n"
+            ))?;
+        }
     }
     Ok(Outcome::Good)
 }

@@ -1,32 +1,47 @@
 //! `randt mission new`: an empty map.
 
-use super::{now_ns, stop, target};
+use super::{stages, stop, target};
+use crate::date::Now;
 use crate::exit::Outcome;
 use crate::missions::Missions;
 use crate::output::print;
+use randt_stage::RealmArguments;
 
 /// Arguments of `randt mission new`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Its name; if not given, the date
     name: Option<String>,
+    #[command(flatten)]
+    realm: RealmArguments,
 }
 
-/// Ends the current mission, begins another, and starts the pipeline again where it ran.
+/// Ends the current mission, begins another, and starts the pipeline again where it ran under systemd.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let name = arguments.name.as_deref();
-    if let Some(name) = name {
-        // Before anything is stopped.
-        missions.check_free(name)?;
+    let realm = arguments.realm.realm()?;
+    let mut outcome = Outcome::Good;
+    let ran;
+    {
+        let _lock = missions.lock()?;
+        if let Some(name) = name {
+            // Before anything is stopped.
+            missions.check_free(name)?;
+        }
+        ran = match missions.current_or_none() {
+            Some(mission) => {
+                let ran = stages::stop(&mission, &realm)?;
+                outcome = stop::end(missions, mission, &realm)?;
+                ran
+            }
+            None => target::stop()?,
+        };
+        let mission = missions.begin(name, &Now::read())?;
+        print(&format!("{}: begins\n", mission.name()))?;
     }
-    let ran = target::stop()?;
-    if let Some(mission) = missions.current() {
-        stop::end(missions, mission)?;
-    }
-    let mission = missions.begin(name, now_ns())?;
-    print(&format!("{}: begins\n", mission.name()))?;
     if ran {
+        // Its first unit is `randt mission boot`, which takes the lock.
         target::start()?;
     }
-    Ok(Outcome::Good)
+    Ok(outcome)
 }

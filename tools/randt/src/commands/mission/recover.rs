@@ -1,4 +1,4 @@
-//! `randt mission recover`: whole logs of those that were cut.
+//! `randt mission recover`: whole logs of those that were cut, and records of missions that cannot be read.
 //!
 //! A cut log is set aside before the recorder begins, and mended while the pipeline runs: that takes seconds.
 
@@ -6,21 +6,30 @@ use crate::commands::log::recover as log;
 use crate::exit::Outcome;
 use crate::mission::Mission;
 use crate::missions::Missions;
+use crate::output::warn;
 use anyhow::Context;
 use std::fs;
-use std::path::Path;
 
 /// The name's end of a log that nobody writes any more.
 const CUT: &str = "cut";
 /// The same while the recorder writes it.
 const ACTIVE: &str = "active";
 
-/// Mends the logs of all missions.
+/// Mends the missions, each as far as it can be mended.
 pub fn run(missions: &Missions) -> anyhow::Result<Outcome> {
-    for mission in missions.all()? {
-        mend(&mission.logs())?;
+    let mut outcome = Outcome::Good;
+    for mut mission in missions.all()? {
+        let repaired = {
+            let _lock = missions.lock()?;
+            mission.repair()
+        };
+        let repaired = repaired.and_then(|()| mend(&mission));
+        if let Err(error) = repaired {
+            warn(&format!("{}: {error:#}", mission.name()));
+            outcome = Outcome::Failed;
+        }
     }
-    Ok(Outcome::Good)
+    Ok(outcome)
 }
 
 /// Gives a mission's unfinished logs another name. Only where no recorder runs.
@@ -35,13 +44,15 @@ pub fn set_aside(mission: &Mission) -> anyhow::Result<()> {
 }
 
 /// Makes whole logs of those that were set aside. One that holds nothing whole stays as it is, and is told of.
-pub fn mend(logs: &Path) -> anyhow::Result<()> {
-    let found = match fs::read_dir(logs) {
-        Ok(found) => found,
-        // A mission that never recorded.
-        Err(_) => return Ok(()),
+pub fn mend(mission: &Mission) -> anyhow::Result<()> {
+    let logs = mission.logs();
+    // A mission that never recorded has no such folder.
+    let Ok(folder) = fs::File::open(&logs) else {
+        return Ok(());
     };
-    for cut in found.flatten().map(|entry| entry.path()) {
+    // Two who mend the same log would write over each other.
+    folder.lock().with_context(|| logs.display().to_string())?;
+    for cut in mission.log_files()? {
         if cut.extension().is_none_or(|ending| ending != CUT) {
             continue;
         }
@@ -49,7 +60,7 @@ pub fn mend(logs: &Path) -> anyhow::Result<()> {
         // An earlier attempt may have been cut after it was done.
         match log::recover(&cut, &whole, true) {
             Ok(_) => fs::remove_file(&cut).with_context(|| cut.display().to_string())?,
-            Err(error) => eprintln!("{}: stays as it is: {error:#}", cut.display()),
+            Err(error) => warn(&format!("{}: stays as it is: {error:#}", cut.display())),
         }
     }
     Ok(())

@@ -1,38 +1,62 @@
 //! `randt mission stop`: the end of a drive.
 
-use super::{now_ns, recover, report, target};
+use super::{owner, recover, report, stages};
+use crate::date::Now;
 use crate::exit::Outcome;
 use crate::mission::{Mission, REPORT};
 use crate::missions::Missions;
-use crate::output::print;
+use crate::output::{print, warn};
 use anyhow::Context;
+use randt_stage::{Realm, RealmArguments};
+
+/// Arguments of `randt mission stop`.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    realm: RealmArguments,
+}
 
 /// Stops the pipeline and ends the current mission.
-pub fn run(missions: &Missions) -> anyhow::Result<Outcome> {
-    target::stop()?;
-    let mission = missions.current();
+pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let realm = arguments.realm.realm()?;
+    let _lock = missions.lock()?;
+    let mission = missions.current()?;
     let mission = mission.context("there is no mission; the pipeline's start begins one")?;
+    stages::stop(&mission, &realm)?;
     if mission.record.stopped_ns.is_some() {
         print(&format!("{}: was stopped before\n", mission.name()))?;
         return Ok(Outcome::Good);
     }
-    end(missions, mission)?;
-    Ok(Outcome::Good)
+    end(missions, mission, &realm)
 }
 
-/// Ends a mission: whole logs, report, a note. One that has nothing to report is no failure.
-pub fn end(missions: &Missions, mut mission: Mission) -> anyhow::Result<()> {
+/// Ends a mission whose stages have ended: whole logs, report, a note. One that has nothing to report is no failure.
+pub fn end(missions: &Missions, mut mission: Mission, realm: &Realm) -> anyhow::Result<Outcome> {
     if mission.record.stopped_ns.is_some() {
-        return Ok(());
+        return Ok(Outcome::Good);
     }
     // First, so that it does not go on whatever comes.
-    mission.stop(now_ns())?;
+    mission.stop(missions.date_ns(&Now::read())?)?;
     recover::set_aside(&mission)?;
-    recover::mend(&mission.logs())?;
+    recover::mend(&mission)?;
+    let state = owner::state_of(&mission, realm);
     let folder = mission.folder().join(REPORT);
-    if let Err(error) = report::write(&mission, &mission.name(), &folder) {
-        eprintln!("{}: no report: {error:#}", mission.name());
-    }
+    let written = report::write(&mission, &mission.name(), state.as_deref(), &folder);
+    let outcome = match written {
+        Ok(lost) => {
+            mission.drop_state()?;
+            if lost {
+                Outcome::DataLost
+            } else {
+                Outcome::Good
+            }
+        }
+        Err(error) => {
+            warn(&format!("{}: no report: {error:#}", mission.name()));
+            Outcome::Good
+        }
+    };
     missions.hand_over(mission.folder())?;
-    print(&format!("{}: is stopped\n", mission.name()))
+    print(&format!("{}: is stopped\n", mission.name()))?;
+    Ok(outcome)
 }

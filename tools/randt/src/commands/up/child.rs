@@ -1,23 +1,25 @@
 //! A stage as a child process: started, started again when it dies, ended.
 
-use anyhow::{Context, ensure};
+use super::program::Program;
+use crate::output::warn;
 use indicatif::ProgressBar;
-use randt_stage::Realm;
-use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
-use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::PathBuf;
-use std::process::{Command, ExitStatus, Stdio};
+use std::os::unix::process::ExitStatusExt;
+use std::process::ExitStatus;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A stage that ends by itself so often in a row, each time this soon, will not get better.
+/// A stage that ends by itself so often in a row, each time this soon, lacks something.
 const FAILURES_MAX: u32 = 5;
 const SOON: Duration = Duration::from_secs(3);
-/// Between two such ends, so that what it waits for can come about.
+/// Between two such ends, so that what it waits for can come about; after more of them twice as long each time ...
 const BACK_OFF: Duration = Duration::from_millis(100);
+/// ... up to this: a stage whose memory or disk is there again is back within it.
+const BACK_OFF_MAX: Duration = Duration::from_secs(5);
+/// Exit codes of a wrong option and a wrong configuration, which trying again does not mend.
+const REFUSALS: [i32; 2] = [2, 78];
 /// A child that does not end on SIGTERM within this time is killed ...
 const END_MAX: Duration = Duration::from_secs(5);
 /// ... but one that has to bring a log to a busy disk has more, as under systemd.
@@ -25,73 +27,6 @@ const RECORDED_MAX: Duration = Duration::from_secs(30);
 /// Signals that a program brings upon itself: SIGILL, SIGABRT, SIGBUS, SIGFPE, SIGSEGV.
 const FAULTS: [i32; 5] = [4, 6, 7, 8, 11];
 const LOOK: Duration = Duration::from_millis(5);
-
-/// What to start.
-pub struct Program {
-    name: String,
-    path: PathBuf,
-    arguments: Vec<std::ffi::OsString>,
-    /// Whether it is not started again: a log that begins anew would be another drive.
-    once: bool,
-}
-
-impl Program {
-    /// A stage's own program, which stands beside this one.
-    pub fn stage(name: &str, realm: &Realm) -> anyhow::Result<Self> {
-        let this = std::env::current_exe().context("where this program is")?;
-        let path = this.with_file_name(format!("randt-{name}"));
-        ensure!(
-            path.is_file(),
-            "{}: not there; the stages stand beside randt itself (cargo build makes them all)",
-            path.display()
-        );
-        Ok(Self::new(name, path, realm))
-    }
-
-    /// A command of this program.
-    pub fn command(name: &str, realm: &Realm) -> anyhow::Result<Self> {
-        let this = std::env::current_exe().context("where this program is")?;
-        let mut program = Self::new(name, this, realm);
-        program.arguments.insert(0, name.into());
-        program.once = true;
-        Ok(program)
-    }
-
-    fn new(name: &str, path: PathBuf, realm: &Realm) -> Self {
-        let mut program = Self {
-            name: name.to_owned(),
-            path,
-            arguments: Vec::new(),
-            once: false,
-        };
-        program.option("--prefix", realm.prefix());
-        program.option("--run", realm.run());
-        program.option("--parent", std::process::id().to_string());
-        program
-    }
-
-    /// Adds an option with its value.
-    pub fn option(&mut self, name: &str, value: impl AsRef<OsStr>) {
-        self.flag(name);
-        self.flag(value);
-    }
-
-    /// Adds one argument.
-    pub fn flag(&mut self, argument: impl AsRef<OsStr>) {
-        self.arguments.push(argument.as_ref().to_owned());
-    }
-
-    fn start(&self) -> std::io::Result<std::process::Child> {
-        Command::new(&self.path)
-            .args(&self.arguments)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            // Ctrl-C is for the supervisor, which ends its children in order.
-            .process_group(0)
-            .spawn()
-    }
-}
 
 /// A program that is kept running by a thread of its own: a dead stage is back before anybody has noticed.
 pub struct Child {
@@ -105,7 +40,22 @@ struct Shared {
     /// 0 while there is none.
     pid: AtomicU32,
     stopping: AtomicBool,
-    given_up: Mutex<Option<String>>,
+    trouble: Mutex<Trouble>,
+}
+
+/// What is wrong with a program.
+#[derive(Clone, Debug, Default)]
+struct Trouble {
+    /// Starts that failed where several did in a row, and ends after which it was not started again.
+    failures: u64,
+    /// The last words of the first of them.
+    why: String,
+    /// Since when it runs, if it has come back from several failures.
+    back: Option<Instant>,
+    /// Whether it is not started again.
+    is_over: bool,
+    /// Whether it had to be killed at its end.
+    was_killed: bool,
 }
 
 impl Child {
@@ -129,10 +79,25 @@ impl Child {
         &self.name
     }
 
-    /// Why it will not be started again, where that is so.
-    pub fn given_up(&self) -> Option<String> {
-        // A keeper that panicked has said so.
-        self.shared.given_up.lock().ok()?.clone()
+    /// Its last words, where it fails again and again, or will not be started again.
+    pub fn failing(&self) -> Option<String> {
+        let trouble = self.shared.trouble();
+        let is_back = trouble.back.is_some_and(|back| back.elapsed() > SOON);
+        (trouble.failures > 0 && (trouble.is_over || !is_back)).then_some(trouble.why)
+    }
+
+    /// How often it failed by itself, where that was again and again, with the first case; what it had to do then is lost.
+    pub fn failures(&self) -> (u64, String) {
+        let trouble = self.shared.trouble();
+        (
+            trouble.failures,
+            format!("randt-{}: {}", self.name, trouble.why),
+        )
+    }
+
+    /// Whether it did not end when it was asked to, and was killed over what it had still to do.
+    pub fn was_killed(&self) -> bool {
+        self.shared.trouble().was_killed
     }
 
     /// Ends it and waits for that.
@@ -158,6 +123,7 @@ impl Child {
             }
             if begin.elapsed() > end_max {
                 signal = Some(rustix::process::Signal::KILL);
+                self.shared.change(|trouble| trouble.was_killed = true);
             }
             std::thread::sleep(LOOK);
         }
@@ -166,9 +132,34 @@ impl Child {
     }
 }
 
-/// Starts a program again and again until it is to stop or is past hope.
+impl Shared {
+    fn trouble(&self) -> Trouble {
+        // A keeper that panicked has said so.
+        self.trouble
+            .lock()
+            .map_or_else(|_| Trouble::default(), |it| it.clone())
+    }
+
+    fn change(&self, change: impl FnOnce(&mut Trouble)) {
+        if let Ok(mut trouble) = self.trouble.lock() {
+            change(&mut trouble);
+        }
+    }
+
+    /// Sleeps, unless the end is asked for.
+    fn pause(&self, pause: Duration) {
+        let end = Instant::now() + pause;
+        while !self.stopping.load(Ordering::SeqCst) && Instant::now() < end {
+            std::thread::sleep(LOOK.min(pause));
+        }
+    }
+}
+
+/// Starts a program again and again until it is to stop. One that fails in a row is tried ever less often, and never
+/// given up: what it lacks may come back, and the others go on meanwhile.
 fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
     let mut failures = 0;
+    let mut has_run = false;
     while !shared.stopping.load(Ordering::SeqCst) {
         let begin = Instant::now();
         let mut last_words = String::new();
@@ -176,36 +167,68 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
         if shared.stopping.load(Ordering::SeqCst) {
             return;
         }
-        let (by_itself, configuration) = match &ended {
+        let (by_itself, is_refused) = match &ended {
             // Other signals are somebody else's doing.
             Ok(status) => (
                 status
                     .signal()
                     .is_none_or(|signal| FAULTS.contains(&signal)),
-                status.code() == Some(78),
+                status.code().is_some_and(|code| REFUSALS.contains(&code)),
             ),
             Err(_) => (true, false),
         };
+        has_run |= begin.elapsed() >= SOON;
         failures = if by_itself && begin.elapsed() < SOON {
             failures + 1
         } else {
             0
         };
-        if program.once || configuration || failures >= FAILURES_MAX {
-            let why = match ended {
-                Ok(_) if !last_words.is_empty() => last_words,
-                Ok(status) => format!("randt-{}: ended with {status}", program.name),
-                Err(error) => format!("{}: {error}", program.path.display()),
-            };
-            if let Ok(mut given_up) = shared.given_up.lock() {
-                *given_up = Some(why);
+        let why = match ended {
+            Ok(_) if !last_words.is_empty() => last_words,
+            Ok(status) => format!("ended with {status}"),
+            Err(error) => format!(
+                "{}: {error}; the stages stand beside randt itself (cargo build makes them all)",
+                program.path.display()
+            ),
+        };
+        // One that has run by these options will run by them again, when what it was refused for is there again.
+        let is_over = program.once || (is_refused && !has_run);
+        if is_over || failures >= FAILURES_MAX {
+            let is_first = failures <= FAILURES_MAX;
+            if is_first && !program.once {
+                let then = match is_over {
+                    true => "it is not started again",
+                    false => "it is tried again, ever less often",
+                };
+                bar.suspend(|| warn(&format!("randt-{}: fails: {why}; {then}", program.name)));
             }
-            return;
+            shared.change(|trouble| {
+                // Those before were not counted yet.
+                trouble.failures += if is_first {
+                    u64::from(failures.max(1))
+                } else {
+                    1
+                };
+                if trouble.why.is_empty() {
+                    trouble.why = why;
+                }
+                (trouble.back, trouble.is_over) = (None, is_over);
+            });
+            if is_over {
+                return;
+            }
         }
         if by_itself {
-            std::thread::sleep(BACK_OFF);
+            shared.pause(back_off(failures));
         }
+        shared.change(|trouble| _ = trouble.back.get_or_insert_with(Instant::now));
     }
+}
+
+/// How long to wait after so many failures in a row.
+fn back_off(failures: u32) -> Duration {
+    let doublings = failures.saturating_sub(FAILURES_MAX - 1).min(16);
+    BACK_OFF.saturating_mul(1 << doublings).min(BACK_OFF_MAX)
 }
 
 /// One life of a child.
@@ -219,7 +242,7 @@ fn once(
     shared.pid.store(child.id(), Ordering::SeqCst);
     if let Some(errors) = child.stderr.take() {
         for line in BufReader::new(errors).lines().map_while(Result::ok) {
-            bar.suspend(|| eprintln!("{line}"));
+            bar.suspend(|| warn(&line));
             *last_words = line;
         }
     }
@@ -227,3 +250,6 @@ fn once(
     shared.pid.store(0, Ordering::SeqCst);
     status
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,26 +1,29 @@
 //! What the supervisor sees of the pipeline.
 
 use crate::report::Count;
+use crate::results::Results;
 use randt_messages::{
-    MapperGraph, OdometryState, OdometryStateTopic, RadarScan, StageHealth, StageHealthTopic,
-    StageState, Topic, Trust, health::text_of,
+    MapperGraph, OdometryStateTopic, RadarScan, StageHealth, StageHealthTopic, StageState, Topic,
+    Trust, health::text_of,
 };
+use randt_odometry::Sink;
 use randt_stage::{Stage, Subscriber, Wakes};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 /// A stage that has said nothing for so long is dead or stopped: twice a second it would.
 const SILENT: Duration = Duration::from_millis(1500);
 /// Stages between the log and the map.
-const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
+pub const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
 
 /// All states, each once, and the last word of every stage.
 pub struct Watch {
-    states: Vec<OdometryState>,
-    states_missed: u64,
+    states: Results,
     /// By name and epoch: a stage that came back counts anew.
     health: BTreeMap<(String, u64), StageHealth>,
     heard: BTreeMap<String, Instant>,
+    /// Stages that fail again and again: nothing is to be expected of them.
+    failing: BTreeSet<String>,
     keyframes: u64,
     loops: u64,
     /// When something came that shows that there is more to come.
@@ -34,10 +37,10 @@ impl Watch {
     /// Opens the topics.
     pub fn open(stage: &mut Stage) -> anyhow::Result<Self> {
         Ok(Self {
-            states: Vec::new(),
-            states_missed: 0,
+            states: Results::merged(),
             health: BTreeMap::new(),
             heard: BTreeMap::new(),
+            failing: BTreeSet::new(),
             keyframes: 0,
             loops: 0,
             last: Instant::now(),
@@ -45,6 +48,19 @@ impl Watch {
             health_in: stage.subscriber()?,
             graph_in: stage.subscriber()?,
         })
+    }
+
+    /// Opens the topics once more, after something happened to the memory that they lie in.
+    pub fn reopen(&mut self, stage: &mut Stage) -> anyhow::Result<()> {
+        self.states_in = stage.subscriber()?;
+        self.health_in = stage.subscriber()?;
+        self.graph_in = stage.subscriber()?;
+        Ok(())
+    }
+
+    /// Says which stages fail again and again.
+    pub fn set_failing(&mut self, names: BTreeSet<String>) {
+        self.failing = names;
     }
 
     /// What wakes it.
@@ -55,12 +71,10 @@ impl Watch {
     /// Takes all that has come.
     pub fn receive(&mut self) -> anyhow::Result<()> {
         while let Some(received) = self.states_in.receive()? {
-            let state = *received.message().head;
-            let next = self.states.last().map_or(0, |last| last.id + 1);
+            let before = self.states.states.len();
             // Odometry that came back sends its last states again.
-            if state.id >= next {
-                self.states_missed += state.id - next;
-                self.states.push(state);
+            self.states.state(received.message().head);
+            if self.states.states.len() > before {
                 self.last = Instant::now();
             }
         }
@@ -77,7 +91,7 @@ impl Watch {
         // What a stage that is away has not done yet is still to come.
         let is_heard = |name| {
             let heard = self.heard.get(name);
-            heard.is_some_and(|heard| heard.elapsed() < SILENT)
+            heard.is_some_and(|heard| heard.elapsed() < SILENT) || self.failing.contains(name)
         };
         if !STAGES.into_iter().all(is_heard) {
             self.last = Instant::now();
@@ -114,7 +128,7 @@ impl Watch {
             .ports()
             .iter()
             .find(|port| port.publishes == 1 && text_of(&port.topic) == RadarScan::NAME);
-        let last = self.states.last();
+        let last = self.states.states.last();
         sent.zip(last).is_some_and(|(sent, state)| {
             state.scan_epoch == play.header.epoch && state.scan_sequence + 1 == sent.messages
         })
@@ -127,12 +141,12 @@ impl Watch {
 
     /// Scans with a state.
     pub fn scans(&self) -> u64 {
-        self.states.len() as u64
+        self.states.states.len() as u64
     }
 
     /// The pipeline in a line.
     pub fn line(&self) -> String {
-        let trust = match self.states.last().map(|state| state.trust) {
+        let trust = match self.states.states.last().map(|state| state.trust) {
             Some(trust) if trust == Trust::Good as u32 => "good",
             Some(trust) if trust == Trust::Degraded as u32 => "degraded",
             Some(_) => "lost",
@@ -175,9 +189,13 @@ impl Watch {
         if lost > 0 {
             counters.insert("messages_lost", Count::lost(lost, first));
         }
-        if self.states_missed > 0 {
-            let first = "states of odometry that never came".to_owned();
-            counters.insert("states_missed", Count::lost(self.states_missed, first));
+        // Its last words stay until what they are about is over.
+        let trouble = self
+            .newest("recorder")
+            .map(|health| text_of(&health.message));
+        if let Some(trouble) = trouble.filter(|trouble| !trouble.is_empty()) {
+            let first = format!("recorder: {trouble}");
+            counters.insert("recording_incomplete", Count::lost(1, first));
         }
         let restarts: u64 = STAGES
             .iter()
@@ -195,7 +213,7 @@ impl Watch {
     }
 
     /// The states; there are none left afterwards.
-    pub fn take_states(&mut self) -> Vec<OdometryState> {
+    pub fn take_states(&mut self) -> Results {
         std::mem::take(&mut self.states)
     }
 }

@@ -1,0 +1,92 @@
+//! Ending the stages that write into a mission, whoever has started them.
+
+use super::{owner, target};
+use crate::mission::Mission;
+use anyhow::{Context, bail, ensure};
+use randt_stage::{Entry, Realm, Registry};
+use rustix::process::{Pid, Signal, kill_process};
+use std::time::{Duration, Instant};
+
+/// The order of the data's way, so that each gets what the one before sent last. `up` ends all that it has started.
+const ORDER: [&str; 9] = [
+    "up", "play", "radar", "imu", "filter", "odometry", "mapper", "view", "recorder",
+];
+/// A stage ends within this time ...
+const END_MAX: Duration = Duration::from_secs(5);
+/// ... but one that brings a log to a busy disk, or a whole pipeline, within this.
+const LONG_END_MAX: Duration = Duration::from_secs(40);
+const LOOK: Duration = Duration::from_millis(10);
+
+/// Ends them; gives whether systemd has to start them again. An error says what still writes into the mission.
+pub fn stop(mission: &Mission, realm: &Realm) -> anyhow::Result<bool> {
+    let is_under_systemd = target::stop()?;
+    if !is_under_systemd && owner::owns(mission, realm) {
+        stop_by_signals(realm)?;
+    }
+    ensure!(
+        !mission.is_written(),
+        "{}: a mapper still writes its map, and not one of the pipeline in {}: stop that one, or say where it is by \
+         --prefix and --run; the mission goes on",
+        mission.name(),
+        realm.folder().display()
+    );
+    Ok(is_under_systemd)
+}
+
+fn stop_by_signals(realm: &Realm) -> anyhow::Result<()> {
+    for name in ORDER {
+        if let Some(stage) = living(realm).into_iter().find(|stage| stage.name == name) {
+            end(realm, &stage)?;
+        }
+    }
+    let left: Vec<String> = living(realm)
+        .into_iter()
+        .map(|stage| format!("randt-{} (process {})", stage.name, stage.pid))
+        .collect();
+    if !left.is_empty() {
+        bail!(
+            "{} was started again by somebody, or is none that this version knows: stop it first; the mission goes on",
+            left.join(", ")
+        );
+    }
+    Ok(())
+}
+
+fn living(realm: &Realm) -> Vec<Entry> {
+    let all = Registry::all(realm).into_iter();
+    all.filter(|(_, lives)| *lives)
+        .map(|(entry, _)| entry)
+        .collect()
+}
+
+/// Asks a stage to end, and waits for it.
+fn end(realm: &Realm, stage: &Entry) -> anyhow::Result<()> {
+    let said = || format!("randt-{} (process {})", stage.name, stage.pid);
+    let pid = i32::try_from(stage.pid).ok().and_then(Pid::from_raw);
+    let pid = pid.with_context(|| format!("{}: no process has that number", said()))?;
+    let is_there = || living(realm).iter().any(|it| it.pid == stage.pid);
+    if let Err(error) = kill_process(pid, Signal::TERM)
+        && is_there()
+    {
+        bail!(
+            "{}: cannot be ended: {error}: do it as the user that runs it; the mission goes on",
+            said()
+        );
+    }
+    // One that is stopped hears nothing until it goes on.
+    let _ = kill_process(pid, Signal::CONT);
+    let end_max = match stage.name.as_str() {
+        "recorder" | "up" => LONG_END_MAX,
+        _ => END_MAX,
+    };
+    let begin = Instant::now();
+    while is_there() {
+        ensure!(
+            begin.elapsed() < end_max,
+            "{}: does not end (kill -9 {pid:?} does it); the mission goes on",
+            said()
+        );
+        std::thread::sleep(LOOK);
+    }
+    Ok(())
+}

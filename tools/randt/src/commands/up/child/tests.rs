@@ -1,0 +1,80 @@
+//! Programs that fail, that are not there, and that somebody kills.
+
+use super::*;
+use randt_stage::Realm;
+
+fn program(path: &str, arguments: &[&str]) -> Program {
+    let run = std::env::temp_dir();
+    let realm = Realm::new("child", Some(&run)).unwrap();
+    let mut program = Program::new("test", path.into(), &realm);
+    program.arguments = arguments.iter().map(Into::into).collect();
+    program
+}
+
+fn until(child: &Child, holds: impl Fn(&Child) -> bool) {
+    let begin = Instant::now();
+    while !holds(child) {
+        assert!(
+            begin.elapsed() < Duration::from_secs(10),
+            "{:?}",
+            child.failures()
+        );
+        std::thread::sleep(LOOK);
+    }
+}
+
+#[test]
+fn a_program_that_fails_again_and_again_is_tried_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let there = folder.path().join("there");
+    let script = format!(
+        "[ -e {0} ] && exec sleep 60; echo broken >&2; exit 1",
+        there.display()
+    );
+    let mut child = Child::start(program("/bin/sh", &["-c", &script]), ProgressBar::hidden());
+    until(&child, |child| child.failures().0 > u64::from(FAILURES_MAX));
+    assert_eq!(child.failing().as_deref(), Some("broken"));
+    assert_eq!(child.failures().1, "randt-test: broken");
+    // What it lacked comes back.
+    std::fs::write(&there, "").unwrap();
+    until(&child, |child| child.failing().is_none());
+    assert!(
+        child.failures().0 > u64::from(FAILURES_MAX),
+        "what was, was"
+    );
+    child.stop();
+    assert!(!child.was_killed());
+}
+
+#[test]
+fn a_program_that_is_not_there_or_refuses_its_options_says_so() {
+    let absent = Child::start(program("/nowhere/randt-x", &[]), ProgressBar::hidden());
+    until(&absent, |child| child.failing().is_some());
+    let why = absent.failing().unwrap();
+    assert!(why.contains("/nowhere/randt-x"), "{why}");
+    let refused = program("/bin/sh", &["-c", "echo no >&2; exit 78"]);
+    let mut refused = Child::start(refused, ProgressBar::hidden());
+    until(&refused, |child| child.failing().is_some());
+    std::thread::sleep(5 * BACK_OFF);
+    assert_eq!(refused.failures(), (1, "randt-test: no".to_owned()));
+    refused.stop();
+    let mut absent = absent;
+    absent.stop();
+}
+
+#[test]
+fn a_program_that_somebody_kills_has_not_failed() {
+    let mut child = Child::start(program("/bin/sleep", &["60"]), ProgressBar::hidden());
+    for _ in 0..2 * FAILURES_MAX {
+        until(&child, |child| child.shared.pid.load(Ordering::SeqCst) != 0);
+        let pid = child.shared.pid.load(Ordering::SeqCst) as i32;
+        let pid = rustix::process::Pid::from_raw(pid).unwrap();
+        rustix::process::kill_process(pid, rustix::process::Signal::KILL).unwrap();
+        let raw = pid.as_raw_pid() as u32;
+        until(&child, |child| {
+            child.shared.pid.load(Ordering::SeqCst) != raw
+        });
+    }
+    assert_eq!(child.failures().0, 0);
+    child.stop();
+}

@@ -1,0 +1,145 @@
+//! The end of a live drive: what the stages left behind and what was seen of them.
+
+use super::journal::HeldJournal;
+use super::processes::{End, Processes};
+use crate::{
+    exit::Outcome,
+    finish_drive::{Drive, finish_drive},
+    latency::Latency,
+    output::warn,
+    pipeline::Pipeline,
+    remains::Remains,
+    report::{self, Cost, Count, Input},
+    results::Results,
+};
+use anyhow::bail;
+use randt_config::Config;
+use randt_messages::OdometryState;
+use randt_odometry::Sink;
+use randt_readers::{Event, Options};
+use randt_stage::Realm;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+/// A drive whose stages have ended.
+pub struct Ending<'a> {
+    pub realm: &'a Realm,
+    pub out: &'a Path,
+    pub config: &'a Config,
+    pub use_imu: bool,
+    /// What was played, and how it is read.
+    pub log: Option<&'a Path>,
+    pub options: Options,
+}
+
+impl Ending<'_> {
+    /// Odometry's checkpoint, the ring of keyframes and the mapper's journal together are the whole drive. What of them is
+    /// not there any more is counted, and the rest is written.
+    pub fn finish(
+        &self,
+        mut processes: Processes,
+        journal: HeldJournal,
+        end: End,
+    ) -> anyhow::Result<Outcome> {
+        let mut counters = processes.counters();
+        if end != End::Computed && self.log.is_some() {
+            let first = "the log was not played to its end".to_owned();
+            counters.insert("interrupted", Count::lost(1, first));
+        }
+        if let Err(error) = journal.put_back() {
+            warn(&format!("{error:#}"));
+        }
+        let mut results = processes.watch.take_states();
+        let input = self.read_log(&mut results, &mut counters);
+        let remains = Remains::read(
+            self.config,
+            self.use_imu,
+            self.out,
+            Some(&self.realm.state()),
+        );
+        counters.extend(remains.counters);
+        // Those that odometry has sent, and that nobody has received.
+        remains.states.iter().for_each(|state| results.state(state));
+        let begin = processes.begin;
+        let drive = Drive {
+            input,
+            pipeline: remains.pipeline,
+            results,
+            config: self.config,
+            counters,
+            published: None,
+        };
+        let timing = |_: &Pipeline, states: &[OdometryState]| timing(states, begin);
+        match finish_drive(drive, timing, self.out)? {
+            Some(shown) if shown.lost => Ok(Outcome::DataLost),
+            Some(_) => Ok(Outcome::Good),
+            None => match processes.why() {
+                Some(why) => bail!("no scan was computed; nothing was written: {why}"),
+                None => bail!("no scan was computed; nothing was written"),
+            },
+        }
+    }
+
+    /// A second look at the log gives the truth, which the stages never see, and what its reader says.
+    fn read_log(
+        &self,
+        results: &mut Results,
+        counters: &mut BTreeMap<&'static str, Count>,
+    ) -> Input {
+        let Some(path) = self.log else {
+            return input("live", "live", self.use_imu);
+        };
+        self.try_read_log(path, results, counters)
+            .unwrap_or_else(|error| {
+                let first = format!("its truth and its reader's counters are missing: {error:#}");
+                counters.insert("log_gone", Count::lost(1, first));
+                let name = path.file_name().unwrap_or(path.as_os_str());
+                input(&name.to_string_lossy(), "gone", self.use_imu)
+            })
+    }
+
+    fn try_read_log(
+        &self,
+        path: &Path,
+        results: &mut Results,
+        counters: &mut BTreeMap<&'static str, Count>,
+    ) -> anyhow::Result<Input> {
+        let mut imu_samples = 0;
+        let mut source = randt_readers::open(path, &self.options)?;
+        while let Some(event) = source.next_event()? {
+            match event {
+                Event::Truth(truth) => results.add_truth(&truth),
+                Event::Imu(_) => imu_samples += 1,
+                Event::Scan(_) => {}
+            }
+        }
+        counters.extend(report::of_reader(path, &source.counters()));
+        let use_imu = self.use_imu && imu_samples > 0;
+        report::input(source.info(), path, use_imu, imu_samples)
+    }
+}
+
+fn input(name: &str, format: &'static str, imu: bool) -> Input {
+    Input {
+        name: name.to_owned(),
+        format,
+        sha256: String::new(),
+        imu,
+        imu_samples: 0,
+    }
+}
+
+/// Times of every scan on the bus, and of the whole.
+fn timing(states: &[OdometryState], begin: Instant) -> BTreeMap<&'static str, Cost> {
+    let latencies: Vec<Latency> = states.iter().filter_map(Latency::of).collect();
+    let cost = |part: fn(&Latency) -> f64| {
+        let times_ns = latencies.iter().map(|latency| (part(latency) * 1e6) as u64);
+        Cost::of(&times_ns.collect::<Vec<_>>())
+    };
+    BTreeMap::from([
+        ("wait", cost(|latency| latency.wait_ms)),
+        ("compute", cost(|latency| latency.compute_ms)),
+        ("run", Cost::of(&[begin.elapsed().as_nanos() as u64])),
+    ])
+}

@@ -1,0 +1,96 @@
+//! The map's journal, held open while the drive runs: it is there also where somebody removes its folder meanwhile.
+
+use crate::earlier::JOURNAL;
+use crate::output::warn;
+use anyhow::Context;
+use std::fs::{self, File};
+use std::io::{self, Seek, SeekFrom};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// A journal that a mapper writes.
+#[derive(Debug)]
+pub struct HeldJournal {
+    path: PathBuf,
+    file: File,
+}
+
+impl HeldJournal {
+    /// Holds the journal that a running mapper has made.
+    pub fn open(path: &Path) -> anyhow::Result<Self> {
+        let file = File::open(path).with_context(|| path.display().to_string())?;
+        let path = path.to_owned();
+        Ok(Self { path, file })
+    }
+
+    /// Writes it again where it was removed. What a mapper that came back has begun in its place is kept beside it.
+    pub fn put_back(mut self) -> anyhow::Result<()> {
+        let is_removed = self.file.metadata().is_ok_and(|found| found.nlink() == 0);
+        if !is_removed {
+            return Ok(());
+        }
+        let said = || {
+            format!(
+                "{}: was removed and cannot be written again",
+                self.path.display()
+            )
+        };
+        if let Some(folder) = self.path.parent() {
+            fs::create_dir_all(folder).with_context(said)?;
+        }
+        if self.path.exists() {
+            let free = (1..).map(|n| self.path.with_file_name(format!("{JOURNAL}.aside-{n}")));
+            let free = { free }.find(|aside| !aside.exists());
+            let free = free.with_context(said)?;
+            fs::rename(&self.path, free).with_context(said)?;
+        }
+        self.file.seek(SeekFrom::Start(0)).with_context(said)?;
+        let written = File::create_new(&self.path).and_then(|mut to| {
+            io::copy(&mut self.file, &mut to)?;
+            to.sync_all()
+        });
+        written.with_context(said)?;
+        let path = self.path.display();
+        warn(&format!(
+            "{path}: was removed while the drive ran; it is written again"
+        ));
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    #[test]
+    fn a_journal_that_was_removed_is_there_again_with_what_was_written_since() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        fs::create_dir(&out).unwrap();
+        let path = out.join(JOURNAL);
+        let mut writer = File::create(&path).unwrap();
+        writer.write_all(b"one").unwrap();
+        let held = HeldJournal::open(&path).unwrap();
+        fs::remove_dir_all(&out).unwrap();
+        writer.write_all(b" two").unwrap();
+        held.put_back().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"one two");
+
+        let held = HeldJournal::open(&path).unwrap();
+        fs::remove_file(&path).unwrap();
+        fs::write(&path, b"another").unwrap();
+        held.put_back().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"one two");
+        let aside = out.join("map.journal.aside-1");
+        assert_eq!(fs::read(aside).unwrap(), b"another");
+
+        let held = HeldJournal::open(&path).unwrap();
+        held.put_back().unwrap();
+        assert_eq!(
+            fs::read_dir(&out).unwrap().count(),
+            2,
+            "nothing was removed"
+        );
+    }
+}

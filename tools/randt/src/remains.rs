@@ -1,0 +1,151 @@
+//! What the stages of a drive leave behind: odometry's checkpoint, the ring of keyframes, the mapper's journal.
+//!
+//! Responsible for making one pipeline of them that goes on where the processes ended. What is missing is counted, and
+//! never an error: half a drive is better than none.
+
+use crate::earlier::JOURNAL;
+use crate::pipeline::Pipeline;
+use crate::report::Count;
+use randt_config::Config;
+use randt_mapper::Mapper;
+use randt_messages::{Keyframe, Message, OdometryState};
+use randt_odometry::Odometry;
+use randt_odometry::process::{LeftBehind, Past};
+use randt_stage::KeyframeRing;
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::Path;
+
+/// A drive as its processes left it.
+pub struct Remains {
+    /// Odometry with its window still open, where it left one, and the map with all keyframes that there are.
+    pub pipeline: Pipeline,
+    /// Whether that is odometry as it was; else one that knows nothing.
+    pub has_odometry: bool,
+    /// The last states that odometry published.
+    pub states: Vec<OdometryState>,
+    /// What is missing.
+    pub counters: BTreeMap<&'static str, Count>,
+}
+
+impl Remains {
+    /// Reads them. `folder`: where the journal lies; `state`: where odometry keeps what outlives it, if that is known.
+    pub fn read(config: &Config, use_imu: bool, folder: &Path, state: Option<&Path>) -> Self {
+        let mut counters = BTreeMap::new();
+        let mut mapper = read_journal(config, &folder.join(JOURNAL), &mut counters);
+        count_set_aside(folder, &mut counters);
+        let left = state.map(|state| Past::read(state, config, use_imu));
+        let (mut odometry, mut ring, mut states) = (None, None, Vec::new());
+        let mut why = "odometry's state was not kept".to_owned();
+        if let Some(left) = left {
+            let LeftBehind {
+                odometry: found,
+                states: sent,
+                ring: kept,
+            } = left;
+            match found {
+                Ok(found) => odometry = Some(found),
+                Err(error) => why = error.to_string(),
+            }
+            ring = kept.and_then(Result::ok);
+            states = sent;
+        }
+        if !is_of_map(&mapper, ring.as_ref(), odometry.as_ref()) {
+            why = "odometry's state is of another drive than the map".to_owned();
+            (odometry, ring, states) = (None, None, Vec::new());
+        }
+        if let Some(ring) = &ring {
+            let end = odometry.as_ref().map(|it| it.pose_record().next_keyframe);
+            let lost = push_ring(&mut mapper, ring, end);
+            if lost > 0 {
+                let first = "keyframes that neither journal nor ring has".to_owned();
+                counters.insert("keyframes_lost", Count::lost(lost, first));
+            }
+        }
+        let has_odometry = odometry.is_some();
+        if !has_odometry {
+            counters.insert("window_lost", Count::lost(1, why));
+        }
+        let odometry = odometry.unwrap_or_else(|| Odometry::new(config, use_imu));
+        Self {
+            pipeline: Pipeline::resume(config, odometry, mapper, has_odometry),
+            has_odometry,
+            states,
+            counters,
+        }
+    }
+}
+
+/// The map of a journal; an empty one where there is none, or none that can be read.
+fn read_journal(
+    config: &Config,
+    path: &Path,
+    counters: &mut BTreeMap<&'static str, Count>,
+) -> Mapper {
+    let restored = match fs::read(path) {
+        Ok(bytes) => Mapper::restore(config, &bytes).map_err(|error| error.to_string()),
+        Err(error) if error.kind() == ErrorKind::NotFound => Err("it is not there".to_owned()),
+        Err(error) => Err(error.to_string()),
+    };
+    let (mapper, damage) = match restored {
+        Ok((mapper, restored)) => (
+            mapper,
+            restored
+                .damage
+                .map(|damage| format!("offset {}: {}", damage.offset, damage.what)),
+        ),
+        Err(why) => (Mapper::new(config), Some(why)),
+    };
+    if let Some(damage) = damage {
+        counters.insert(
+            "journal_damaged",
+            Count::lost(1, format!("{JOURNAL}: {damage}")),
+        );
+    }
+    mapper
+}
+
+/// A journal that the mapper set aside during the drive has a part of it that the map has not.
+fn count_set_aside(folder: &Path, counters: &mut BTreeMap<&'static str, Count>) {
+    let found = fs::read_dir(folder).into_iter().flatten().flatten();
+    let names = found.filter_map(|entry| entry.file_name().into_string().ok());
+    let mut aside: Vec<String> = names
+        .filter(|name| name.starts_with(&format!("{JOURNAL}.aside")))
+        .collect();
+    aside.sort();
+    if let Some(first) = aside.first() {
+        let first = format!("{first} holds keyframes that are not in the map");
+        counters.insert("journals_set_aside", Count::lost(aside.len() as u64, first));
+    }
+}
+
+/// Whether odometry numbers the drive that the map is of. Where the ring has no keyframe that the map has too, nothing
+/// speaks against it.
+fn is_of_map(mapper: &Mapper, ring: Option<&KeyframeRing>, odometry: Option<&Odometry>) -> bool {
+    let Some(last) = mapper.places().last() else {
+        return true;
+    };
+    let is_counted = odometry.is_none_or(|it| it.pose_record().next_keyframe > last.keyframe_id);
+    let shown = ring.and_then(|ring| ring.get(last.keyframe_id));
+    is_counted && shown.is_none_or(|shown| shown.head.header.stamp_ns == last.stamp_ns)
+}
+
+/// Gives the map the keyframes that it had no time for, up to `end` where that is known; gives how many are nowhere.
+fn push_ring(mapper: &mut Mapper, ring: &KeyframeRing, end: Option<u64>) -> u64 {
+    let first = mapper
+        .places()
+        .last()
+        .map_or(0, |place| place.keyframe_id + 1);
+    let end = end
+        .or(ring.newest().map(|newest| newest + 1))
+        .unwrap_or(first);
+    let mut lost = 0;
+    for id in first..end {
+        match ring.get(id) {
+            Some(keyframe) => _ = mapper.push(Message::<Keyframe>::as_ref(&keyframe)),
+            None => lost += 1,
+        }
+    }
+    lost
+}
