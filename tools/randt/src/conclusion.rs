@@ -10,8 +10,10 @@ use crate::{
     output::{print, write_whole},
     report::{Accuracy, Cost, Count, Input, Report},
     results::Results,
+    trust_spans,
 };
 use randt_config::Config;
+use randt_evaluation::silently_wrong;
 use randt_mapper::Mapper;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -56,7 +58,11 @@ impl Conclusion<'_> {
         let trajectory = final_poses(&results.states, mapper);
         let rows = results.write(out, &self.input.name, &trajectory, mapper)?;
         let evaluation = results.evaluation(&trajectory);
-        let of_odometry = results.evaluation(&results.odometry());
+        let odometry = results.odometry();
+        let of_odometry = results.evaluation(&odometry);
+        let trust_spans = trust_spans::of(&results.states);
+        let trust = trust_spans::for_evaluation(&trust_spans);
+        let silently_wrong = silently_wrong(&odometry, results.truth(), &trust);
         let report = Report {
             randt: env!("CARGO_PKG_VERSION"),
             input: self.input,
@@ -65,10 +71,12 @@ impl Conclusion<'_> {
             path_m: results.path_m(),
             frames: results.frames(),
             trust: results.trust(),
+            trust_spans,
             loops: Loops::of(mapper),
             accuracy: evaluation.as_ref().map(|e| Accuracy {
                 ate_rmse_m: e.ate_rmse_m,
                 odometry_ate_rmse_m: of_odometry.and_then(|e| e.ate_rmse_m),
+                silent_m: silently_wrong.silent_m,
                 coverage: e.coverage,
             }),
             counters: self.counters,

@@ -25,4 +25,5 @@ pub mod progress;
 pub mod recorded;
 pub mod report;
 pub mod results;
+pub mod trust_spans;
 pub mod units;
