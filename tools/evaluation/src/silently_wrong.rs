@@ -8,6 +8,8 @@ use randt_geometry::elementary::wrap;
 const WINDOW_M: f64 = 10.0;
 /// Length of a window at standstill, and the time after which the next one begins there.
 const STANDSTILL_NS: i64 = 30_000_000_000;
+/// Time over which the worst error under good trust is looked for.
+const GOOD_NS: i64 = 10_000_000_000;
 /// A robot stands that comes less far than this in [`STANDSTILL_NS`], m: no window begins twice in a metre of path.
 const STANDSTILL_M: f64 = 1.0;
 /// A window is wrong where the motion over it is off by more, m and degrees: what makes a loop false.
@@ -37,6 +39,8 @@ pub struct SilentlyWrong {
     pub wrong_m: u64,
     /// Windows in all; one for each metre of the true path.
     pub windows: u64,
+    /// Largest error in translation of the motion over 10 s, or less, in which every scan is good, m.
+    pub worst_good_10s_m: f64,
     /// Share of the scans whose trust is good, 0..1; `None` where no scan has truth and trust.
     pub good_share: Option<f64>,
 }
@@ -64,6 +68,7 @@ pub fn silently_wrong(
     let scans = scans(estimate, truth, trust);
     let good = scans.iter().filter(|scan| scan.trust.good).count();
     let mut found = SilentlyWrong {
+        worst_good_10s_m: worst_good_m(&scans),
         good_share: (!scans.is_empty()).then(|| good as f64 / scans.len() as f64),
         ..SilentlyWrong::default()
     };
@@ -136,16 +141,35 @@ fn window(scans: &[Scan]) -> &[Scan] {
 
 /// Whether the motion over a window is off by more than it may be.
 fn is_wrong(window: &[Scan]) -> bool {
-    let (Some(first), Some(last)) = (window.first(), window.last()) else {
-        return false;
-    };
-    let error = relative_error(
-        (&first.estimate, &first.truth),
-        (&last.estimate, &last.truth),
-    );
-    error.is_some_and(|error| {
+    error(window).is_some_and(|error| {
         error.distance_m() > WRONG_M || error.angle_rad().to_degrees() > WRONG_DEG
     })
+}
+
+/// Error of the motion from the first to the last of these scans; `None` where their frames differ.
+fn error(scans: &[Scan]) -> Option<Transform> {
+    let (first, last) = (scans.first()?, scans.last()?);
+    relative_error(
+        (&first.estimate, &first.truth),
+        (&last.estimate, &last.truth),
+    )
+}
+
+/// The largest error of the motion over 10 s of good trust, or over what there is of them.
+fn worst_good_m(scans: &[Scan]) -> f64 {
+    let frames = |scan: &Scan| [scan.estimate.frame, scan.truth.frame];
+    let from = |index: usize| {
+        let scans = scans.get(index..)?;
+        let first = scans.first()?;
+        let good = scans.iter().take_while(|scan| {
+            scan.trust.good
+                && frames(scan) == frames(first)
+                && scan.stamp_ns.saturating_sub(first.stamp_ns) <= GOOD_NS
+        });
+        let good = scans.get(..good.count())?;
+        error(good).map(|error| error.distance_m())
+    };
+    (0..scans.len()).filter_map(from).fold(0.0, f64::max)
 }
 
 /// Whether at least half of a window's scans are good.
@@ -239,6 +263,7 @@ mod tests {
         // Windows that begin at 15 m to 24 m see the jump.
         let wrong = silently_wrong(&jumped(0.51), &truth(), &good);
         assert_eq!((wrong.silent_m, wrong.wrong_m), (10, 10));
+        assert!((wrong.worst_good_10s_m - 0.51).abs() < 1e-9);
         let told = silently_wrong(&jumped(0.51), &truth(), &[span(0, false)]);
         assert_eq!(
             (told.silent_m, told.wrong_m, told.good_share),
@@ -252,6 +277,8 @@ mod tests {
         let trust = [span(0, true), span(250, false)];
         let found = silently_wrong(&jumped(1.0), &truth(), &trust);
         assert_eq!((found.silent_m, found.wrong_m), (5, 10));
+        // All of the error lies where trust was not good.
+        assert!(found.worst_good_10s_m < 1e-9);
     }
 
     #[test]

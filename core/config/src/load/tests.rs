@@ -183,7 +183,7 @@ fn a_refusal_names_key_value_and_what_is_right() {
         ),
         (
             "filter.range_max_m=inf",
-            "filter.range_max_m is inf, it must be above 0",
+            "filter.range_max_m is inf, it must be from 0.5 to 1000 (nearer is",
         ),
         ("filter.range_max_m=1e999", "it must be"),
         (
@@ -209,7 +209,7 @@ fn a_refusal_names_key_value_and_what_is_right() {
         ),
         ("odometry.graduation=[]", "falling, and 1.0 at the end"),
         ("odometry.deskew=1", "true or false"),
-        ("robot.radar_x_m=inf", "finite"),
+        ("robot.radar_x_m=inf", "from -100 to 100"),
         (
             "robot.radar_x_m=left",
             "robot.radar_x_m is left, it must be a number",
@@ -225,6 +225,14 @@ fn a_refusal_names_key_value_and_what_is_right() {
         ),
         ("window=1", "section.key=value"),
         ("odometry.window", "section.key=value"),
+        (
+            "odometry.graduation=[1e9, 1.0]",
+            "none above 1000",
+        ),
+        (
+            "ndt.cell_size_m=0.05",
+            "ndt.cell_size_m = 0.05 (--set) together make a submap of the map of this many squares to a side: 800, at most 512 are possible",
+        ),
         (
             "submap.overlap_m=50",
             "submap.overlap_m = 50.0 (--set), it must be below submap.radius_m = 15.0 (default)",
@@ -266,7 +274,7 @@ fn a_file_is_refused_with_its_lines_and_all_that_is_wrong() {
     let expected = [
         "my.toml:1: unknown key \"cell_size_m\"; did you mean \"ndt.cell_size_m\"?",
         "my.toml:3: unknown key \"ndt.points\"; did you mean \"ndt.points_min\"?",
-        "my.toml:4: ndt.cell_size_m is -1.0, it must be from 0.05 to 100",
+        "my.toml:4: ndt.cell_size_m is -1.0, it must be from 0.05 to 100 (three range bins; a street's width)",
         "my.toml:6: unknown section [odom]; did you mean [odometry]?",
     ];
     assert_eq!(found, expected);
@@ -304,4 +312,36 @@ fn what_is_shown_can_be_read_back() {
         assert_eq!(again.config, loaded.config, "{text}");
         assert_eq!(again.is_set("robot"), loaded.is_set("robot"));
     }
+}
+
+#[test]
+fn a_logs_own_configuration_may_have_keys_of_another_build() {
+    let text = "[odometry]\ndegenerate_ratio = 0.01\nwindow = 4\n[old]\nkey = 1\n";
+    let selection = |text: &str| Selection {
+        recorded: Some(text.to_owned()),
+        ..Selection::default()
+    };
+    let loaded = Config::load(&selection(text)).unwrap();
+    assert_eq!(loaded.config.odometry.window, 4);
+    assert_eq!(loaded.passed_over.len(), 2, "{:?}", loaded.passed_over);
+    assert!(loaded.passed_over[0].contains("\"odometry.degenerate_ratio\""));
+    // A value that does not run is refused all the same.
+    assert!(Config::load(&selection("[odometry]\nwindow = 99\n")).is_err());
+}
+
+#[test]
+fn a_zero_has_no_sign() {
+    let set = |text: &str| {
+        let selection = Selection {
+            set: vec![text.to_owned()],
+            ..Selection::default()
+        };
+        Config::load(&selection).unwrap().config
+    };
+    let minus = set("robot.radar_x_m=-0.0");
+    assert!(minus.robot.radar_x_m.is_sign_positive());
+    assert_eq!(
+        minus.fingerprint(),
+        set("robot.radar_x_m=0.0").fingerprint()
+    );
 }

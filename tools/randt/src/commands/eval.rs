@@ -68,6 +68,7 @@ struct SilentlyWrongFigures {
     silent_m: u64,
     wrong_m: u64,
     windows: u64,
+    worst_good_10s_m: f64,
     good_share: Option<f64>,
 }
 
@@ -178,6 +179,7 @@ fn figures(found: &Judgement, silent: Option<&SilentlyWrong>) -> Figures {
             silent_m: found.silent_m,
             wrong_m: found.wrong_m,
             windows: found.windows,
+            worst_good_10s_m: found.worst_good_10s_m,
             good_share: found.good_share,
         }),
         loops: found.loops.as_ref().map(loop_figures),
@@ -282,7 +284,10 @@ fn table(found: &Judgement, silent: Option<&SilentlyWrong>) -> String {
         row(
             "trust",
             figure(silent.good_share.map(|share| 100.0 * share), 1, "% good"),
-            "share of the scans",
+            &format!(
+                "share of the scans; worst 10 s of good ones {:.2} m",
+                silent.worst_good_10s_m
+            ),
         );
     }
     if let Some(loops) = &found.loops {
