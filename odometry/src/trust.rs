@@ -8,7 +8,7 @@ use randt_saved::saved;
 
 /// A direction is weak where a scan's information along it is below this many times what the grid alone seems to say
 /// along a bare wall. Simulated corridors, whose ends are out of sight, have 1.2 to 1.6 times that, places with corners
-/// over 17 times; at 5.6 times, 0.07 % of the scans of eleven sound drives are called weak at most.
+/// over 16 times; at 5.6 times, 0.07 % of the scans of eleven sound drives are called weak at most.
 const WEAK_MAX: f64 = 5.6;
 /// Mean robust weight below which a scan fits poorly: of fifteen sound drives one scan in a thousand is below 0.43 to
 /// 0.58. Scans of a robot that was carried elsewhere, of a frozen radar or under a wrong gyro are below 0.40.
@@ -97,3 +97,6 @@ impl TrustJudge {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
