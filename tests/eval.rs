@@ -257,12 +257,12 @@ fn metres_that_were_wrong_under_good_trust_are_counted() {
     let report = |spans: &[String]| format!(r#"{{"trust_spans":[{}]}}"#, spans.join(","));
     write("good.json", &report(&[span(0, 100, "good")]));
     let told = [
-        span(0, 40, "good"),
-        span(40, 20, "degraded"),
-        span(60, 40, "good"),
+        span(0, 44, "good"),
+        span(44, 12, "degraded"),
+        span(56, 44, "good"),
     ];
     write("told.json", &report(&told));
-    for (trust, silent_m, good_share) in [("good.json", 10, 1.0), ("told.json", 2, 0.8)] {
+    for (trust, silent_m, good_share) in [("good.json", 10, 1.0), ("told.json", 4, 0.88)] {
         let arguments = ["est.tum", "truth.tum", "--trust", trust];
         let output = eval(folder.path(), &[&arguments[..], &["--json"]].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

@@ -30,6 +30,7 @@ mod import;
 mod imu;
 mod live;
 mod log;
+mod lying;
 mod machines;
 mod map;
 mod mission;

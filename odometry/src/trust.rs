@@ -4,15 +4,17 @@ use crate::{slot::Slot, window::Solution};
 use nalgebra::{Matrix2, SymmetricEigen};
 use randt_config::Config;
 use randt_messages::Trust;
+use randt_ndt::AdaptiveLoss;
 use randt_saved::saved;
 
 /// A direction is weak where a scan's information along it is below this many times what the grid alone seems to say
 /// along a bare wall. Simulated corridors, whose ends are out of sight, have 1.2 to 1.6 times that, places with corners
 /// over 16 times; at 5.6 times, 0.07 % of the scans of eleven sound drives are called weak at most.
 const WEAK_MAX: f64 = 5.6;
-/// Mean robust weight below which a scan fits poorly: of fifteen sound drives one scan in a thousand is below 0.43 to
-/// 0.58. Scans of a robot that was carried elsewhere, of a frozen radar or under a wrong gyro are below 0.40.
-const FIT_MIN: f64 = 0.40;
+/// A scan fits poorly where its mean robust weight is below that of a cell at this squared distance from its counterpart:
+/// 0.40 under the loss of the mixed profile. Of fifteen sound drives one scan in a thousand is below 0.43 to 0.58; scans
+/// of a robot that was carried elsewhere, of a frozen radar or under a wrong gyro are below 0.40.
+const POOR_SQUARED_DISTANCE: f64 = 4.82;
 /// One poor fit may be a passer-by; so many of the last [`FIT_SCANS`] are not.
 const POOR_FITS: u32 = 3;
 /// Scans whose fits are remembered.
@@ -65,6 +67,13 @@ fn wall_information(fit: f64, config: &Config) -> f64 {
     6.0 * config.odometry.ndt_weight * fit / (cell_m * cell_m * (1.0 + config.ndt.slack))
 }
 
+/// Mean robust weight of a scan below which it fits poorly.
+fn fit_min(config: &Config) -> f64 {
+    let odometry = &config.odometry;
+    let loss = AdaptiveLoss::new(odometry.loss_alpha, odometry.loss_scale, 1.0);
+    loss.weight(POOR_SQUARED_DISTANCE)
+}
+
 impl TrustJudge {
     /// Whether it can go on counting, and what it remembers can have been.
     fn is_sound(&self) -> bool {
@@ -84,7 +93,7 @@ impl TrustJudge {
         if self.unsupported >= LOST_AFTER || speed_m_s > config.odometry.speed_max_m_s {
             return Trust::Lost;
         }
-        let is_poor = solution.fit < FIT_MIN;
+        let is_poor = solution.fit < fit_min(config);
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
         let [weakest, _] = position_information(solution);
         let is_weak = weakest < WEAK_MAX * wall_information(solution.fit, config);

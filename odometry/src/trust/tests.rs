@@ -184,6 +184,21 @@ fn three_poor_fits_of_ten_are_doubted_for_a_second() {
 }
 
 #[test]
+fn a_poor_fit_is_as_poor_under_every_loss() {
+    let fit = |alpha: f64, scale: f64| {
+        let mut config = Config::default();
+        (config.odometry.loss_alpha, config.odometry.loss_scale) = (alpha, scale);
+        fit_min(&config)
+    };
+    let close = |fit: f64, expected: f64| assert!((fit - expected).abs() < 0.001, "{fit}");
+    // The profiles mixed, indoor, outdoor and oxford.
+    close(fit(-1.5, 2.0), 0.400);
+    close(fit(-2.0, 1.5), 0.233);
+    close(fit(-1.0, 2.0), 0.413);
+    close(fit(-2.0, 1.0), 0.086);
+}
+
+#[test]
 fn a_weak_direction_is_told_by_cell_weight_and_slack() {
     let judge = |weakest: f64, change: fn(&mut Config)| {
         let mut config = Config::default();
