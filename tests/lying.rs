@@ -173,7 +173,7 @@ fn what_is_believed_of_sensors_that_lie() {
         }
     };
     let step_rad_s = 1_f64.to_radians();
-    let faults: [(&str, Fault); 12] = [
+    let faults: [(&str, Fault); 14] = [
         ("none", Box::new(|_, _| true)),
         ("IMU upside down", imu_upside_down()),
         ("sign of yaw", gyro(|rate, _| -rate)),
@@ -201,7 +201,9 @@ fn what_is_believed_of_sensors_that_lie() {
         ),
         ("radar frozen for 3 s", radar_frozen(60.0, 3.0)),
         ("radar frozen for 10 s", radar_frozen(60.0, 10.0)),
-        ("kidnapped", kidnapped(60.0)),
+        ("kidnapped after 40 s", kidnapped(40.0)),
+        ("kidnapped after 60 s", kidnapped(60.0)),
+        ("kidnapped after 80 s", kidnapped(80.0)),
         ("scale of the gyro 2 % off", gyro(|rate, _| 1.02 * rate)),
     ];
     for (name, fault) in faults {
