@@ -90,6 +90,11 @@ fn a_bad_configuration_ends_with_78_and_says_what_would_be_right() {
         "[ndt]\ncell_size = 1.0\n\n[odometry]\nwindow = 0\n",
     )
     .unwrap();
+    fs::write(
+        folder.path().join("far.toml"),
+        "[odometry]\nspeed_max_m_s = 1e300\n[keyframe]\ndistance_m = 1e9\n[sensor]\nperiod_s = 1e12\n",
+    )
+    .unwrap();
     fs::write(folder.path().join("cut.toml"), "[ndt\n").unwrap();
     fs::write(folder.path().join("bytes.toml"), b"[ndt]\n\xff\xfe\n").unwrap();
 
@@ -131,6 +136,26 @@ fn a_bad_configuration_ends_with_78_and_says_what_would_be_right() {
             &["wide, it must be a number"],
         ),
         (&["config", "show", "--profile", "."], &["Is a directory"]),
+        // Each of these asked for more memory than there is.
+        (
+            &["config", "check", "far.toml"],
+            &[
+                "far.toml:2: odometry.speed_max_m_s is 1e300, it must be from 0.1 to 100 (",
+                "far.toml:4: keyframe.distance_m is 1e9, it must be from 0.02 to 50 (",
+                "far.toml:6: sensor.period_s is 1e12, it must be from 0.01 to 10 (",
+            ],
+        ),
+        (
+            &[
+                "config",
+                "show",
+                "--set",
+                "ndt.cell_size_m=0.05",
+                "--set",
+                "sensor.range_max_m=200",
+            ],
+            &["ndt.cell_size_m = 0.05 (--set) together make a scan's grid of this many squares"],
+        ),
     ] {
         let output = randt(folder.path(), arguments);
         assert_eq!(

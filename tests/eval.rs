@@ -238,3 +238,54 @@ fn what_is_no_report_ends_with_1_and_is_named() {
         assert!(stderr(&output).contains(words), "{}", stderr(&output));
     }
 }
+
+#[test]
+fn metres_that_were_wrong_under_good_trust_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+    write("truth.tum", &drive(0..100));
+    // A metre too far from 50 s on.
+    let row = |t: u32| {
+        let x_m = 0.5 * f64::from(t) + if t < 50 { 0.0 } else { 1.0 };
+        format!("{t}.0 {x_m:.1} 0 0 0 0 0 1\n")
+    };
+    write("est.tum", &(0..100).map(row).collect::<String>());
+    let span = |begin_s: u64, scans: u64, trust: &str| {
+        let begin_ns = begin_s * 1_000_000_000;
+        format!(r#"{{"begin_ns":{begin_ns},"scans":{scans},"trust":"{trust}","imu":true}}"#)
+    };
+    let report = |spans: &[String]| format!(r#"{{"trust_spans":[{}]}}"#, spans.join(","));
+    write("good.json", &report(&[span(0, 100, "good")]));
+    let told = [
+        span(0, 44, "good"),
+        span(44, 12, "degraded"),
+        span(56, 44, "good"),
+    ];
+    write("told.json", &report(&told));
+    for (trust, silent_m, good_share) in [("good.json", 10, 1.0), ("told.json", 4, 0.88)] {
+        let arguments = ["est.tum", "truth.tum", "--trust", trust];
+        let output = eval(folder.path(), &[&arguments[..], &["--json"]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let figures = json(&output);
+        assert_eq!(
+            (&figures["silent_m"], &figures["wrong_m"]),
+            (&silent_m.into(), &10.into())
+        );
+        assert_eq!(figures["good_share"], good_share);
+        let table = eval(folder.path(), &arguments);
+        let words = format!("{silent_m} m of 10 m wrong");
+        let table = str::from_utf8(&table.stdout).unwrap();
+        assert!(table.contains(&words), "{table}");
+    }
+    write("old.json", "{}");
+    let output = eval(
+        folder.path(),
+        &["est.tum", "truth.tum", "--trust", "old.json"],
+    );
+    assert_eq!(output.status.code(), Some(1));
+    assert!(
+        stderr(&output).contains("missing field `trust_spans`"),
+        "{}",
+        stderr(&output)
+    );
+}

@@ -1,6 +1,6 @@
 //! Where a keyframe could have been before: leads from what it looks like and from where it is believed to be.
 
-use crate::{Place, RingKey, ScanContext, submap::REACH_KEYFRAMES};
+use crate::{Place, RingKey, ScanContext};
 use randt_config::{Config, Loops};
 use randt_geometry::elementary::exp;
 use serde::{Deserialize, Serialize};
@@ -47,7 +47,7 @@ impl Search {
     pub fn new(config: &Config) -> Self {
         Self {
             config: config.loops.clone(),
-            apart_m: REACH_KEYFRAMES * config.keyframe.distance_m,
+            apart_m: config.map_reach_m(),
             keys: Vec::new(),
             contexts: Vec::new(),
         }

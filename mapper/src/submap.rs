@@ -11,9 +11,6 @@ use randt_geometry::Pose2;
 use randt_ndt::{CellRule, Grid, ScanCell};
 use std::cell::OnceCell;
 
-/// A submap reaches this many keyframe distances of path to each side of its root: enough to hold what a robot at the
-/// root sees, little enough that odometry has not drifted.
-pub const REACH_KEYFRAMES: f64 = 8.0;
 /// A root every so many keyframe distances of path: each place has one within two keyframes.
 const SPACING_KEYFRAMES: f64 = 4.0;
 
@@ -38,12 +35,11 @@ pub struct Submaps {
 impl Submaps {
     /// None yet.
     pub fn new(config: &Config) -> Self {
-        let reach_m = REACH_KEYFRAMES * config.keyframe.distance_m;
         Self {
             submaps: Vec::new(),
-            reach_m,
+            reach_m: config.map_reach_m(),
             spacing_m: SPACING_KEYFRAMES * config.keyframe.distance_m,
-            empty: local_grid(config, reach_m),
+            empty: local_grid(config),
         }
     }
 
@@ -143,11 +139,10 @@ pub struct Trail {
 impl Trail {
     /// Empty.
     pub fn new(config: &Config) -> Self {
-        let reach_m = REACH_KEYFRAMES * config.keyframe.distance_m;
         Self {
-            grid: local_grid(config, reach_m),
+            grid: local_grid(config),
             cells: Vec::new(),
-            reach_m,
+            reach_m: config.map_reach_m(),
         }
     }
 
@@ -170,14 +165,14 @@ impl Trail {
 }
 
 /// An empty grid for what is seen within a reach of path.
-fn local_grid(config: &Config, reach_m: f64) -> Grid {
+fn local_grid(config: &Config) -> Grid {
     let rule = CellRule {
         points_min: config.ndt.points_min,
         use_intensity: config.ndt.intensity,
         cell_size_m: config.cell_size_m(),
         slack: config.ndt.slack,
     };
-    Grid::new(config.sight_m() + reach_m, rule)
+    Grid::new(config.map_extent_m(), rule)
 }
 
 /// Whether odometry joins two places within so much path.

@@ -143,9 +143,7 @@ pub struct CellMaker {
 impl CellMaker {
     /// A grid around the robot.
     pub fn new(config: &Config) -> Self {
-        // Points move by the distance driven in a sweep when they are de-skewed.
-        let margin = config.odometry.speed_max_m_s * config.sensor.period_s;
-        let grid = Grid::new(config.sight_m() + margin, cell_rule(config));
+        let grid = Grid::new(config.scan_extent_m(), cell_rule(config));
         Self {
             grid,
             levers: Vec::with_capacity(CELLS),

@@ -71,14 +71,12 @@ saved!(Submaps {
 impl Submaps {
     /// Both grids, empty; nothing is allocated later.
     pub fn new(config: &Config) -> Self {
-        // A scan at the very edge still fits; the speed may carry one interval beyond it.
-        let half_width = config.sight_m() + config.submap.radius_m + 2.0 * config.cell_size_m();
         // Made twice: a clone would have no room beyond what it holds.
         let submap = || Submap {
             id: 0,
             root_keyframe: 0,
             root: Pose2::IDENTITY,
-            grid: Grid::new(half_width, cell_rule(config)),
+            grid: Grid::new(config.submap_extent_m(), cell_rule(config)),
         };
         Self {
             config: config.submap.clone(),

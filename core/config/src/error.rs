@@ -96,6 +96,18 @@ pub enum Error {
         /// The key that should be more, its value and where it comes from.
         more: String,
     },
+    /// Keys that are good each but make too much together.
+    #[error("{} together make {what}: {size:.0}, at most {most:.0} are possible", .keys.join(", "))]
+    TooLarge {
+        /// The keys, their values and where they come from.
+        keys: Vec<String>,
+        /// What they make.
+        what: &'static str,
+        /// How large that would be.
+        size: f64,
+        /// How large it may be.
+        most: f64,
+    },
     /// The sensor's description is of another sensor than the input's.
     #[error(
         "sensor {sensor:?} does not fit the input: sensor.{key} is {configured}, the input has {found}; \

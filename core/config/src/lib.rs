@@ -19,6 +19,7 @@ mod arguments;
 mod builtin;
 mod config;
 mod error;
+mod extent;
 mod input;
 mod layer;
 mod load;

@@ -39,6 +39,8 @@ pub struct Loaded {
     pub config: Config,
     /// Where it was said.
     pub origins: Origins,
+    /// What another build knew and this one does not, of a log's own configuration: it is passed over.
+    pub passed_over: Vec<String>,
 }
 
 impl Config {
@@ -48,8 +50,7 @@ impl Config {
         let profile = selection.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
         match &selection.sensor {
             None if selection.profile.is_none() && selection.recorded.is_some() => {
-                let text = selection.recorded.as_deref().unwrap_or_default();
-                loaded.add_text("the log", text, None)?;
+                loaded.add_recorded(selection.recorded.as_deref().unwrap_or_default())?;
             }
             None => {
                 let sensor = match selection.sensor_from_input {
@@ -138,6 +139,24 @@ impl Loaded {
             });
         }
         self.add_text(name, &read_text(name)?, only)
+    }
+
+    /// Lays a log's own configuration over what is there. A log stays readable by builds that have other keys.
+    fn add_recorded(&mut self, text: &str) -> Result<(), Error> {
+        let layer = Layer {
+            source: "the log",
+            text,
+            only: None,
+        };
+        let problems = layer.apply(&mut self.config, &mut self.origins);
+        let (unknown, wrong): (Vec<_>, Vec<_>) = problems.into_iter().partition(|problem| {
+            matches!(
+                problem,
+                Error::UnknownKey { .. } | Error::UnknownSection { .. }
+            )
+        });
+        self.passed_over = unknown.iter().map(Error::to_string).collect();
+        Error::all(wrong)
     }
 
     fn add_text(

@@ -5,16 +5,17 @@ use std::fmt;
 /// Which numbers a key takes; NaN and infinity never do.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
-    /// Any finite number.
-    Finite,
-    /// Above 0.
-    Positive,
-    /// 0 or above.
-    NotNegative,
-    /// From this one up.
-    AtLeast(f64),
-    /// Between these two, both included.
-    Within(f64, f64),
+    /// The key has no number.
+    NoNumber,
+    /// Between these two, both included, and why.
+    Within {
+        /// The smallest.
+        least: f64,
+        /// The largest.
+        most: f64,
+        /// Why not less; why not more.
+        because: &'static str,
+    },
     /// The shape of the adaptive loss: its powers are taken by square roots, so a multiple of 0.5.
     LossShape,
     /// Factors that fall to 1, so that the last solve is the problem itself.
@@ -23,22 +24,37 @@ pub enum Rule {
 
 /// Rounder losses than this change nothing any more.
 const LOSS_SHAPE_LEAST: f64 = -16.0;
+/// The shape of a loss that still bends: the next multiple of 0.5 is the plain square.
+const LOSS_SHAPE_MOST: f64 = 1.5;
+/// Each factor is a solve; the paper has three.
+const FACTORS_MAX: usize = 10;
+/// A loss this much wider than the last one takes everything for an inlier.
+const FACTOR_MAX: f64 = 1000.0;
+
+/// Numbers between two, both included, and the reasons for the bounds.
+pub(crate) const fn within(least: f64, most: f64, because: &'static str) -> Rule {
+    Rule::Within {
+        least,
+        most,
+        because,
+    }
+}
 
 impl Rule {
     /// Whether a key takes these numbers (one, or a list's).
     pub fn allows(&self, numbers: &[f64]) -> bool {
-        let each = |holds: &dyn Fn(f64) -> bool| numbers.iter().all(|&n| n.is_finite() && holds(n));
         match *self {
-            Self::Finite => each(&|_| true),
-            Self::Positive => each(&|n| n > 0.0),
-            Self::NotNegative => each(&|n| n >= 0.0),
-            Self::AtLeast(least) => each(&|n| n >= least),
-            Self::Within(least, most) => each(&|n| least <= n && n <= most),
-            Self::LossShape => {
-                each(&|n| (LOSS_SHAPE_LEAST..2.0).contains(&n) && (2.0 * n).fract() == 0.0)
+            Self::NoNumber => true,
+            Self::Within { least, most, .. } => {
+                numbers.iter().all(|number| (least..=most).contains(number))
             }
+            Self::LossShape => numbers.iter().all(|number| {
+                (LOSS_SHAPE_LEAST..=LOSS_SHAPE_MOST).contains(number)
+                    && (2.0 * number).fract() == 0.0
+            }),
             Self::Graduation => {
-                each(&|_| true)
+                numbers.len() <= FACTORS_MAX
+                    && numbers.first().is_some_and(|first| *first <= FACTOR_MAX)
                     && numbers.last() == Some(&1.0)
                     && numbers.is_sorted_by(|a, b| a > b)
             }
@@ -49,15 +65,20 @@ impl Rule {
 impl fmt::Display for Rule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Finite => write!(f, "finite"),
-            Self::Positive => write!(f, "above 0"),
-            Self::NotNegative => write!(f, "0 or above"),
-            Self::AtLeast(least) => write!(f, "{least} or above"),
-            Self::Within(least, most) => write!(f, "from {least} to {most}"),
-            Self::LossShape => {
-                write!(f, "a multiple of 0.5, from {LOSS_SHAPE_LEAST} to 1.5")
-            }
-            Self::Graduation => write!(f, "falling, and 1.0 at the end"),
+            Self::NoNumber => write!(f, "no number"),
+            Self::Within {
+                least,
+                most,
+                because,
+            } => write!(f, "from {least} to {most} ({because})"),
+            Self::LossShape => write!(
+                f,
+                "a multiple of 0.5, from {LOSS_SHAPE_LEAST} to {LOSS_SHAPE_MOST}"
+            ),
+            Self::Graduation => write!(
+                f,
+                "falling, and 1.0 at the end, {FACTORS_MAX} factors at most, none above {FACTOR_MAX}"
+            ),
         }
     }
 }

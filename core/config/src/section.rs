@@ -23,8 +23,7 @@ pub(crate) enum Refusal {
     Value(String),
 }
 
-/// Declares a section of the configuration: `name: type = default`, then `=> rule` where not every
-/// finite number will do.
+/// Declares a section of the configuration: `name: type = default`, then `=> rule` where it is a number.
 macro_rules! section {
     ($(#[doc = $about:literal])+ pub struct $name:ident {
         $( $(#[doc = $doc:literal])+ pub $key:ident : $ty:ty = $default:expr $(=> $rule:expr)? ),+ $(,)?
@@ -81,7 +80,7 @@ macro_rules! section {
             }
         }
     };
-    (@rule) => { $crate::Rule::Finite };
+    (@rule) => { $crate::Rule::NoNumber };
     (@rule $rule:expr) => { $rule };
 }
 pub(crate) use section;

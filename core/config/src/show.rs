@@ -18,7 +18,7 @@ impl Loaded {
             let from_input = section.name == FROM_INPUT && !self.is_set(section.name);
             for key in section.keys {
                 comment(&mut text, key.doc);
-                if key.rule != Rule::Finite {
+                if key.rule != Rule::NoNumber {
                     text.push_str(&format!("# Range: {}.\n", key.rule));
                 }
                 let value = self.config.get(section.name, key.name).unwrap_or_default();

@@ -23,11 +23,13 @@ impl Value for f64 {
     const KIND: &'static str = "a number";
 
     fn read(value: &DeValue<'_>) -> Option<Self> {
-        match value {
-            DeValue::Float(float) => float.as_str().parse().ok(),
-            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok(),
-            _ => None,
-        }
+        let number: f64 = match value {
+            DeValue::Float(float) => float.as_str().parse().ok()?,
+            DeValue::Integer(integer) if integer.radix() == 10 => integer.as_str().parse().ok()?,
+            _ => return None,
+        };
+        // -0.0 is 0.0: one value has one fingerprint, and no quotient by it changes its sign.
+        Some(number + 0.0)
     }
 
     fn write(&self) -> String {

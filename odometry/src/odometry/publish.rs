@@ -27,11 +27,7 @@ impl Odometry {
             None => StateMatrix::identity() * UNKNOWN_VARIANCE,
         };
         let trust = match solution {
-            Some(solution) => {
-                let speed = slot.state.velocity.xy().norm();
-                self.judge
-                    .judge(solution, slot.cells.len(), speed, &self.config)
-            }
+            Some(solution) => self.judge.judge(solution, slot, &self.config),
             None => Trust::Degraded,
         };
         if trust != Trust::Good && !first_of_frame {

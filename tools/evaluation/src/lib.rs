@@ -1,4 +1,4 @@
-//! Trajectory errors (ATE, RPE, KITTI drift, lost track), loops against the truth, and plots.
+//! Trajectory errors (ATE, RPE, KITTI drift, lost track, silent metres), loops against the truth, and plots.
 //!
 //! Responsible for trajectory files, for what belongs together in two of them, for the figures as
 //! they are published elsewhere, and for the pictures: a drive from above, and figures over time. Not responsible for what is done with them.
@@ -28,6 +28,7 @@ mod panel;
 mod plot;
 mod read;
 mod relative;
+mod silently_wrong;
 mod thin;
 mod ticks;
 mod timeline;
@@ -44,6 +45,7 @@ pub use evaluation::{Evaluation, evaluate, truth_on_estimate};
 pub use loops::{FalseLoop, LoopEdge, LoopEvaluation, LoopLimits, evaluate_loops};
 pub use panel::{Band, Line, Panel};
 pub use plot::{Plot, plot_trajectories};
+pub use silently_wrong::{SilentlyWrong, TrustSpan, silently_wrong};
 pub use track::{Track, Worst, track};
 pub use trajectory::{Trajectory, TrajectoryPose};
 pub use transform::Transform;

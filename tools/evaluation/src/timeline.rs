@@ -32,6 +32,18 @@ impl Instant {
     }
 }
 
+/// Error of the motion between two instants, each estimated and true; `None` across a change of frame.
+pub(crate) fn relative_error(
+    from: (&Instant, &Instant),
+    to: (&Instant, &Instant),
+) -> Option<Transform> {
+    let same = from.0.frame == to.0.frame && from.1.frame == to.1.frame;
+    same.then(|| {
+        let is = from.1.transform.between(&to.1.transform);
+        is.between(&from.0.transform.between(&to.0.transform))
+    })
+}
+
 impl<'a> Timeline<'a> {
     /// Of a trajectory; of one without stamps nothing is ever found.
     pub fn new(trajectory: &'a Trajectory) -> Self {

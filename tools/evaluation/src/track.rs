@@ -1,7 +1,7 @@
 //! Whether the track was held: the worst error of the motion over a second, and over ten metres.
 
-use crate::timeline::{Instant, Timeline};
-use crate::{Trajectory, Transform};
+use crate::Trajectory;
+use crate::timeline::{Instant, Timeline, relative_error};
 
 /// Lost track is told from the motion over this time.
 const SECOND_NS: i64 = 1_000_000_000;
@@ -60,7 +60,7 @@ pub fn track(estimate: &Trajectory, truth: &Trajectory) -> Track {
     let (mut second, mut ten_metres) = (None, None);
     for (stamp_ns, estimated, is) in &instants {
         let later = stamp_ns.checked_add(SECOND_NS).and_then(both);
-        if let Some(error) = later.and_then(|(e, t)| error((estimated, is), (&e, &t))) {
+        if let Some(error) = later.and_then(|(e, t)| relative_error((estimated, is), (&e, &t))) {
             second.get_or_insert_with(Worst::default).add(
                 error.distance_m(),
                 error.angle_rad().to_degrees(),
@@ -71,7 +71,7 @@ pub fn track(estimate: &Trajectory, truth: &Trajectory) -> Track {
         let end = instants.partition_point(|(_, _, to)| to.path_m < is.path_m + PATH_M);
         let end = instants.get(end);
         if let Some((error, to)) =
-            end.and_then(|(_, e, t)| Some((error((estimated, is), (e, t))?, t)))
+            end.and_then(|(_, e, t)| Some((relative_error((estimated, is), (e, t))?, t)))
         {
             ten_metres.get_or_insert_with(Worst::default).add(
                 100.0 * error.distance_m() / (to.path_m - is.path_m),
@@ -86,15 +86,6 @@ pub fn track(estimate: &Trajectory, truth: &Trajectory) -> Track {
         ten_metres,
         lost: second.is_some_and(too_far),
     }
-}
-
-/// Error of the motion between two instants, each estimated and true; `None` across a change of frame.
-fn error(from: (&Instant, &Instant), to: (&Instant, &Instant)) -> Option<Transform> {
-    let same = from.0.frame == to.0.frame && from.1.frame == to.1.frame;
-    same.then(|| {
-        let is = from.1.transform.between(&to.1.transform);
-        is.between(&from.0.transform.between(&to.0.transform))
-    })
 }
 
 #[cfg(test)]

@@ -12,9 +12,11 @@ use crate::{
     pipeline::Pipeline,
     report::{self, Accuracy, Cost, Count, Input, Report},
     results::Results,
+    trust_spans,
 };
 use anyhow::{Context, bail};
 use randt_config::Config;
+use randt_evaluation::silently_wrong;
 use randt_messages::OdometryState;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -78,7 +80,11 @@ pub fn finish_drive(
     let mapper = pipeline.mapper();
     let trajectory = final_poses(&results.states, mapper);
     let evaluation = results.evaluation(&trajectory);
-    let of_odometry = results.evaluation(&results.odometry());
+    let odometry = results.odometry();
+    let of_odometry = results.evaluation(&odometry);
+    let trust_spans = trust_spans::of(&results.states);
+    let trust = trust_spans::for_evaluation(&trust_spans);
+    let silently_wrong = silently_wrong(&odometry, results.truth(), &trust);
     let mut report = Report {
         randt: env!("CARGO_PKG_VERSION"),
         scans: results.states.len() as u64,
@@ -86,10 +92,12 @@ pub fn finish_drive(
         path_m: results.path_m(),
         frames: results.frames(),
         trust: results.trust(),
+        trust_spans,
         loops: Loops::of(mapper),
         accuracy: evaluation.as_ref().map(|e| Accuracy {
             ate_rmse_m: e.ate_rmse_m,
             odometry_ate_rmse_m: of_odometry.and_then(|e| e.ate_rmse_m),
+            silent_m: silently_wrong.silent_m,
             coverage: e.coverage,
         }),
         counters,

@@ -28,4 +28,5 @@ pub mod recorded;
 pub mod remains;
 pub mod report;
 pub mod results;
+pub mod trust_spans;
 pub mod units;

@@ -6,6 +6,7 @@ use crate::{
     loops::Loops,
     pipeline::{Pipeline, Timing},
     results::{FrameSpan, TrustCount},
+    trust_spans,
 };
 use randt_config::Config;
 use randt_readers::{Counter, InputInfo};
@@ -30,6 +31,8 @@ pub struct Report<'a> {
     pub frames: Vec<FrameSpan>,
     /// How far the poses can be trusted.
     pub trust: TrustCount,
+    /// When that changed, in order.
+    pub trust_spans: Vec<trust_spans::Span>,
     /// Loop candidates.
     pub loops: Loops,
     /// Errors against the truth, where the log has it.
@@ -69,6 +72,8 @@ pub struct Accuracy {
     pub ate_rmse_m: Option<f64>,
     /// Of `odometry.tum`.
     pub odometry_ate_rmse_m: Option<f64>,
+    /// Metres of `odometry.tum` that were wrong under good trust; see `randt eval --trust`.
+    pub silent_m: u64,
     /// See `randt eval`.
     pub coverage: f64,
 }

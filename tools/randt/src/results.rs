@@ -62,7 +62,7 @@ pub struct FrameSpan {
 pub struct TrustCount {
     /// Fixed by the scan in every direction.
     pub good: u64,
-    /// Held by gyro or motion model in some direction.
+    /// Held by gyro or motion model in some direction, or fitting poorly.
     pub degraded: u64,
     /// Given up.
     pub lost: u64,

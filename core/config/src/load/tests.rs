@@ -183,7 +183,7 @@ fn a_refusal_names_key_value_and_what_is_right() {
         ),
         (
             "filter.range_max_m=inf",
-            "filter.range_max_m is inf, it must be above 0",
+            "filter.range_max_m is inf, it must be from 0.5 to 1000 (nearer is",
         ),
         ("filter.range_max_m=1e999", "it must be"),
         (
@@ -209,7 +209,7 @@ fn a_refusal_names_key_value_and_what_is_right() {
         ),
         ("odometry.graduation=[]", "falling, and 1.0 at the end"),
         ("odometry.deskew=1", "true or false"),
-        ("robot.radar_x_m=inf", "finite"),
+        ("robot.radar_x_m=inf", "from -100 to 100"),
         (
             "robot.radar_x_m=left",
             "robot.radar_x_m is left, it must be a number",
@@ -225,6 +225,11 @@ fn a_refusal_names_key_value_and_what_is_right() {
         ),
         ("window=1", "section.key=value"),
         ("odometry.window", "section.key=value"),
+        ("odometry.graduation=[1e9, 1.0]", "none above 1000"),
+        (
+            "ndt.cell_size_m=0.05",
+            "ndt.cell_size_m = 0.05 (--set) together make a submap of the map of this many squares to a side: 800, at most 512 are possible",
+        ),
         (
             "submap.overlap_m=50",
             "submap.overlap_m = 50.0 (--set), it must be below submap.radius_m = 15.0 (default)",
@@ -266,7 +271,7 @@ fn a_file_is_refused_with_its_lines_and_all_that_is_wrong() {
     let expected = [
         "my.toml:1: unknown key \"cell_size_m\"; did you mean \"ndt.cell_size_m\"?",
         "my.toml:3: unknown key \"ndt.points\"; did you mean \"ndt.points_min\"?",
-        "my.toml:4: ndt.cell_size_m is -1.0, it must be from 0.05 to 100",
+        "my.toml:4: ndt.cell_size_m is -1.0, it must be from 0.05 to 100 (three range bins; a street's width)",
         "my.toml:6: unknown section [odom]; did you mean [odometry]?",
     ];
     assert_eq!(found, expected);
@@ -303,5 +308,161 @@ fn what_is_shown_can_be_read_back() {
         assert!(problems.is_empty(), "{problems:?}\n{text}");
         assert_eq!(again.config, loaded.config, "{text}");
         assert_eq!(again.is_set("robot"), loaded.is_set("robot"));
+    }
+}
+
+#[test]
+fn a_logs_own_configuration_may_have_keys_of_another_build() {
+    let text = "[odometry]\ndegenerate_ratio = 0.01\nwindow = 4\n[old]\nkey = 1\n";
+    let selection = |text: &str| Selection {
+        recorded: Some(text.to_owned()),
+        ..Selection::default()
+    };
+    let loaded = Config::load(&selection(text)).unwrap();
+    assert_eq!(loaded.config.odometry.window, 4);
+    assert_eq!(loaded.passed_over.len(), 2, "{:?}", loaded.passed_over);
+    assert!(loaded.passed_over[0].contains("\"odometry.degenerate_ratio\""));
+    // A value that does not run is refused all the same.
+    assert!(Config::load(&selection("[odometry]\nwindow = 99\n")).is_err());
+}
+
+#[test]
+fn a_zero_has_no_sign() {
+    let set = |text: &str| {
+        let selection = Selection {
+            set: vec![text.to_owned()],
+            ..Selection::default()
+        };
+        Config::load(&selection).unwrap().config
+    };
+    let minus = set("robot.radar_x_m=-0.0");
+    assert!(minus.robot.radar_x_m.is_sign_positive());
+    assert_eq!(
+        minus.fingerprint(),
+        set("robot.radar_x_m=0.0").fingerprint()
+    );
+}
+
+/// Every key that takes numbers, with the text of its bounds.
+fn bounded() -> Vec<(String, [f64; 2], bool)> {
+    let mut keys = Vec::new();
+    for section in Config::SECTIONS {
+        for key in section.keys {
+            if let crate::Rule::Within { least, most, .. } = key.rule {
+                let name = format!("{}.{}", section.name, key.name);
+                let default = Config::default().get(section.name, key.name).unwrap();
+                keys.push((name, [least, most], !default.contains('.')));
+            }
+        }
+    }
+    keys
+}
+
+#[test]
+fn every_number_has_bounds_and_one_step_beyond_is_refused_in_words() {
+    let set = |name: &str, value: &str| {
+        let text = format!("{name}={value}");
+        let (mut config, mut origins) = (Config::default(), Origins::new());
+        apply_override(&text, &mut config, &mut origins).map_err(|error| error.to_string())
+    };
+    assert!(bounded().len() > 60, "{}", bounded().len());
+    for (name, [least, most], is_whole) in bounded() {
+        let beyond = match is_whole {
+            true => [(least - 1.0).to_string(), (most + 1.0).to_string()],
+            false => [
+                format!("{:?}", least.next_down()),
+                format!("{:?}", most.next_up()),
+            ],
+        };
+        for value in [least, most] {
+            assert_eq!(set(&name, &value.to_string()), Ok(()), "{name}");
+        }
+        let nonsense = [
+            "nan",
+            "-nan",
+            "inf",
+            "-inf",
+            "1e999",
+            "-1e999",
+            "99999999999999999999999",
+            "0x10000000000000000",
+            "",
+            "\"1\"",
+            "[1.0]",
+            "{}",
+            "true",
+            "1_",
+            "1979-05-27",
+            "one",
+        ];
+        for value in beyond.iter().map(String::as_str).chain(nonsense) {
+            let refused = set(&name, value).unwrap_err();
+            assert!(
+                refused.contains(&name) && refused.contains("must be "),
+                "{name}={value}: {refused}"
+            );
+        }
+        // Zeros and the smallest numbers are in range or refused, as any other.
+        for value in [0.0, -0.0, f64::MIN_POSITIVE, 5e-324, -5e-324] {
+            let taken = set(&name, &format!("{value:?}")).is_ok();
+            assert_eq!(
+                taken,
+                (least..=most).contains(&value) && !is_whole,
+                "{name}={value:?}"
+            );
+        }
+    }
+    // What has no bounds has no numbers, or rules of its own.
+    for section in Config::SECTIONS {
+        for key in section
+            .keys
+            .iter()
+            .filter(|key| key.rule == crate::Rule::NoNumber)
+        {
+            let default = Config::default().get(section.name, key.name).unwrap();
+            assert!(
+                default.parse::<f64>().is_err() && !default.starts_with('['),
+                "{}",
+                key.name
+            );
+        }
+    }
+}
+
+#[test]
+fn bounds_hold_in_files_of_every_kind() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("far.toml").display().to_string();
+    for (text, words) in [
+        ("[sensor]\nperiod_s = 1e300\n", "sensor.period_s is 1e300"),
+        (
+            "[robot]\nradar_yaw_rad = 180\n",
+            "a turn in radians, not in degrees",
+        ),
+        (
+            "[submap]\nradius_m = 1000\n[ndt]\ncell_size_m = 0.5\n",
+            "submap.radius_m = 1000.0",
+        ),
+        (
+            "[loops]\nrings = 200\nsectors = 720\ncandidates = 100\n",
+            "a search for loops of rings x sectors^2 x candidates products",
+        ),
+    ] {
+        std::fs::write(&path, text).unwrap();
+        let refusal = check_file(&path).unwrap_err().to_string();
+        assert!(refusal.contains(words), "{refusal}");
+        let (sensor, robot) = match text.starts_with("[robot]") {
+            true => (None, Some(path.clone())),
+            false => (Some(path.clone()), None),
+        };
+        if text.starts_with("[robot]") || text.starts_with("[sensor]") {
+            let selection = Selection {
+                sensor,
+                robot,
+                ..Selection::default()
+            };
+            let refusal = Config::load(&selection).unwrap_err().to_string();
+            assert!(refusal.contains(words), "{refusal}");
+        }
     }
 }

@@ -4,7 +4,10 @@ use crate::accepted;
 use crate::exit::Outcome;
 use crate::judgement::Judgement;
 use crate::output::print;
-use randt_evaluation::{Evaluation, LoopEvaluation, LoopLimits, Trajectory, Worst};
+use crate::trust_spans;
+use randt_evaluation::{
+    Evaluation, LoopEvaluation, LoopLimits, SilentlyWrong, Trajectory, Worst, silently_wrong,
+};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -24,6 +27,9 @@ pub struct Arguments {
     /// Judge the accepted loops of a run by its report.json
     #[arg(long, value_name = "REPORT")]
     loops: Option<PathBuf>,
+    /// Count the metres that were wrong under good trust, by a run's report.json; EST is its odometry.tum
+    #[arg(long, value_name = "REPORT")]
+    trust: Option<PathBuf>,
     /// A loop is false when it is off by more, m (a Navtech's: 2)
     #[arg(long, value_name = "M", default_value_t = LoopLimits::default().translation_m)]
     false_loop_m: f64,
@@ -50,8 +56,20 @@ struct Figures {
     worst_1s_rotation_deg: Option<f64>,
     worst_10m_translation_percent: Option<f64>,
     worst_10m_rotation_deg: Option<f64>,
+    #[serde(flatten)]
+    silently_wrong: Option<SilentlyWrongFigures>,
     #[serde(skip_serializing_if = "Option::is_none")]
     loops: Option<LoopFigures>,
+}
+
+/// The same of trust.
+#[derive(Debug, Serialize)]
+struct SilentlyWrongFigures {
+    silent_m: u64,
+    wrong_m: u64,
+    windows: u64,
+    worst_good_10s_m: f64,
+    good_share: Option<f64>,
 }
 
 /// The same of loops.
@@ -84,10 +102,16 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     };
     let loops = arguments.loops.as_deref().map(accepted::read).transpose()?;
     let found = Judgement::of(&estimate, &truth, loops.as_deref(), &limits)?;
+    let trust = arguments.trust.as_deref();
+    let trust = trust.map(trust_spans::read).transpose()?;
+    let silent = trust.map(|trust| silently_wrong(&estimate, &truth, &trust));
     let text = if arguments.json {
-        format!("{}\n", serde_json::to_string_pretty(&figures(&found))?)
+        format!(
+            "{}\n",
+            serde_json::to_string_pretty(&figures(&found, silent.as_ref()))?
+        )
     } else {
-        table(&found)
+        table(&found, silent.as_ref())
     };
     print(&text)?;
     let evaluation = &found.evaluation;
@@ -131,7 +155,7 @@ fn reason(evaluation: &Evaluation, estimate: &Trajectory, truth: &Trajectory) ->
     )
 }
 
-fn figures(found: &Judgement) -> Figures {
+fn figures(found: &Judgement, silent: Option<&SilentlyWrong>) -> Figures {
     let Judgement {
         evaluation, track, ..
     } = found;
@@ -151,6 +175,13 @@ fn figures(found: &Judgement) -> Figures {
         worst_1s_rotation_deg: track.second.map(|worst| worst.rotation_deg),
         worst_10m_translation_percent: track.ten_metres.map(|worst| worst.translation),
         worst_10m_rotation_deg: track.ten_metres.map(|worst| worst.rotation_deg),
+        silently_wrong: silent.map(|found| SilentlyWrongFigures {
+            silent_m: found.silent_m,
+            wrong_m: found.wrong_m,
+            windows: found.windows,
+            worst_good_10s_m: found.worst_good_10s_m,
+            good_share: found.good_share,
+        }),
         loops: found.loops.as_ref().map(loop_figures),
     }
 }
@@ -176,7 +207,7 @@ fn loop_figures(loops: &LoopEvaluation) -> LoopFigures {
 }
 
 /// The figures for people.
-fn table(found: &Judgement) -> String {
+fn table(found: &Judgement, silent: Option<&SilentlyWrong>) -> String {
     let Judgement {
         evaluation, track, ..
     } = found;
@@ -244,6 +275,21 @@ fn table(found: &Judgement) -> String {
         worst(track.ten_metres, "%"),
         "of the path, over 10 m of it",
     );
+    if let Some(silent) = silent {
+        row(
+            "silent",
+            format!("{} m of {} m wrong", silent.silent_m, silent.wrong_m),
+            "under good trust: off by 0.5 m or 5 deg in 10 m, or by its heading",
+        );
+        row(
+            "trust",
+            figure(silent.good_share.map(|share| 100.0 * share), 1, "% good"),
+            &format!(
+                "share of the scans; worst 10 s of good ones {:.2} m",
+                silent.worst_good_10s_m
+            ),
+        );
+    }
     if let Some(loops) = &found.loops {
         row(
             "loops",

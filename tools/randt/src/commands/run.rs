@@ -74,6 +74,9 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     let info = source.info();
     let recorded = info.configuration.clone();
     let loaded = (arguments.selection).load_recorded(info.sensor.name(), recorded)?;
+    for problem in &loaded.passed_over {
+        eprintln!("passed over: {problem}");
+    }
     let mut config = job::with_mounting(loaded, source.as_ref()).config;
     config.loops.enabled &= !arguments.no_loops;
     // Before the work: whether there is anything to compare with.

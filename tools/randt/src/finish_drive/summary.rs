@@ -30,10 +30,15 @@ pub fn text(report: &Report<'_>, out: &Path) -> String {
     );
     let live = report.accuracy.as_ref().and_then(|a| a.odometry_ate_rmse_m);
     let live = live.map_or(String::new(), |m| format!("; odometry's, live, {m:.3} m"));
+    let silent_m = report.accuracy.as_ref().map(|a| a.silent_m);
+    let silent = match silent_m {
+        None | Some(0) => String::new(),
+        Some(silent_m) => format!("; {silent_m} m of it were wrong under good trust"),
+    };
     if let Some(ate_m) = report.accuracy.as_ref().and_then(|a| a.ate_rmse_m) {
         let _ = writeln!(
             text,
-            "accuracy: ATE {ate_m:.3} m against the log's truth{live}"
+            "accuracy: ATE {ate_m:.3} m against the log's truth{live}{silent}"
         );
     }
     if let Some(comparison) = &report.comparison {

@@ -1,0 +1,243 @@
+//! What trust says of single solutions, in a bare corridor and of a robot that was carried elsewhere.
+
+use super::*;
+use crate::{Odometry, Sink};
+use nalgebra::{Matrix3, Vector3};
+use randt_filter::ClusterFilter;
+use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints};
+use randt_ndt::ScanCell;
+use randt_saved::{Reader, Saved, Writer};
+use randt_simulator::{Event, Robot, Simulation, World};
+
+const SWEEP_NS: i64 = 200_000_000;
+/// The mean fit along a bare wall.
+const USUAL_FIT: f64 = 0.75;
+
+/// Sixty metres without anything; the robot drives to and fro in the middle and never sees an end.
+const CORRIDOR: &str = "
+wall concrete 0,-1.3 60,-1.3
+wall concrete 0,1.3 60,1.3
+route 25,-0.3 35,-0.3 35.3,0 35,0.3 25,0.3 24.7,0
+";
+
+/// What odometry published.
+#[derive(Default)]
+struct States(Vec<OdometryState>);
+
+impl Sink for States {
+    fn state(&mut self, state: &OdometryState) {
+        self.0.push(*state);
+    }
+    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
+}
+
+impl States {
+    fn of(events: &[Event], config: &Config) -> Vec<OdometryState> {
+        let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
+        let mut points = Message::<RadarPoints>::default();
+        let mut odometry = Odometry::new(config, true);
+        let mut states = Self::default();
+        for event in events {
+            match event {
+                Event::Scan(scan) => {
+                    filter.process(scan.as_ref(), &mut points);
+                    odometry.push_points(points.as_ref(), &mut states);
+                }
+                Event::Imu(sample) => odometry.push_imu(sample, &mut states),
+                Event::Truth(_) => {}
+            }
+        }
+        odometry.finish(&mut states);
+        states.0
+    }
+}
+
+fn events(world: &World, scans: u64) -> Vec<Event> {
+    Simulation::new(world, Robot::of(world), scans, 4).collect()
+}
+
+fn config_of(world: &World) -> Config {
+    let mounting = Robot::of(world).radar_mounting;
+    let mut config = Config::default();
+    (config.robot.radar_x_m, config.robot.radar_y_m) = (mounting.x_m, mounting.y_m);
+    config
+}
+
+/// Number of states with a trust.
+fn count(states: &[OdometryState], trust: Trust) -> usize {
+    let alike = states.iter().filter(|state| state.trust == trust as u32);
+    alike.count()
+}
+
+#[test]
+fn in_a_bare_corridor_the_grid_makes_the_information_and_trust_is_not_good() {
+    let world = World::parse("corridor", CORRIDOR).unwrap();
+    let events = events(&world, 60);
+    for slack in [0.0, 5.0, 50.0] {
+        let mut config = config_of(&world);
+        config.ndt.slack = slack;
+        let states = States::of(&events, &config);
+        // The first scan is the map; the second one is set against a single scan.
+        let states = states.get(5..).unwrap();
+        let mut along: Vec<f64> = states
+            .iter()
+            .map(|s| s.information_eigenvalues[0])
+            .collect();
+        along.sort_by(f64::total_cmp);
+        let (median, formula) = (along[along.len() / 2], wall_information(USUAL_FIT, &config));
+        println!("slack {slack}: {median:.0} / m^2, {formula:.0} in closed form");
+        assert!(
+            (0.5..3.0).contains(&(median / formula)),
+            "slack {slack}: {median} / m^2, {formula} in closed form"
+        );
+        assert_eq!(count(states, Trust::Good), 0, "slack {slack}");
+    }
+}
+
+#[test]
+fn a_robot_that_was_carried_elsewhere_is_doubted_within_a_second() {
+    let world = World::building();
+    let mut events = events(&world, 250);
+    // Thirty seconds are cut out, and what follows is moved to their begin.
+    let scan = |events: &[Event], number: usize| {
+        let scans = events.iter().enumerate();
+        let mut scans = scans.filter(|(_, event)| matches!(event, Event::Scan(_)));
+        scans.nth(number).unwrap().0
+    };
+    let (from, to) = (scan(&events, 80) + 1, scan(&events, 230) + 1);
+    events.drain(from..to);
+    for event in events.iter_mut().skip(from) {
+        shift(event, -150 * SWEEP_NS);
+    }
+    let states = States::of(&events, &config_of(&world));
+    let (before, after) = states.split_at(81);
+    assert_eq!(count(&before[20..], Trust::Good), 61);
+    let good = after.iter().take_while(|s| s.trust == Trust::Good as u32);
+    let good = good.count();
+    println!(
+        "doubted after {good} scans; trust of all that follow: {:?}",
+        after.iter().map(|s| s.trust).collect::<Vec<_>>()
+    );
+    assert!(good < 5, "{good} scans");
+}
+
+/// Moves an event in time, its beams included.
+fn shift(event: &mut Event, by_ns: i64) {
+    match event {
+        Event::Scan(scan) => {
+            scan.head.header.stamp_ns += by_ns;
+            let sweep = &mut scan.head.sweep;
+            sweep.begin_ns += by_ns;
+            sweep.end_ns += by_ns;
+            for beam in &mut sweep.beams {
+                beam.stamp_ns += by_ns;
+            }
+        }
+        Event::Imu(sample) => sample.header.stamp_ns += by_ns,
+        Event::Truth(pose) => pose.header.stamp_ns += by_ns,
+    }
+}
+
+/// A scan of this number, of ten cells.
+fn scan(number: i64) -> Slot {
+    let mut scan = Slot {
+        cells: vec![ScanCell::default(); 10],
+        ..Slot::default()
+    };
+    scan.scan.head.sweep.end_ns = number * SWEEP_NS;
+    scan
+}
+
+/// A solution of this fit with so much information along the weaker direction of the position, 1/m^2.
+fn solution(fit: f64, weakest: f64) -> Solution {
+    Solution {
+        fit,
+        scan_information: Matrix3::from_diagonal(&Vector3::new(20_000.0, weakest, 1e5)),
+        ..Solution::default()
+    }
+}
+
+/// Judges scans of these fits, the direction being strong.
+fn judged(fits: &[f64]) -> Vec<Trust> {
+    let (mut judge, config) = (TrustJudge::default(), Config::default());
+    let judge = |(number, fit)| judge.judge(&solution(fit, 9000.0), &scan(number), &config);
+    (0..).zip(fits.iter().copied()).map(judge).collect()
+}
+
+#[test]
+fn three_poor_fits_of_ten_are_doubted_for_a_second() {
+    const GOOD: f64 = 0.41;
+    const POOR: f64 = 0.39;
+    assert_eq!(judged(&[GOOD; 20]), [Trust::Good; 20]);
+    // Two, and a third that comes when the first one is forgotten.
+    let mut fits = [GOOD; 30];
+    (fits[3], fits[5], fits[13]) = (POOR, POOR, POOR);
+    assert_eq!(judged(&fits), [Trust::Good; 30]);
+    (fits[3], fits[4], fits[5]) = (POOR, POOR, POOR);
+    fits[13] = GOOD;
+    let trust = judged(&fits);
+    // Doubted from the third one until a second after the first one is forgotten, eight scans later.
+    let doubted = (0..).zip(&trust).filter(|(_, t)| **t == Trust::Degraded);
+    let doubted: Vec<usize> = doubted.map(|(scan, _)| scan).collect();
+    assert_eq!(doubted, Vec::from_iter(5..=16));
+    assert!(trust[17..].iter().all(|trust| *trust == Trust::Good));
+}
+
+#[test]
+fn a_poor_fit_is_as_poor_under_every_loss() {
+    let fit = |alpha: f64, scale: f64| {
+        let mut config = Config::default();
+        (config.odometry.loss_alpha, config.odometry.loss_scale) = (alpha, scale);
+        fit_min(&config)
+    };
+    let close = |fit: f64, expected: f64| assert!((fit - expected).abs() < 0.001, "{fit}");
+    // The profiles mixed, indoor, outdoor and oxford.
+    close(fit(-1.5, 2.0), 0.400);
+    close(fit(-2.0, 1.5), 0.233);
+    close(fit(-1.0, 2.0), 0.413);
+    close(fit(-2.0, 1.0), 0.086);
+}
+
+#[test]
+fn a_weak_direction_is_told_by_cell_weight_and_slack() {
+    let judge = |weakest: f64, change: fn(&mut Config)| {
+        let mut config = Config::default();
+        change(&mut config);
+        TrustJudge::default().judge(&solution(0.8, weakest), &scan(0), &config)
+    };
+    // 5.6 x 6 x 200 x 0.8 / 6 = 896.
+    assert_eq!(judge(905.0, |_| ()), Trust::Good);
+    assert_eq!(judge(885.0, |_| ()), Trust::Degraded);
+    for (limit, change) in [
+        (3584.0, (|c| c.ndt.cell_size_m = 0.5) as fn(&mut Config)),
+        (448.0, |c| c.odometry.ndt_weight = 100.0),
+        (5376.0, |c| c.ndt.slack = 0.0),
+        (224.0, |c| c.sensor.cell_size_min_m = 2.0),
+    ] {
+        assert_eq!(judge(1.01 * limit, change), Trust::Good, "{limit}");
+        assert_eq!(judge(0.99 * limit, change), Trust::Degraded, "{limit}");
+    }
+}
+
+#[test]
+fn what_is_remembered_survives_its_process() {
+    let config = Config::default();
+    let fits = [
+        0.3, 0.8, 0.3, 0.8, 0.8, 0.3, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8,
+    ];
+    let (mut whole, mut killed) = (TrustJudge::default(), TrustJudge::default());
+    for (number, fit) in (0..).zip(fits) {
+        let judge =
+            |judge: &mut TrustJudge| judge.judge(&solution(fit, 9000.0), &scan(number), &config);
+        assert_eq!(judge(&mut whole), judge(&mut killed), "scan {number}");
+        let mut bytes = [0; 64];
+        killed.save(&mut Writer::new(&mut bytes));
+        killed = TrustJudge::default();
+        killed.restore(&mut Reader::new(&bytes)).unwrap();
+    }
+    // More scans than are remembered cannot have been.
+    let mut bytes = [0xff; 64];
+    TrustJudge::default().save(&mut Writer::new(&mut bytes));
+    bytes[4..8].copy_from_slice(&(1_u32 << FIT_SCANS).to_le_bytes());
+    assert!(killed.restore(&mut Reader::new(&bytes)).is_err());
+}

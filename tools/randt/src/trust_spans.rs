@@ -1,0 +1,131 @@
+//! When trust changed in a run: in its `report.json`, and out of it for `randt eval`.
+
+use anyhow::Context;
+use randt_evaluation::TrustSpan;
+use randt_messages::{ImuUse, OdometryState, Trust};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Scans in a row of one trust.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Span {
+    /// Stamp of the first of them, ns.
+    pub begin_ns: i64,
+    /// How many there are.
+    pub scans: u64,
+    /// Their trust.
+    pub trust: Name,
+    /// Whether the IMU covered their sweeps.
+    pub imu: bool,
+}
+
+/// A trust as the report has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Name {
+    /// Fixed by the scan in every direction.
+    Good,
+    /// Held by gyro or motion model in some direction, or fitting poorly.
+    Degraded,
+    /// Given up.
+    Lost,
+}
+
+/// What is read of a report; it holds much else.
+#[derive(Deserialize)]
+struct Report {
+    trust_spans: Vec<Span>,
+}
+
+/// The spans of these states.
+pub fn of(states: &[OdometryState]) -> Vec<Span> {
+    let alike = |a: &OdometryState, b: &OdometryState| key(a) == key(b);
+    let span = |states: &[OdometryState]| {
+        let first = states.first()?;
+        let (trust, imu) = key(first);
+        Some(Span {
+            begin_ns: first.header.stamp_ns,
+            scans: states.len() as u64,
+            trust,
+            imu,
+        })
+    };
+    states.chunk_by(alike).filter_map(span).collect()
+}
+
+fn key(state: &OdometryState) -> (Name, bool) {
+    let trust = match state.trust {
+        code if code == Trust::Good as u32 => Name::Good,
+        code if code == Trust::Degraded as u32 => Name::Degraded,
+        _ => Name::Lost,
+    };
+    (trust, state.imu_use == ImuUse::Covered as u32)
+}
+
+/// The same for the evaluation.
+pub fn for_evaluation(spans: &[Span]) -> Vec<TrustSpan> {
+    let span = |span: &Span| TrustSpan {
+        begin_ns: span.begin_ns,
+        good: span.trust == Name::Good,
+        imu: span.imu,
+    };
+    spans.iter().map(span).collect()
+}
+
+/// Reads the spans of a report.
+pub fn read(path: &Path) -> anyhow::Result<Vec<TrustSpan>> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let report: Report = serde_json::from_slice(&bytes).with_context(|| {
+        format!(
+            "{}: no report of a run that says how its trust went",
+            path.display()
+        )
+    })?;
+    Ok(for_evaluation(&report.trust_spans))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(stamp_ns: i64, trust: Trust, imu_use: ImuUse) -> OdometryState {
+        let mut state = OdometryState::default();
+        state.header.stamp_ns = stamp_ns;
+        state.trust = trust as u32;
+        state.imu_use = imu_use as u32;
+        state
+    }
+
+    #[test]
+    fn a_report_gives_back_when_trust_changed() {
+        let states = [
+            state(1, Trust::Degraded, ImuUse::Covered),
+            state(2, Trust::Good, ImuUse::Covered),
+            state(3, Trust::Good, ImuUse::Covered),
+            state(4, Trust::Good, ImuUse::Late),
+            state(5, Trust::Lost, ImuUse::None),
+        ];
+        let spans = of(&states);
+        let json = serde_json::json!({"scans": 5, "trust_spans": spans}).to_string();
+        assert!(
+            json.contains(r#"{"begin_ns":2,"imu":true,"scans":2,"trust":"good"}"#),
+            "{json}"
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("report.json");
+        std::fs::write(&path, &json).unwrap();
+        let read = read(&path).unwrap();
+        let short: Vec<_> = read.iter().map(|s| (s.begin_ns, s.good, s.imu)).collect();
+        let expected = [
+            (1, false, true),
+            (2, true, true),
+            (4, true, false),
+            (5, false, false),
+        ];
+        assert_eq!(short, expected);
+
+        std::fs::write(&path, r#"{"scans": 5}"#).unwrap();
+        let text = format!("{:#}", super::read(&path).unwrap_err());
+        assert!(text.contains("missing field `trust_spans`"), "{text}");
+    }
+}
