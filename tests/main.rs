@@ -29,6 +29,7 @@ mod import;
 mod imu;
 mod live;
 mod log;
+mod log_holes;
 mod machines;
 mod map;
 mod mission;
