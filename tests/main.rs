@@ -40,6 +40,7 @@ mod plot;
 mod power_cut;
 mod recorder;
 mod replay;
+mod resources;
 mod same_bits;
 mod same_bits_live;
 mod sensors;
