@@ -34,6 +34,15 @@ impl Odometry {
             self.counters.imu_rejected += 1;
             return;
         }
+        let published_ns = sample.header.published_ns;
+        if published_ns != 0
+            && self
+                .ended_wait_ns
+                .take_if(|end_ns| published_ns <= *end_ns)
+                .is_some()
+        {
+            self.counters.scans_imu_overtaken += 1;
+        }
         if let Some(oldest) = self.imu.push(sample)
             && let Some(standstill) = heading.push(&oldest)
         {
@@ -112,6 +121,7 @@ impl Odometry {
     /// The wait of the first scan that waits is over: it is processed with the IMU samples that are there, and its
     /// state says so.
     pub fn proceed(&mut self, sink: &mut impl Sink) {
+        self.ended_wait_ns = self.deadline_ns().filter(|end_ns| *end_ns != i64::MAX);
         self.process_first(self.imu.len(), sink);
         self.process_covered(sink);
     }

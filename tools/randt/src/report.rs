@@ -187,6 +187,11 @@ pub fn counters(
         ),
         ("odometry_scans_imu_late", odometry.scans_imu_late, false),
         (
+            "odometry_scans_imu_overtaken",
+            odometry.scans_imu_overtaken,
+            false,
+        ),
+        (
             "odometry_scans_without_imu",
             odometry.scans_without_imu,
             false,
@@ -209,6 +214,13 @@ pub fn counters(
                 },
             );
         }
+    }
+    if let Some(late) = all.get_mut("odometry_scans_imu_late") {
+        late.first = format!(
+            "the IMU ends {:.1} ms before the sweep that ends at {} ns",
+            odometry.imu_late_short_ns as f64 * 1e-6,
+            odometry.imu_late_first_ns
+        );
     }
     all
 }
