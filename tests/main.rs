@@ -45,6 +45,7 @@ mod same_bits;
 mod same_bits_live;
 mod sensors;
 mod simulate;
+mod soak;
 mod systemd;
 mod top;
 mod view;
