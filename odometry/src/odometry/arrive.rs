@@ -34,13 +34,10 @@ impl Odometry {
             self.counters.imu_rejected += 1;
             return;
         }
+        // Samples come in the order of publishing: the first one tells whether another was on its way in time.
         let published_ns = sample.header.published_ns;
-        if published_ns != 0
-            && self
-                .ended_wait_ns
-                .take_if(|end_ns| published_ns <= *end_ns)
-                .is_some()
-        {
+        let ended_wait_ns = self.ended_wait_ns.take();
+        if ended_wait_ns.is_some_and(|end_ns| (1..=end_ns).contains(&published_ns)) {
             self.counters.scans_imu_overtaken += 1;
         }
         if let Some(oldest) = self.imu.push(sample)
