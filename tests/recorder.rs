@@ -230,13 +230,15 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     // Gone while it records: it makes it anew.
     fs::remove_dir_all(&out).unwrap();
     until("recording goes on", || !names(&out).is_empty());
-    until("it is well again", || state(&pipeline).0 == "running");
+    until("it says what went with the folder", || {
+        state(&pipeline).1.contains("messages are in no log")
+    });
     // Everybody else went on meanwhile.
     let ended = pipeline.randt(&["top", "--once", "--json"]);
     let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
     for stage in figures["stages"].as_array().unwrap() {
         let name = stage["name"].as_str().unwrap();
-        assert!(stage["state"] == "running", "{name}: {stage}");
+        assert!(name == "recorder" || stage["state"] == "running", "{stage}");
         assert_eq!(stage["restarts"], 0, "{name}: {stage}");
     }
     let topics = figures["topics"].as_array().unwrap().iter();
@@ -348,7 +350,7 @@ fn below_the_floor_it_is_red_and_mapping_goes_on() {
     let out = folder.path().join("logs");
     let mut pipeline = Pipeline::new("rf");
     pipeline.compute(folder.path());
-    pipeline.record(&out, &["--set", "record.free_min_gb=1000000"]);
+    let recorder = pipeline.record(&out, &["--set", "record.free_min_gb=1000000"]);
     pipeline.play(&input, &["--loop"]);
     let (said, why) = state(&pipeline);
     assert_eq!(said, "degraded");
@@ -359,4 +361,6 @@ fn below_the_floor_it_is_red_and_mapping_goes_on() {
     let mapper = figures["stages"].as_array().unwrap().iter();
     let mapper = mapper.filter(|stage| stage["name"] == "mapper");
     assert!(mapper.clone().all(|stage| stage["state"] == "running"));
+    // What waits for room until the end is in no log.
+    assert_eq!(pipeline.end(recorder, Signal::TERM), Some(3));
 }

@@ -56,6 +56,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut feed = Feed::new(odometry, past, samples, points, stage.clock());
     stage.running()?;
     out.publish(&mut feed.past)?;
+    let mut late_said = 0;
     let give_up = Instant::now() + HEAR_MAX;
     while !has_past && Instant::now() < give_up {
         // Numbers go on after those of the map that there may be; the first scans lie in the buffer meanwhile.
@@ -70,7 +71,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             out.publish(&mut feed.past)?;
         }
         has_past |= answer(&mut graph, &mut feed, &mut out, has_past)?;
-        report(&mut stage, &feed);
+        report(&mut stage, &feed, &mut late_said);
         stage.note(out.trust);
         let pause = Some(feed.pause());
         if stage.wait(&[feed.wakes(), &graph], pause)? == Woken::Stop {
@@ -114,14 +115,24 @@ fn answer(
     Ok(heard)
 }
 
-/// Tells what was lost on the way.
-fn report(stage: &mut Stage, feed: &Feed) {
+/// Tells what was lost on the way, and which scans had less of the IMU than there was.
+fn report(stage: &mut Stage, feed: &Feed, late_said: &mut u64) {
     let lost = feed.scans_missed;
     let text = match lost {
         0 => String::new(),
         lost => format!("{lost} scans never came"),
     };
     stage.report(&text, lost);
+    let late = feed.odometry.counters().scans_imu_late;
+    if late > 0 {
+        let text = format!("{late} scans without their last IMU samples");
+        // A line in the journal for the first of them, and for as many again.
+        if late >= *late_said * 2 {
+            *late_said = late.max(1);
+            stage.say(&text);
+        }
+        stage.remark(&text);
+    }
 }
 
 /// The topics that it writes.

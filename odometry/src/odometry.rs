@@ -57,6 +57,8 @@ pub struct Odometry {
     /// Scans that wait for the IMU, and messages to reuse.
     pending: VecDeque<Message<RadarPoints>>,
     spare: Vec<Message<RadarPoints>>,
+    /// Deadline of the last scan that was computed because its wait was over.
+    ended_wait_ns: Option<i64>,
     standstill: Option<(f64, f64)>,
     /// One more than the window; the first `used` are in it, oldest first.
     slots: Vec<Slot>,
@@ -113,6 +115,7 @@ impl Odometry {
             imu: ImuQueue::new(),
             pending: VecDeque::with_capacity(PENDING),
             spare: (0..PENDING).map(|_| scan::with_room()).collect(),
+            ended_wait_ns: None,
             standstill: None,
             slots: (0..=window).map(|_| Slot::with_room()).collect(),
             used: 0,

@@ -165,14 +165,20 @@ fn samples_without_scans_do_not_pile_up() {
 /// a log, where they lie at hand.
 #[test]
 fn what_was_published_too_late_is_not_used_however_it_is_read() {
+    let end_ns = DRIVE.scans[9].head.sweep.end_ns;
+    // The IMU's driver stood still for 0.3 s; and for so long that of the sweep the one sample at its end is missing.
+    late_samples(end_ns - 50_000_000..end_ns + 250_000_000, 40_000_000);
+    late_samples(end_ns..end_ns + 160_000_000, 1);
+}
+
+/// `still`: what was measured in this time was published at its end. The IMU then ends at least so long before scan 9.
+fn late_samples(still: std::ops::Range<i64>, short_min_ns: i64) {
     let wait_ns = (config().odometry.imu_wait_max_s * 1e9) as i64;
     let mut scans: Vec<_> = DRIVE.scans[..14].to_vec();
     for scan in &mut scans {
         scan.head.scan_published_ns = scan.head.sweep.end_ns + 1_000_000;
     }
     let last_ns = scans[13].head.sweep.end_ns + 10_000_000;
-    // The IMU's driver stood still for 0.3 s: what it had read meanwhile was published at once.
-    let still = scans[9].head.sweep.end_ns - 50_000_000..scans[9].head.sweep.end_ns + 250_000_000;
     let samples = DRIVE
         .samples
         .iter()
@@ -242,4 +248,42 @@ fn what_was_published_too_late_is_not_used_however_it_is_read() {
     };
     assert_eq!(live.counters, log.counters);
     assert!(live.bytes == log.bytes);
+    let counters = live.counters;
+    assert_eq!(counters.scans_imu_late, 1);
+    assert_eq!(counters.imu_late_first_ns, scans[9].head.sweep.end_ns);
+    let short_ns = short_min_ns..short_min_ns + 5_000_000;
+    assert!(
+        short_ns.contains(&counters.imu_late_short_ns),
+        "{counters:?}"
+    );
+}
+
+#[test]
+fn a_sample_that_was_published_in_time_and_delivered_too_late_is_counted() {
+    let mut odometry = Odometry::new(&config(), true);
+    let mut outcome = Outcome::default();
+    let mut scan = DRIVE.scans[0].clone();
+    let end_ns = scan.head.sweep.end_ns;
+    scan.head.scan_published_ns = end_ns + 1_000_000;
+    let published = |sample: &ImuSample| {
+        let mut sample = *sample;
+        sample.header.published_ns = sample.header.stamp_ns + 500_000;
+        sample
+    };
+    let mut samples = DRIVE.samples.iter().map(published).peekable();
+    while let Some(sample) = samples.next_if(|sample| sample.header.stamp_ns < end_ns) {
+        odometry.push_imu(&sample, &mut outcome);
+    }
+    odometry.push_points(scan.as_ref(), &mut outcome);
+    odometry.proceed(&mut outcome);
+    assert_eq!(outcome.states[0].imu_use, ImuUse::Late as u32);
+    // Its publisher was interrupted between stamp and sending: a log of it has the sample in time.
+    for sample in samples.by_ref().take(3) {
+        odometry.push_imu(&sample, &mut outcome);
+    }
+    let counters = odometry.counters();
+    assert_eq!(
+        (counters.scans_imu_late, counters.scans_imu_overtaken),
+        (1, 1)
+    );
 }

@@ -1,5 +1,6 @@
 //! What was not recorded: counted by topic and cause until it can be written.
 
+use crate::Gap;
 use randt_messages::{DropCause, Header, LogDrop, health::fixed_text};
 
 /// Drops that no log tells of yet.
@@ -20,27 +21,32 @@ struct Drop {
 
 impl Drops {
     /// Counts messages of a topic that were not recorded.
-    pub fn note(&mut self, topic: &'static str, cause: DropCause, count: u64, now_ns: i64) {
-        if cause != DropCause::Missed {
-            self.total += count;
-        }
+    pub fn note(&mut self, topic: &'static str, gap: &Gap) {
+        let Gap {
+            cause,
+            count,
+            begin_ns,
+            end_ns,
+        } = *gap;
+        self.total += count;
         let same = |drop: &&mut Drop| drop.topic == topic && drop.cause == cause;
         match self.waiting.iter_mut().find(same) {
             Some(drop) => {
                 drop.count += count;
-                drop.end_ns = now_ns;
+                drop.begin_ns = drop.begin_ns.min(begin_ns);
+                drop.end_ns = drop.end_ns.max(end_ns);
             }
             None => self.waiting.push(Drop {
                 topic,
                 cause,
                 count,
-                begin_ns: now_ns,
-                end_ns: now_ns,
+                begin_ns,
+                end_ns,
             }),
         }
     }
 
-    /// All messages that were ever dropped here; those that were missed the ports count.
+    /// All messages that were ever dropped here.
     pub fn total(&self) -> u64 {
         self.total
     }

@@ -4,10 +4,14 @@
 //! disk ever holds the pipeline up: the stage's thread copies messages into a [`Queue`], a thread of its own brings them
 //! to the disk. Not responsible for the container (`randt-log`).
 
+mod continuity;
 mod disk;
 mod drops;
 mod metadata;
 mod open_log;
+#[cfg(feature = "process")]
+mod past;
+mod positions;
 #[cfg(feature = "process")]
 pub mod process;
 mod queue;
@@ -18,12 +22,16 @@ mod sink;
 mod viewer;
 mod worker;
 
+pub use continuity::{Continuity, Gap};
 pub use disk::Disk;
 pub use drops::Drops;
 pub use metadata::{
     CLOCK_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA, of_configuration,
     of_machine, says,
 };
+#[cfg(feature = "process")]
+pub use past::Past;
+pub use positions::Positions;
 pub use queue::{BUDGET, Queue};
 pub use raw::Raw;
 pub use recorder::{Metadata, Preamble, Recorder, SYNC_NS, Settings, Trouble};

@@ -2,9 +2,8 @@
 
 use clap::Parser;
 use randt_config::Config;
-use randt_recorder::Viewer;
 use randt_recorder::process::{Inputs, preamble};
-use randt_recorder::{BUDGET, Disk, Queue, Recorder, Settings, Worker};
+use randt_recorder::{BUDGET, Disk, Past, Positions, Queue, Recorder, Settings, Viewer, Worker};
 use randt_stage::{StageArguments, Woken, ended, go_behind, parse};
 use std::error::Error;
 use std::path::PathBuf;
@@ -14,6 +13,8 @@ use std::time::Duration;
 
 /// Samples alone wake nobody; they are fetched so often.
 const PAUSE: Duration = Duration::from_millis(200);
+/// Exit code: finished, but data were lost.
+const DATA_LOST: u8 = 3;
 
 /// The recorder stage: every message of every topic, and what viewers need, into log files.
 ///
@@ -30,10 +31,14 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    ended("recorder", run(&parse()))
+    match run(&parse()) {
+        Ok(lost) if lost > 0 => ExitCode::from(DATA_LOST),
+        done => ended("recorder", done.map(|_| ())),
+    }
 }
 
-fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+/// Records until the end is asked for; gives how many messages no log has.
+fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let loaded = arguments.stage.selection.load(None)?;
     let record = &loaded.config.record;
     let folder = arguments
@@ -46,21 +51,32 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let all: Vec<_> = Config::SECTIONS.iter().map(|it| it.name).collect();
     stage.follow(&arguments.stage.selection, &loaded.config, &all, None);
     let clock = stage.clock();
-    let mut inputs = Inputs::open(&mut stage)?;
+    let mut past = Past::open(&mut stage, &folder)?;
+    let recorded = past.positions().clone();
+    let mut inputs = Inputs::open(&mut stage, recorded.clone())?;
     let queue = Arc::new(Queue::new(BUDGET));
     let recorder = Recorder::new(
         Disk::new(&folder),
         Settings::of(record),
         preamble(&loaded, stage.realm(), clock),
         Viewer::new(loaded.config.robot.clone()),
+        recorded,
     );
-    let worker = Worker::start(Arc::clone(&queue), recorder, move || clock.now_ns());
+    let now_ns = move || clock.now_ns();
+    let keep = move |positions: &Positions| past.keep(positions);
+    let worker = Worker::start(Arc::clone(&queue), recorder, now_ns, keep);
     stage.running()?;
     let mut file = String::new();
     loop {
         inputs.drain(&queue, clock)?;
         let condition = worker.condition();
-        stage.report(&condition.trouble, queue.lost());
+        let lost = queue.lost() + condition.lost;
+        let message = match condition.trouble.as_str() {
+            "" if lost > 0 => format!("{lost} messages are in no log, log/drop says which"),
+            trouble => trouble.to_owned(),
+        };
+        // What its ports have missed they say themselves.
+        stage.report(&message, lost.saturating_sub(inputs.missed_by_ports()));
         if condition.file != file {
             file = condition.file;
             if !file.is_empty() {
@@ -77,6 +93,12 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
     // What the others sent before they ended.
     inputs.drain(&queue, clock)?;
-    worker.finish();
-    Ok(stage.close()?)
+    let left = worker.finish();
+    let lost = queue.lost() + left;
+    if left > 0 {
+        let message = format!("{left} messages did not come onto the disk before the end");
+        stage.report(&message, lost.saturating_sub(inputs.missed_by_ports()));
+    }
+    stage.close()?;
+    Ok(lost)
 }

@@ -1,8 +1,11 @@
 //! The file that is being written.
 
-use crate::{Raw, Sink, metadata::channel_of, recorder::Metadata, viewer::Viewer};
+use crate::{Positions, Raw, Sink, metadata::channel_of, recorder::Metadata, viewer::Viewer};
 use randt_log::{ChannelId, LogStream, Options};
 use std::io;
+
+/// Messages by topic.
+pub(crate) type Counts = Vec<(&'static str, u64)>;
 
 /// A log on its way into a sink.
 pub(crate) struct OpenLog {
@@ -15,17 +18,25 @@ pub(crate) struct OpenLog {
     synced_ns: i64,
     /// What viewers see of a message.
     seen: Vec<Raw>,
+    /// How far all that was written reaches, and what of it the sink has.
+    written: Positions,
+    appended: Positions,
+    /// Messages by topic that were written, and of these those that outlive a power cut.
+    counts: Counts,
+    synced: Counts,
     /// Topics that are not recorded.
     leave_out: Vec<String>,
 }
 
 impl OpenLog {
-    /// Begins it with what it must say of itself, on the disk before the first message.
+    /// Begins it with what it must say of itself, on the disk before the first message. `positions`: how far the files
+    /// before it reach.
     pub fn begin(
         name: String,
         options: Options,
         leave_out: Vec<String>,
         metadata: Metadata,
+        positions: &Positions,
         now_ns: i64,
         sink: &mut impl Sink,
     ) -> io::Result<Self> {
@@ -45,6 +56,10 @@ impl OpenLog {
             synced_ns: now_ns,
             seen: Vec::new(),
             leave_out,
+            written: positions.clone(),
+            appended: positions.clone(),
+            counts: Counts::new(),
+            synced: Counts::new(),
         };
         log.append(sink)?;
         sink.sync()?;
@@ -74,6 +89,27 @@ impl OpenLog {
     /// Notes that all of it is on the disk.
     pub fn synced(&mut self, now_ns: i64) {
         self.synced_ns = now_ns;
+        self.synced.clone_from(&self.counts);
+    }
+
+    /// How far it reaches in the sink.
+    pub fn positions(&self) -> &Positions {
+        &self.appended
+    }
+
+    /// How far it reaches when all of it is in the sink.
+    pub fn written(&self) -> &Positions {
+        &self.written
+    }
+
+    /// What is lost with the file where it vanishes: the rest is written again into the next one.
+    pub fn only_here(&self) -> Counts {
+        self.synced.clone()
+    }
+
+    /// When it began, ns.
+    pub fn begun_ns(&self) -> i64 {
+        self.begun_ns
     }
 
     /// Adds a message and what viewers see of it; goes to the sink where a chunk is full.
@@ -85,10 +121,23 @@ impl OpenLog {
     ) -> io::Result<()> {
         if !self.leave_out.iter().any(|topic| topic == raw.topic) {
             self.put(raw)?;
+            // A chunk ends in front of the message that it has no more room for.
+            self.append(sink)?;
+            self.count(raw.topic);
+        }
+        if let Some(position) = Positions::of(raw) {
+            self.written.put(position);
         }
         viewer.see(raw, &mut self.seen);
         self.write_seen()?;
         self.append(sink)
+    }
+
+    fn count(&mut self, topic: &'static str) {
+        match self.counts.iter_mut().find(|(name, _)| *name == topic) {
+            Some((_, count)) => *count += 1,
+            None => self.counts.push((topic, 1)),
+        }
     }
 
     fn write_seen(&mut self) -> io::Result<()> {
@@ -130,7 +179,9 @@ impl OpenLog {
             return Ok(());
         }
         self.bytes += bytes.len() as u64;
-        sink.append(&bytes)
+        sink.append(&bytes)?;
+        self.appended.clone_from(&self.written);
+        Ok(())
     }
 
     fn channel(&mut self, topic: &'static str) -> io::Result<ChannelId> {

@@ -3,7 +3,8 @@
 //! Only with the feature `process`.
 
 use crate::{
-    CLOCK_METADATA, Preamble, Queue, Raw, VERSIONS_METADATA, of_configuration, of_machine, says,
+    CLOCK_METADATA, Continuity, Positions, Preamble, Queue, Raw, VERSIONS_METADATA,
+    of_configuration, of_machine, says,
 };
 use randt_config::Loaded;
 use randt_messages::{
@@ -16,32 +17,32 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// One topic on its way into the queue.
 trait Tap {
-    /// Copies what has come; gives how many messages were missed since it was last asked.
-    fn drain(&mut self, into: &mut Vec<Raw>) -> Result<u64, Error>;
+    /// Copies what has come.
+    fn drain(&mut self, into: &mut Vec<Raw>) -> Result<(), Error>;
     fn topic(&self) -> &'static str;
+    /// Messages that its port counts as missed.
+    fn missed(&self) -> u64;
     fn wakes(&self) -> &dyn Wakes;
 }
 
-struct Reader<T: Topic> {
-    subscriber: Subscriber<T>,
-    missed: u64,
-}
-
-impl<T: Topic> Tap for Reader<T> {
-    fn drain(&mut self, into: &mut Vec<Raw>) -> Result<u64, Error> {
-        while let Some(received) = self.subscriber.receive()? {
+impl<T: Topic> Tap for Subscriber<T> {
+    fn drain(&mut self, into: &mut Vec<Raw>) -> Result<(), Error> {
+        while let Some(received) = self.receive()? {
             into.push(Raw::of(received.message()));
         }
-        let before = std::mem::replace(&mut self.missed, self.subscriber.missed());
-        Ok(self.missed - before)
+        Ok(())
     }
 
     fn topic(&self) -> &'static str {
         T::NAME
     }
 
+    fn missed(&self) -> u64 {
+        self.missed()
+    }
+
     fn wakes(&self) -> &dyn Wakes {
-        &self.subscriber
+        self
     }
 }
 
@@ -49,12 +50,13 @@ impl<T: Topic> Tap for Reader<T> {
 pub struct Inputs {
     taps: Vec<Box<dyn Tap>>,
     batch: Vec<Raw>,
+    continuity: Continuity,
 }
 
 impl Inputs {
     /// Begins to read them; whoever writes hands over what is in reach: what a recorder that was killed did not bring to
-    /// the disk is recorded again.
-    pub fn open(stage: &mut Stage) -> Result<Self, Error> {
+    /// the disk is recorded again. `recorded`: what the files hold; what is missing behind it is counted.
+    pub fn open(stage: &mut Stage, recorded: Positions) -> Result<Self, Error> {
         Ok(Self {
             taps: vec![
                 reader::<RadarScan>(stage)?,
@@ -68,20 +70,29 @@ impl Inputs {
                 reader::<StageHealthTopic>(stage)?,
             ],
             batch: Vec::new(),
+            continuity: Continuity::after(recorded),
         })
     }
 
     /// Takes all that has come to the queue, in the order in which it was published.
     pub fn drain(&mut self, queue: &Queue, clock: Clock) -> Result<(), Error> {
+        self.continuity.listen(clock.now_ns());
         for tap in &mut self.taps {
-            let missed = tap.drain(&mut self.batch)?;
-            if missed > 0 {
-                queue.missed(tap.topic(), missed, clock.now_ns());
-            }
+            tap.drain(&mut self.batch)?;
         }
         self.batch.sort_by_key(|raw| raw.label.time_ns);
+        for raw in &self.batch {
+            if let Some(gap) = self.continuity.take(raw) {
+                queue.missed(raw.topic, &gap);
+            }
+        }
         queue.push(self.batch.drain(..), clock.now_ns());
         Ok(())
+    }
+
+    /// Messages that the ports count as missed.
+    pub fn missed_by_ports(&self) -> u64 {
+        self.taps.iter().map(|tap| tap.missed()).sum()
     }
 
     /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250 times a second.
@@ -100,9 +111,7 @@ impl Inputs {
 }
 
 fn reader<T: Topic>(stage: &mut Stage) -> Result<Box<dyn Tap>, Error> {
-    let subscriber = stage.subscriber::<T>()?;
-    let missed = 0;
-    Ok(Box::new(Reader { subscriber, missed }))
+    Ok(Box::new(stage.subscriber::<T>()?))
 }
 
 /// What every file says at its beginning.

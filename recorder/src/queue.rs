@@ -1,6 +1,6 @@
 //! Between the bus and the disk: messages wait here while the disk is busy, up to a budget in bytes.
 
-use crate::{Drops, Raw};
+use crate::{Drops, Gap, Raw};
 use randt_messages::{DropCause, LogDrop};
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
@@ -49,8 +49,13 @@ impl Queue {
         for raw in messages {
             let bytes = inside.bytes + raw.size();
             if bytes > self.budget {
-                let cause = inside.cause;
-                inside.drops.note(raw.topic, cause, 1, now_ns);
+                let gap = Gap {
+                    cause: inside.cause,
+                    count: 1,
+                    begin_ns: now_ns,
+                    end_ns: now_ns,
+                };
+                inside.drops.note(raw.topic, &gap);
             } else {
                 inside.bytes = bytes;
                 inside.waiting.push_back(raw);
@@ -59,9 +64,8 @@ impl Queue {
     }
 
     /// Counts messages that never came here.
-    pub fn missed(&self, topic: &'static str, count: u64, now_ns: i64) {
-        let mut inside = self.lock();
-        inside.drops.note(topic, DropCause::Missed, count, now_ns);
+    pub fn missed(&self, topic: &'static str, gap: &Gap) {
+        self.lock().drops.note(topic, gap);
     }
 
     /// The oldest messages, some `bytes_max` of them; empty where none waits.
@@ -90,7 +94,12 @@ impl Queue {
         self.lock().drops.take()
     }
 
-    /// All messages that were dropped.
+    /// Messages that wait.
+    pub fn waiting(&self) -> u64 {
+        self.lock().waiting.len() as u64
+    }
+
+    /// All messages that were dropped or never came here.
     pub fn lost(&self) -> u64 {
         self.lock().drops.total()
     }

@@ -4,13 +4,15 @@
 //! itself. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
 
 use crate::{
-    Raw, Sink,
+    Positions, Raw, Sink,
     metadata::{VERSIONS_METADATA, says},
-    open_log::OpenLog,
+    open_log::{Counts, OpenLog},
     viewer::Viewer,
 };
 use randt_log::{Options, name_of_date};
-use randt_messages::{DropCause, LogDrop, LogDropTopic, MessageRef};
+use randt_messages::{
+    DropCause, Header, LogDrop, LogDropTopic, MessageRef, Topic, health::fixed_text,
+};
 use std::collections::BTreeMap;
 use std::io;
 
@@ -65,14 +67,24 @@ pub struct Recorder<S> {
     file: Option<OpenLog>,
     /// Messages that a power cut would still take away; they are written again where the disk fails.
     unsynced: Vec<Raw>,
+    /// How far the files reach without these.
+    positions: Positions,
+    /// Messages that went with a file that vanished.
+    lost: u64,
     trouble: Option<Trouble>,
     retry_ns: i64,
     files: u64,
 }
 
 impl<S: Sink> Recorder<S> {
-    /// Nothing is opened before the first [`Recorder::tick`].
-    pub fn new(sink: S, settings: Settings, preamble: Preamble, viewer: Viewer) -> Self {
+    /// Nothing is opened before the first [`Recorder::tick`]. `positions`: how far the files reach that are there.
+    pub fn new(
+        sink: S,
+        settings: Settings,
+        preamble: Preamble,
+        viewer: Viewer,
+        positions: Positions,
+    ) -> Self {
         Self {
             sink,
             settings,
@@ -80,6 +92,8 @@ impl<S: Sink> Recorder<S> {
             viewer,
             file: None,
             unsynced: Vec::new(),
+            positions,
+            lost: 0,
             trouble: None,
             retry_ns: i64::MIN,
             files: 0,
@@ -99,6 +113,24 @@ impl<S: Sink> Recorder<S> {
     /// Name of the file that is being written.
     pub fn file(&self) -> Option<&str> {
         self.file.as_ref().map(OpenLog::name)
+    }
+
+    /// How far the files reach: what they hold although this process is killed in this moment.
+    pub fn positions(&self) -> &Positions {
+        self.file
+            .as_ref()
+            .map_or(&self.positions, OpenLog::positions)
+    }
+
+    /// Messages that were recorded and are lost.
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Messages that no file surely has.
+    pub fn unsaved(&self) -> u64 {
+        let ours = |raw: &&Raw| raw.topic != LogDropTopic::NAME;
+        self.unsynced.iter().filter(ours).count() as u64
     }
 
     /// The sink, for tests.
@@ -150,13 +182,51 @@ impl<S: Sink> Recorder<S> {
     pub fn finish(&mut self, now_ns: i64) {
         // Where that fails the last second goes into another one, which must be ended too.
         for _ in 0..2 {
-            if let Some(file) = self.file.take() {
-                let done = file.finish(self.closing(), &mut self.sink);
-                if done.is_ok() {
-                    self.unsynced.clear();
-                }
-                self.check(done, now_ns);
+            let done = self.end_file(now_ns);
+            self.check(done, now_ns);
+        }
+    }
+
+    /// Ends the file, where one is open.
+    fn end_file(&mut self, now_ns: i64) -> io::Result<()> {
+        let Some(file) = self.file.take() else {
+            return Ok(());
+        };
+        let (only_here, begun_ns) = (file.only_here(), file.begun_ns());
+        let positions = file.written().clone();
+        let done = file.finish(self.closing(), &mut self.sink);
+        match &done {
+            Ok(()) => {
+                self.unsynced.clear();
+                self.positions = positions;
             }
+            Err(cause) => self.judge_loss(cause, only_here, begun_ns, now_ns),
+        }
+        done
+    }
+
+    /// A file that is not found any more took with it what it alone had. The next one says so.
+    fn judge_loss(&mut self, cause: &io::Error, only_here: Counts, begun_ns: i64, now_ns: i64) {
+        if cause.kind() != io::ErrorKind::NotFound {
+            return;
+        }
+        for (topic, count) in only_here {
+            self.lost += count;
+            let head = LogDrop {
+                header: Header {
+                    stamp_ns: now_ns,
+                    ..Header::default()
+                },
+                begin_ns: begun_ns,
+                end_ns: now_ns,
+                count,
+                topic: fixed_text(topic),
+                cause: DropCause::Failed as u32,
+                reserved: 0,
+            };
+            let (head, items) = (&head, &[]);
+            let message = MessageRef::<LogDropTopic> { head, items };
+            self.unsynced.push(Raw::of(message));
         }
     }
 
@@ -174,6 +244,7 @@ impl<S: Sink> Recorder<S> {
         file.end_chunk(now_ns, &mut self.sink)?;
         self.sink.sync()?;
         file.synced(now_ns);
+        self.positions.clone_from(file.positions());
         self.unsynced.clear();
         if !self.has_room()? {
             self.finish(now_ns);
@@ -183,10 +254,7 @@ impl<S: Sink> Recorder<S> {
     }
 
     fn rotate(&mut self, now_ns: i64) -> io::Result<()> {
-        if let Some(file) = self.file.take() {
-            file.finish(self.closing(), &mut self.sink)?;
-            self.unsynced.clear();
-        }
+        self.end_file(now_ns)?;
         self.open(now_ns);
         Ok(())
     }
@@ -222,7 +290,15 @@ impl<S: Sink> Recorder<S> {
         let log = self.settings.log.clone();
         let (viewer, sink) = (&mut self.viewer, &mut self.sink);
         let leave_out = self.settings.leave_out.clone();
-        let mut file = OpenLog::begin(name, log, leave_out, metadata, now_ns, sink)?;
+        let mut file = OpenLog::begin(
+            name,
+            log,
+            leave_out,
+            metadata,
+            &self.positions,
+            now_ns,
+            sink,
+        )?;
         viewer.begin();
         for raw in &self.unsynced {
             file.write(raw, viewer, sink)?;
@@ -274,7 +350,9 @@ impl<S: Sink> Recorder<S> {
 
     fn fail(&mut self, cause: &io::Error, now_ns: i64) {
         self.sink.abandon();
-        self.file = None;
+        if let Some(file) = self.file.take() {
+            self.judge_loss(cause, file.only_here(), file.begun_ns(), now_ns);
+        }
         self.retry_ns = now_ns + RETRY_NS;
         let full = matches!(
             cause.kind(),

@@ -1,6 +1,6 @@
 //! The thread that brings messages from the queue to the disk.
 
-use crate::{Queue, Recorder, Sink, Trouble};
+use crate::{Positions, Queue, Recorder, Sink, Trouble};
 use randt_messages::DropCause;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -20,6 +20,8 @@ pub struct Condition {
     pub trouble: String,
     /// The file that is being written.
     pub file: String,
+    /// Messages that were recorded and are lost.
+    pub lost: u64,
 }
 
 /// The running thread.
@@ -27,7 +29,7 @@ pub struct Condition {
 pub struct Worker {
     queue: Arc<Queue>,
     shared: Arc<Mutex<Shared>>,
-    thread: Option<JoinHandle<()>>,
+    thread: Option<JoinHandle<u64>>,
 }
 
 #[derive(Debug)]
@@ -37,18 +39,20 @@ struct Shared {
 }
 
 impl Worker {
-    /// Starts the thread; `now_ns` is the pipeline's clock.
+    /// Starts the thread; `now_ns` is the pipeline's clock. `keep` is given how far the files reach, whenever they have
+    /// grown.
     pub fn start<S: Sink + Send + 'static>(
         queue: Arc<Queue>,
         recorder: Recorder<S>,
         now_ns: impl Fn() -> i64 + Send + 'static,
+        keep: impl FnMut(&Positions) + Send + 'static,
     ) -> Self {
         let shared = Arc::new(Mutex::new(Shared {
             condition: Condition::default(),
             seen: Instant::now(),
         }));
         let (from, to) = (Arc::clone(&queue), Arc::clone(&shared));
-        let thread = std::thread::spawn(move || work(&from, recorder, &to, now_ns));
+        let thread = std::thread::spawn(move || work(&from, recorder, &to, now_ns, keep));
         Self {
             queue,
             shared,
@@ -62,8 +66,13 @@ impl Worker {
         let mut condition = shared.condition.clone();
         let silent = shared.seen.elapsed();
         if condition.trouble.is_empty() && silent > SILENCE_MAX {
-            let seconds = silent.as_secs_f64();
-            condition.trouble = format!("the disk has not answered for {seconds:.1} s");
+            // In doublings: each text that is new is a line in the journal.
+            let mut said = SILENCE_MAX;
+            while 2 * said <= silent {
+                said *= 2;
+            }
+            let seconds = said.as_secs_f64();
+            condition.trouble = format!("the disk has not answered for over {seconds} s");
         }
         condition
     }
@@ -73,13 +82,14 @@ impl Worker {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Brings all that waits to the disk and ends the file.
-    pub fn finish(mut self) {
+    /// Brings all that waits to the disk and ends the file; gives how many messages no file has, those in
+    /// files that vanished among them.
+    pub fn finish(mut self) -> u64 {
         self.queue.close();
-        if let Some(thread) = self.thread.take() {
-            // One that panicked has said so itself.
-            let _ = thread.join();
-        }
+        let left = self.thread.take().map(JoinHandle::join);
+        // A thread that panicked has said so itself, and left what it had not taken.
+        left.and_then(Result::ok)
+            .unwrap_or_else(|| self.queue.waiting())
     }
 }
 
@@ -92,7 +102,8 @@ fn work<S: Sink>(
     mut recorder: Recorder<S>,
     shared: &Mutex<Shared>,
     now_ns: impl Fn() -> i64,
-) {
+    mut keep: impl FnMut(&Positions),
+) -> u64 {
     loop {
         let closed = queue.closes_within(PAUSE);
         recorder.tick(now_ns());
@@ -105,14 +116,19 @@ fn work<S: Sink>(
             recorder.push_drops(&drops, now_ns());
             for raw in messages {
                 recorder.push(raw, now_ns());
+                keep(recorder.positions());
             }
             recorder.tick(now_ns());
+            keep(recorder.positions());
             tell(&recorder, queue, shared);
         }
+        keep(recorder.positions());
         tell(&recorder, queue, shared);
         if closed {
             recorder.finish(now_ns());
-            return;
+            keep(recorder.positions());
+            tell(&recorder, queue, shared);
+            return queue.waiting() + recorder.unsaved() + recorder.lost();
         }
     }
 }
@@ -124,6 +140,7 @@ fn tell<S: Sink>(recorder: &Recorder<S>, queue: &Queue, shared: &Mutex<Shared>) 
     let condition = Condition {
         trouble: trouble.map(text).unwrap_or_default(),
         file: recorder.file().unwrap_or_default().to_owned(),
+        lost: recorder.lost(),
     };
     *lock(shared) = Shared {
         condition,

@@ -122,6 +122,16 @@ fn a_folder_that_is_removed_costs_what_was_in_it() {
     let recorded = bench.recorded();
     let after: BTreeSet<_> = bench.all.difference(&before).cloned().collect();
     assert!(recorded.is_superset(&after), "all that came later is there");
+    // The next file says what went with the folder.
+    let files = bench.sink.files();
+    let told: u64 = files
+        .values()
+        .flat_map(|file| drops(&file.bytes))
+        .map(|drop| drop.count)
+        .sum();
+    let missing = (bench.all.len() - recorded.len()) as u64;
+    assert!(missing > 500, "{missing}");
+    assert_eq!((told, bench.recorder.lost()), (missing, missing));
 }
 
 #[test]
@@ -207,6 +217,7 @@ fn stalled_for(stall: Duration, budget: usize, returns: usize) -> Outcome {
         Arc::clone(&queue),
         recorder(sink.clone(), settings()),
         clock,
+        |_| {},
     );
     let mut drive = Drive::new(returns);
     let mut all = BTreeSet::new();

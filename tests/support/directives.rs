@@ -24,6 +24,7 @@ pub const DIRECTIVES: &[(&str, &[&str])] = &[
             "Restart",
             "RestartSec",
             "RestartPreventExitStatus",
+            "SuccessExitStatus",
             "WatchdogSec",
             "LimitCORE",
             "TimeoutStartSec",

@@ -119,11 +119,11 @@ impl Pipeline {
         pid
     }
 
-    /// Ends a process and waits until it is gone.
-    pub fn end(&mut self, pid: u32, with: Signal) {
+    /// Ends a process and waits until it is gone; gives its exit code, where it has one.
+    pub fn end(&mut self, pid: u32, with: Signal) -> Option<i32> {
         signal(pid, with);
         let child = self.children.iter_mut().find(|child| child.id() == pid);
-        child.unwrap().wait().unwrap();
+        child.unwrap().wait().unwrap().code()
     }
 
     /// Kills all that live.

@@ -31,4 +31,20 @@ plain! {
         /// Id of the next submap.
         pub next_submap: u64,
     }
+
+    /// The last message of a publisher that is in the recorder's files.
+    pub struct LastRecorded {
+        /// Name of the topic, in UTF-8, filled with zeros.
+        pub topic: [u8; 32],
+        /// Whose it is, where many stages write a topic; else zero.
+        pub writer: [u8; 16],
+        /// Epoch of the publisher.
+        pub epoch: u64,
+        /// Sequence in that epoch.
+        pub sequence: u64,
+        /// Number that goes on over restarts of the publisher, as states and keyframes have one; else 0.
+        pub id: u64,
+        /// When it was published, ns.
+        pub published_ns: i64,
+    }
 }

@@ -12,8 +12,11 @@ pub enum DropCause {
     Slow = 1,
     /// Too little space was left on the disk.
     Full = 2,
-    /// The disk or the folder did not take them.
+    /// The disk or the folder did not take them, or lost them again.
     Failed = 3,
+    /// Their publisher was replaced while nobody recorded: what it sent last went with it. Counted is how often that
+    /// happened, because nobody knows the number of messages.
+    Replaced = 4,
 }
 
 impl DropCause {
@@ -23,6 +26,7 @@ impl DropCause {
             1 => Self::Slow,
             2 => Self::Full,
             3 => Self::Failed,
+            4 => Self::Replaced,
             _ => Self::Missed,
         }
     }
@@ -34,6 +38,7 @@ impl DropCause {
             Self::Slow => "disk too slow",
             Self::Full => "disk full",
             Self::Failed => "disk failed",
+            Self::Replaced => "publisher replaced while nobody recorded, number unknown",
         }
     }
 }
@@ -47,7 +52,7 @@ plain! {
         pub begin_ns: i64,
         /// When the last of them was, ns.
         pub end_ns: i64,
-        /// How many.
+        /// How many; with [`DropCause::Replaced`] how often.
         pub count: u64,
         /// Name of the topic, in UTF-8, filled with zeros.
         pub topic: [u8; 32],

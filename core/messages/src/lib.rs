@@ -32,7 +32,7 @@ mod radar;
 mod topic;
 mod truth;
 
-pub use checkpoint::PoseRecord;
+pub use checkpoint::{LastRecorded, PoseRecord};
 pub use drop::{DropCause, LogDrop, LogDropTopic};
 pub use health::{HEALTH_PORTS, PortHealth, StageHealth, StageHealthTopic, StageState};
 pub use imu::{ImuSample, ImuSampleTopic};

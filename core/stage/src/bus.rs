@@ -1,5 +1,6 @@
 //! The node of a process, and services opened with patience.
 
+use crate::exhausted::Exhausted;
 use crate::{Error, Qos, Realm, Registry, wire::Wire};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -30,6 +31,8 @@ pub(crate) struct Bus {
     node: Node<ipc::Service>,
     realm: Realm,
     name: String,
+    /// Whether a port could not connect because this process has run out of something.
+    pub(crate) exhausted: Exhausted,
 }
 
 /// iceoryx2's configuration in a realm; files of its own that lie about are not looked at.
@@ -69,6 +72,7 @@ impl Bus {
             node,
             realm: realm.clone(),
             name: name.to_owned(),
+            exhausted: Exhausted::default(),
         })
     }
 

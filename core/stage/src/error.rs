@@ -1,5 +1,6 @@
 //! What can go wrong between a stage and the machine that it runs on.
 
+use crate::exhausted;
 use std::path::PathBuf;
 
 /// Errors of the process shell.
@@ -87,6 +88,12 @@ pub enum Error {
         /// What takes most of it.
         largest: String,
     },
+    /// The system gives this process no more.
+    #[error("out of {what}; without, it would hear nothing of whoever comes new")]
+    Exhausted {
+        /// What it has run out of.
+        what: String,
+    },
     /// iceoryx2 refused.
     #[error("{what}: {cause}{}", hint(cause))]
     Bus {
@@ -99,9 +106,12 @@ pub enum Error {
 
 impl Error {
     pub(crate) fn bus(what: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
+        // iceoryx2 has one word for all that the system refuses.
+        let short_of = exhausted::short_of();
+        let why = short_of.map_or(String::new(), |what| format!(", out of {what}"));
         Self::Bus {
             what: what.into(),
-            cause: format!("{cause:?}"),
+            cause: format!("{cause:?}{why}"),
         }
     }
 

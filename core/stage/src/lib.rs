@@ -26,6 +26,7 @@ mod clock;
 mod documents;
 mod doors;
 mod error;
+mod exhausted;
 mod exit;
 mod health;
 mod janitor;

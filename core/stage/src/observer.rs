@@ -63,6 +63,7 @@ impl Observer {
         subscriber: &mut Subscriber<T>,
         mut each: impl FnMut(MessageRef<'_, T>),
     ) -> Result<(), Error> {
+        self.bus.exhausted.check()?;
         // Nobody waits for the notices; they are taken so that they do not pile up.
         subscriber.drain();
         while let Some(received) = subscriber.receive()? {

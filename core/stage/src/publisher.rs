@@ -88,6 +88,7 @@ impl<T: Topic> Publisher<T> {
                 .initial_max_slice_len(qos.items_bytes_max.max(1))
                 .allocation_strategy(AllocationStrategy::Static)
                 .max_loaned_samples(crate::qos::LOANED)
+                .set_degradation_handler(bus.exhausted.on_failure())
                 .create()
         })?;
         Ok(Self {

@@ -18,8 +18,9 @@ pub(crate) const LOANED: usize = 1;
 
 /// How a topic is carried.
 ///
-/// Under safe overflow a late reader gets at most its own buffer of the history, so the two go together; a reader's
-/// buffer lasts as long as a stage may be away or stopped (5 s and more).
+/// Under safe overflow a late reader gets at most its own buffer of the history, so the two go together. A reader's
+/// buffer lasts as long as a stage may be stopped, a writer's history as long as the recorder may be away: 5 s and more.
+/// Under load the recorder's restart takes up to 2.3 s, and it may be killed again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Qos {
     /// Name.
@@ -49,14 +50,17 @@ pub const TOPICS: &[Qos] = &[
     // 8 s at 250 Hz.
     qos::<ImuSampleTopic>(2048, 2048, WRITERS, [0, 0]),
     qos::<RadarPoints>(32, 32, WRITERS, [2_500, 6_000]),
-    watched(qos::<OdometryStateTopic>(32, 8, WRITERS, [0, 0])),
-    // Older ones are in the ring of keyframes.
-    qos::<Keyframe>(64, 8, WRITERS, [2_500, 6_000]),
-    watched(qos::<MapperCorrection>(4, 1, WRITERS, [0, 0])),
-    watched(qos::<MapperGraph>(64, 8, WRITERS, [300, 300])),
-    qos::<MapperGrid>(64, 8, WRITERS, [4096, 4096]),
-    // Every stage and tool writes here.
-    watched(qos::<StageHealthTopic>(16, 1, 16, [0, 0])),
+    watched(qos::<OdometryStateTopic>(32, 32, WRITERS, [0, 0])),
+    // At most one a scan; the mapper gets older ones from the ring of keyframes.
+    qos::<Keyframe>(64, 32, WRITERS, [2_500, 6_000]),
+    // At most one a keyframe.
+    watched(qos::<MapperCorrection>(32, 32, WRITERS, [0, 0])),
+    // Twice a second, with each keyframe, and every 2 s the whole graph in pages.
+    watched(qos::<MapperGraph>(64, 64, WRITERS, [300, 300])),
+    // Tiles that have changed, every 2 s; as long as there are many, 160 a second.
+    qos::<MapperGrid>(512, 512, WRITERS, [4096, 4096]),
+    // Every stage and tool writes here, twice a second.
+    watched(qos::<StageHealthTopic>(16, 16, 16, [0, 0])),
 ];
 
 const fn qos<T: Topic>(buffer: usize, history: usize, writers: usize, items: [usize; 2]) -> Qos {
@@ -152,6 +156,30 @@ mod tests {
         };
         assert!(total(false) < 64_000_000, "{}", total(false));
         assert!(total(true) < 128_000_000, "{}", total(true));
+    }
+
+    /// Messages a second of a topic that carries a drive, at most.
+    const RATES_HZ: [(&str, usize); 9] = [
+        ("radar/scan/v1", 5),
+        ("imu/sample/v1", 250),
+        ("radar/points/v1", 5),
+        ("odometry/state/v1", 5),
+        ("odometry/keyframe/v1", 5),
+        ("mapper/correction/v1", 5),
+        // The beat, a message a keyframe, and a few pages every 2 s.
+        ("mapper/graph/v1", 12),
+        // The map of a drive changes by 200 tiles in 2 s at most.
+        ("mapper/grid/v1", 100),
+        ("stage/health/v1", 2),
+    ];
+
+    #[test]
+    fn histories_outlast_a_recorder_that_is_away_for_five_seconds() {
+        for qos in TOPICS {
+            let (_, rate_hz) = RATES_HZ.iter().find(|(t, _)| *t == qos.topic).unwrap();
+            let reach = qos.history.min(qos.buffer);
+            assert!(reach >= 5 * rate_hz, "{}: {reach}", qos.topic);
+        }
     }
 
     #[test]

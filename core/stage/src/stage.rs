@@ -251,6 +251,7 @@ impl Stage {
     pub fn wait(&mut self, on: &[&dyn Wakes], timeout: Option<Duration>) -> Result<Woken, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
+            self.bus.exhausted.check()?;
             match self.supervised.asked() {
                 Some(Asked::Stop) => return Ok(Woken::Stop),
                 Some(Asked::Reload) if self.reload() => return Ok(Woken::Event),

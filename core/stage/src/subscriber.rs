@@ -35,7 +35,12 @@ impl<T: Topic> Subscriber<T> {
     ) -> Result<Self, Error> {
         // The listener first: nothing that comes to the port may go unheard.
         let listener = bus.listener(T::NAME)?;
-        let port = bus.patiently(T::NAME, || service.subscriber_builder().create())?;
+        let port = bus.patiently(T::NAME, || {
+            service
+                .subscriber_builder()
+                .set_degradation_handler(bus.exhausted.on_failure())
+                .create()
+        })?;
         Ok(Self {
             port,
             listener,

@@ -34,6 +34,12 @@ impl Odometry {
             self.counters.imu_rejected += 1;
             return;
         }
+        // Samples come in the order of publishing: the first one tells whether another was on its way in time.
+        let published_ns = sample.header.published_ns;
+        let ended_wait_ns = self.ended_wait_ns.take();
+        if ended_wait_ns.is_some_and(|end_ns| (1..=end_ns).contains(&published_ns)) {
+            self.counters.scans_imu_overtaken += 1;
+        }
         if let Some(oldest) = self.imu.push(sample)
             && let Some(standstill) = heading.push(&oldest)
         {
@@ -112,6 +118,7 @@ impl Odometry {
     /// The wait of the first scan that waits is over: it is processed with the IMU samples that are there, and its
     /// state says so.
     pub fn proceed(&mut self, sink: &mut impl Sink) {
+        self.ended_wait_ns = self.deadline_ns().filter(|end_ns| *end_ns != i64::MAX);
         self.process_first(self.imu.len(), sink);
         self.process_covered(sink);
     }

@@ -11,8 +11,15 @@ pub struct Counters {
     pub scans_repeated: u64,
     /// Scans that found no support in the map, or had too few cells.
     pub scans_unsupported: u64,
-    /// Scans for which the IMU ended before the sweep did.
+    /// Scans for which the IMU ended before the sweep did, be it by one sample.
     pub scans_imu_late: u64,
+    /// The first of these: end of its sweep, ns, and how long before that the IMU ended, ns.
+    pub imu_late_first_ns: i64,
+    /// See there.
+    pub imu_late_short_ns: i64,
+    /// Of these, scans with a sample that had been published in time and was delivered when they had been computed: a
+    /// computation of the log uses it.
+    pub scans_imu_overtaken: u64,
     /// Scans without IMU although there had been one.
     pub scans_without_imu: u64,
     /// Odometry frames opened after the first.
@@ -32,6 +39,9 @@ saved!(Counters {
     scans_repeated,
     scans_unsupported,
     scans_imu_late,
+    imu_late_first_ns,
+    imu_late_short_ns,
+    scans_imu_overtaken,
     scans_without_imu,
     frames_reopened,
     solver_failures,
@@ -48,6 +58,7 @@ impl Counters {
             self.scans_repeated,
             self.scans_unsupported,
             self.scans_imu_late,
+            self.scans_imu_overtaken,
             self.scans_without_imu,
             self.frames_reopened,
             self.solver_failures,

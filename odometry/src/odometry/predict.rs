@@ -2,7 +2,7 @@
 
 use super::Odometry;
 use crate::{
-    heading::GyroTerm,
+    heading::{GyroTerm, Heading},
     scan,
     state::{State, StateMatrix},
     tilt::Tilt,
@@ -92,17 +92,24 @@ impl Odometry {
                 self.prior = start_prior(&slot.state, &self.config);
             }
         }
-        match (covered, sweep) {
-            (true, _) => ImuUse::Covered,
-            (false, Some(turn)) if turn.uncovered_s < (end_ns - begin_ns) as f64 * 1e-9 => {
+        let newest_ns = self.heading.as_ref().and_then(Heading::newest_ns);
+        // What the gyro lacks at its end may be too little to do without it, but it is other bits.
+        let reaches_end = newest_ns.is_some_and(|newest_ns| newest_ns >= end_ns);
+        match sweep {
+            Some(_) if covered && reaches_end => ImuUse::Covered,
+            Some(turn) if turn.uncovered_s < (end_ns - begin_ns) as f64 * 1e-9 => {
+                if self.counters.scans_imu_late == 0 {
+                    self.counters.imu_late_first_ns = end_ns;
+                    self.counters.imu_late_short_ns = (turn.uncovered_s * 1e9) as i64;
+                }
                 self.counters.scans_imu_late += 1;
                 ImuUse::Late
             }
-            (false, Some(_)) => {
+            Some(_) => {
                 self.counters.scans_without_imu += 1;
                 ImuUse::None
             }
-            (false, None) => ImuUse::None,
+            None => ImuUse::None,
         }
     }
 }

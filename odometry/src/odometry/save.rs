@@ -38,6 +38,7 @@ impl Odometry {
             imu,
             pending,
             spare: _,
+            ended_wait_ns,
             standstill,
             slots,
             used,
@@ -63,6 +64,7 @@ impl Odometry {
         imu.save(out);
         pending.len().save(out);
         pending.iter().for_each(|scan| scan::save(scan, out));
+        ended_wait_ns.save(out);
         standstill.save(out);
         used.save(out);
         slots.iter().take(*used).for_each(|slot| slot.save(out));
@@ -96,6 +98,7 @@ impl Odometry {
             scan::restore(&mut message, from)?;
             self.pending.push_back(message);
         }
+        self.ended_wait_ns.restore(from)?;
         self.standstill.restore(from)?;
         self.used.restore(from)?;
         let slots = self.slots.get_mut(..self.used);

@@ -9,7 +9,7 @@ use randt_config::{Config, Loaded, Selection};
 use randt_log::LogReader;
 use randt_messages::{ImuSampleTopic, LogDrop, LogDropTopic, Message, RadarScan, Return, Topic};
 use randt_recorder::Viewer;
-use randt_recorder::{Raw, Recorder, Settings, Sink, of_configuration};
+use randt_recorder::{Positions, Raw, Recorder, Settings, Sink, of_configuration};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Cursor, ErrorKind};
 use std::sync::{Arc, Mutex};
@@ -114,7 +114,8 @@ pub fn recorder<S: Sink>(sink: S, settings: Settings) -> Recorder<S> {
     let loaded = loaded();
     let viewer = Viewer::new(loaded.config.robot.clone());
     let records = of_configuration(&loaded);
-    Recorder::new(sink, settings, Box::new(move || records.clone()), viewer)
+    let preamble = Box::new(move || records.clone());
+    Recorder::new(sink, settings, preamble, viewer, Positions::default())
 }
 
 /// What a disk does wrong.

@@ -189,6 +189,11 @@ pub fn of_pipeline(pipeline: &Pipeline) -> BTreeMap<&'static str, Count> {
         ),
         ("odometry_scans_imu_late", odometry.scans_imu_late, false),
         (
+            "odometry_scans_imu_overtaken",
+            odometry.scans_imu_overtaken,
+            false,
+        ),
+        (
             "odometry_scans_without_imu",
             odometry.scans_without_imu,
             false,
@@ -207,14 +212,26 @@ pub fn of_pipeline(pipeline: &Pipeline) -> BTreeMap<&'static str, Count> {
         ),
     ];
     let counted = counts.into_iter().filter(|(_, count, _)| *count > 0);
-    let count = |count, loss| Count {
+    let count = |name, count, loss| Count {
         count,
         loss,
-        first: String::new(),
+        first: match name {
+            "odometry_scans_imu_late" => imu_late_text(&odometry),
+            _ => String::new(),
+        },
     };
     counted
-        .map(|(name, number, loss)| (name, count(number, loss)))
+        .map(|(name, number, loss)| (name, count(name, number, loss)))
         .collect()
+}
+
+/// The first scan whose IMU ended before its sweep did.
+fn imu_late_text(odometry: &Counters) -> String {
+    format!(
+        "the IMU ends {:.1} ms before the sweep that ends at {} ns",
+        odometry.imu_late_short_ns as f64 * 1e-6,
+        odometry.imu_late_first_ns
+    )
 }
 
 /// What the input says of itself, for the report.

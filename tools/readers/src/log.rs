@@ -6,7 +6,10 @@ use crate::summary::Summary;
 use crate::sweep::mend;
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, tally::Tally};
 use randt_log::{Damage, LogReader};
-use randt_messages::{ImuSampleTopic, RadarScan, Topic, TruthPoseTopic};
+use randt_messages::{
+    DropCause, ImuSampleTopic, LogDrop, LogDropTopic, RadarScan, Topic, TruthPoseTopic,
+    health::text_of,
+};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -82,6 +85,8 @@ impl LogSource {
             entry
                 .decode::<TruthPoseTopic>()
                 .map(|pose| pose.map(|p| Event::Truth(*p.head)))
+        } else if let Ok(Some(drop)) = entry.decode::<LogDropTopic>() {
+            return Ok(Step::NotRecorded(*drop.head));
         } else {
             return Ok(Step::Other);
         };
@@ -99,6 +104,8 @@ impl LogSource {
 enum Step {
     Event(Event),
     Malformed(String),
+    /// What the recorder of the log could not have.
+    NotRecorded(LogDrop),
     Other,
     End,
 }
@@ -118,6 +125,12 @@ impl Source for LogSource {
                     return Ok(None);
                 }
                 Step::Other => {}
+                Step::NotRecorded(drop) => {
+                    self.tally.lost("messages_not_recorded", drop.count, || {
+                        let cause = DropCause::from_code(drop.cause).name();
+                        format!("{} of {}: {cause}", drop.count, text_of(&drop.topic))
+                    });
+                }
                 Step::Malformed(why) => self.tally.lost("messages_malformed", 1, || why),
                 Step::Event(event) if !is_instant(event.stamp_ns()) => {
                     self.tally.lost("messages_malformed", 1, || {

@@ -23,9 +23,9 @@ pub struct Arguments {
 /// What to do.
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Say what is in a log: topics, rates, span, what it says of itself, what is missing
+    /// Say what is in a log: topics, rates, span, what it says of itself; exit code 3 where something is missing
     Info(info::Arguments),
-    /// Read every byte and every checksum; exit code 3 where something is damaged
+    /// Read every byte and every checksum; exit code 3 where something is damaged or was not recorded
     Check(check::Arguments),
     /// Make a whole log of one that was cut: by a power cut, a kill, a half copy
     Recover(recover::Arguments),

@@ -1,9 +1,10 @@
-//! `randt log check`: every byte and every checksum of a log.
+//! `randt log check`: every byte and every checksum of a log, and what was not recorded.
 
 use crate::exit::Outcome;
 use crate::output::print;
 use anyhow::Context;
 use randt_log::{LogReader, check_sums};
+use randt_messages::{DropCause, LogDropTopic, health::text_of};
 use std::fmt::Write;
 use std::fs::File;
 use std::io::BufReader;
@@ -21,15 +22,20 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Good;
     for file in &arguments.files {
-        let (messages, wrong) = check(file)?;
+        let Checked {
+            messages,
+            damaged,
+            missing,
+        } = check(file)?;
         let name = file.display();
         let mut text = String::new();
         // Writing to a String cannot fail.
-        let _ = match wrong.as_slice() {
-            [] => writeln!(text, "{name}: good, {messages} messages"),
+        let _ = match (damaged.as_slice(), missing.as_slice()) {
+            ([], []) => writeln!(text, "{name}: good, {messages} messages"),
+            ([], _) => writeln!(text, "{name}: whole, {messages} messages, but not all"),
             _ => writeln!(text, "{name}: damaged, {messages} messages can be read"),
         };
-        for wrong in &wrong {
+        for wrong in damaged.iter().chain(&missing) {
             outcome = Outcome::DataLost;
             let _ = writeln!(text, "  {wrong}");
         }
@@ -38,19 +44,37 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Messages that can be read, and what is wrong.
-fn check(path: &Path) -> anyhow::Result<(u64, Vec<String>)> {
+/// What a log is like.
+#[derive(Default)]
+struct Checked {
+    /// Messages that can be read.
+    messages: u64,
+    damaged: Vec<String>,
+    /// What was not recorded.
+    missing: Vec<String>,
+}
+
+fn check(path: &Path) -> anyhow::Result<Checked> {
     let mut reader = LogReader::open(path)?;
-    let (mut messages, mut wrong) = (0, Vec::new());
-    while reader.next_entry()?.is_some() {
-        messages += 1;
+    let mut checked = Checked::default();
+    while let Some(entry) = reader.next_entry()? {
+        checked.messages += 1;
+        if let Ok(Some(drop)) = entry.decode::<LogDropTopic>() {
+            let (topic, cause) = (text_of(&drop.head.topic), drop.head.cause);
+            let (count, cause) = (drop.head.count, DropCause::from_code(cause).name());
+            checked
+                .missing
+                .push(format!("missing {count} of {topic}: {cause}"));
+        }
     }
     for damage in reader.damage() {
         let (count, kind) = (damage.count, damage.kind.name());
-        wrong.push(format!("{count} {kind}: {}", damage.first));
+        let text = format!("{count} {kind}: {}", damage.first);
+        checked.damaged.push(text);
     }
     let file = File::open(path).with_context(|| path.display().to_string())?;
     let sums = check_sums(BufReader::with_capacity(1 << 16, file));
-    wrong.extend(sums.with_context(|| path.display().to_string())?);
-    Ok((messages, wrong))
+    let sums = sums.with_context(|| path.display().to_string())?;
+    checked.damaged.extend(sums);
+    Ok(checked)
 }

@@ -91,7 +91,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         true => format!("{}\n", serde_json::to_string_pretty(&info)?),
         false => text(&info, &arguments.file.display().to_string()),
     })?;
-    Ok(Outcome::Good)
+    Ok(match info.missing.is_empty() {
+        true => Outcome::Good,
+        false => Outcome::DataLost,
+    })
 }
 
 fn missing(drop: &LogDrop) -> Missing {

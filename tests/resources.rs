@@ -1,0 +1,265 @@
+//! What the system gives a stage runs out, or sensors are unplugged: it is said, nothing is silently lost, and it heals.
+
+use crate::support::pipeline::{Pipeline, log, signal, until};
+use crate::support::sensors::{Emulator, Sensors, unix_s};
+use crate::support::stages::{Place, program};
+use crate::support::{report, run};
+use randt_messages::{RadarPoints, StageHealthTopic, StageState, health::text_of};
+use randt_stage::{Observer, Realm, Registry};
+use rustix::process::{Pid, Resource, Rlimit, Signal, prlimit};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const STAGES: [&str; 7] = [
+    "radar", "imu", "filter", "odometry", "mapper", "recorder", "view",
+];
+/// A stage that cannot go on has said so and ended by then.
+const END_MAX: Duration = Duration::from_secs(10);
+/// A driver says what is wrong, and that all is well again, within 2 s; a busy machine has as much again.
+const SAID_MAX_S: f64 = 4.0;
+
+/// Lowers what a process may have of something; the hard limit stays.
+fn limit(pid: u32, resource: Resource, current: u64) {
+    let pid = Pid::from_raw(pid as i32);
+    let new = |maximum| Rlimit {
+        current: Some(current),
+        maximum,
+    };
+    let maximum = rustix::process::getrlimit(resource).maximum;
+    prlimit(pid, resource, new(maximum)).unwrap();
+}
+
+/// Processes of the stages that live.
+fn pids(realm: &Realm) -> BTreeMap<String, u32> {
+    let living = Registry::all(realm).into_iter().filter(|(_, lives)| *lives);
+    living
+        .map(|(entry, _)| (entry.name, entry.pid as u32))
+        .collect()
+}
+
+/// `randt up`; killed where a test fails before it ends.
+struct Up(Child);
+
+impl Up {
+    fn start(mut command: Command) -> Self {
+        command.stdin(Stdio::null()).stdout(Stdio::null());
+        Self(command.spawn().unwrap())
+    }
+
+    fn code(&mut self) -> Option<i32> {
+        self.0.wait().unwrap().code()
+    }
+}
+
+impl Drop for Up {
+    fn drop(&mut self) {
+        // It may have ended.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// `randt up --play` of a log, at a rate, recorded; its files go to `up` and `logs`.
+fn up(own: &Pipeline, log: &Path, folder: &Path, rate: &str) -> Up {
+    let mut command = own.command(&["up"]);
+    command.args(["--rate", rate, "--play"]).arg(log);
+    command.arg("--out").arg(folder.join("up"));
+    command.arg("--record").arg(folder.join("logs"));
+    Up::start(command)
+}
+
+#[test]
+fn a_stage_without_descriptors_says_so_when_it_starts() {
+    let place = Place::new();
+    let realm = place.realm("ra");
+    let robot = Sensors::new(place.file("").as_path(), "beam-udp", "mip").robot();
+    for stage in STAGES {
+        let mut command = Command::new("prlimit");
+        command.arg("--nofile=24:24").arg(program(stage));
+        command.args(["--prefix", realm.prefix(), "--run"]);
+        command.arg(realm.run());
+        match stage {
+            "radar" | "imu" => _ = command.arg("--robot").arg(&robot),
+            "mapper" => _ = command.arg("--journal").arg(place.file("map.journal")),
+            "recorder" => _ = command.arg("--out").arg(place.file("logs")),
+            _ => {}
+        }
+        let mut running = place.start(stage, command);
+        let status = running.wait(END_MAX);
+        let said = running.said();
+        assert_eq!(status.code(), Some(1), "{stage}: {said}");
+        assert!(said.contains("out of descriptors"), "{stage}: {said}");
+    }
+}
+
+#[test]
+fn a_stage_that_runs_out_of_descriptors_ends_instead_of_going_deaf() {
+    let place = Place::new();
+    let realm = place.realm("rb");
+    let folder = tempfile::tempdir().unwrap();
+    let log = log(folder.path(), 100);
+    let mut filter = place.start("filter", Place::command(&realm, "filter"));
+    until("the filter", || filter.said().contains("radar/points/v1"));
+    std::thread::sleep(Duration::from_millis(500));
+    limit(filter.pid(), Resource::Nofile, 5);
+    // Whoever comes new is out of its reach.
+    let mut play = Place::command(&realm, "play");
+    play.arg(&log).arg("--loop");
+    let _play = place.start("play", play);
+    let status = filter.wait(END_MAX);
+    let said = filter.said();
+    assert_eq!(status.code(), Some(1), "{said}");
+    assert!(said.contains("out of descriptors"), "{said}");
+    // Started again it has all that is in reach.
+    let _filter = place.start("filter", Place::command(&realm, "filter"));
+    let observer = Observer::enter(&realm).unwrap().unwrap();
+    let mut points = observer.subscriber::<RadarPoints>().unwrap();
+    let mut came = 0;
+    until("points", || {
+        observer.read(&mut points, |_| came += 1).unwrap();
+        came > 5
+    });
+}
+
+#[test]
+fn stages_that_get_no_more_memory_end_and_come_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = log(folder.path(), 60);
+    let offline = run(&log, &folder.path().join("run"), &[]);
+    assert_eq!(offline.code, Some(0), "{}", offline.stderr);
+    let own = Pipeline::new("rm");
+    let mut up = up(&own, &log, folder.path(), "1");
+    let names = ["filter", "odometry", "mapper", "recorder"];
+    until("play", || pids(own.realm()).contains_key("play"));
+    std::thread::sleep(Duration::from_secs(3));
+    for (name, pid) in pids(own.realm()) {
+        if names.contains(&name.as_str()) {
+            limit(pid, Resource::As, 1);
+        }
+    }
+    let code = up.code();
+    assert!([Some(0), Some(3)].contains(&code), "{code:?}");
+    let live = report(&folder.path().join("up"));
+    println!("exit code {code:?}, {}", live["counters"]);
+    assert_eq!(live["scans"], report(&folder.path().join("run"))["scans"]);
+    assert!(
+        same(folder.path()) || late(&live) > 0,
+        "{}",
+        live["counters"]
+    );
+}
+
+/// Scans that a report says had less of the IMU than there was.
+fn late(report: &serde_json::Value) -> u64 {
+    let counter = &report["counters"]["odometry_scans_imu_late"]["count"];
+    counter.as_u64().unwrap_or(0)
+}
+
+/// Whether `up` left the poses of `run`.
+fn same(folder: &Path) -> bool {
+    let [up, run] = ["up", "run"].map(|name| fs::read(folder.join(name).join("odometry.tum")));
+    up.unwrap() == run.unwrap()
+}
+
+#[test]
+fn a_pipeline_that_gets_no_processor_for_five_seconds_says_what_that_cost() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = log(folder.path(), 60);
+    let offline = run(&log, &folder.path().join("run"), &[]);
+    assert_eq!(offline.code, Some(0), "{}", offline.stderr);
+    let own = Pipeline::new("rs");
+    let mut up = up(&own, &log, folder.path(), "1");
+    until("play", || pids(own.realm()).contains_key("play"));
+    std::thread::sleep(Duration::from_secs(4));
+    let pids = pids(own.realm());
+    let stages = || pids.iter().filter(|(name, _)| *name != "up");
+    stages().for_each(|(_, pid)| signal(*pid, Signal::STOP));
+    std::thread::sleep(Duration::from_secs(5));
+    stages().for_each(|(_, pid)| signal(*pid, Signal::CONT));
+    let code = up.code();
+    assert!([Some(0), Some(3)].contains(&code), "{code:?}");
+    let live = report(&folder.path().join("up"));
+    println!("exit code {code:?}, {}", live["counters"]);
+    let offline = report(&folder.path().join("run"));
+    assert_eq!(live["scans"], offline["scans"]);
+    assert_eq!(live["counters"]["messages_lost"], serde_json::Value::Null);
+    // Either all is as if nothing had been, or it says that it is not.
+    assert!(
+        same(folder.path()) || late(&live) > late(&offline),
+        "{}",
+        live["counters"]
+    );
+    // The log of it gives what was lived.
+    let logs = crate::support::names(&folder.path().join("logs"));
+    let recorded = folder.path().join("logs").join(&logs[0]);
+    let again = run(&recorded, &folder.path().join("again"), &["--compare"]);
+    assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
+}
+
+#[test]
+fn sensors_that_are_unplugged_and_plugged_in_again_are_said_and_leave_a_gap() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = log(folder.path(), 75);
+    let sensors = Sensors::new(folder.path(), "beam-udp", "mip");
+    let own = Pipeline::new("ru");
+    let mut command = own.command(&["up"]);
+    command
+        .arg("--robot")
+        .arg(sensors.robot())
+        .arg("--out")
+        .arg(folder.path().join("up"));
+    let mut up = Up::start(command);
+    let begin_s = unix_s() + 4.0;
+    let second = format!("{begin_s:.3}");
+    let fault = ["--at", &second, "--fault", "unplug@6+3"];
+    let mut emulators = [sensors.radar(&log, &fault), sensors.imu(&log, &fault)];
+    let (gone_s, back_s) = (begin_s + 6.0, begin_s + 9.0);
+
+    // Health as it comes: the driver, when, and whether it says that something is wrong.
+    let mut said: Vec<(String, f64, bool)> = Vec::new();
+    until("the drivers", || pids(own.realm()).contains_key("radar"));
+    let observer = Observer::enter(own.realm()).unwrap().unwrap();
+    let mut health = observer.subscriber::<StageHealthTopic>().unwrap();
+    let begin = Instant::now();
+    while !emulators.iter_mut().all(Emulator::ended) {
+        assert!(
+            begin.elapsed() < Duration::from_secs(60),
+            "the emulators do not end"
+        );
+        let read = observer.read(&mut health, |message| {
+            let head = message.head;
+            let is_wrong = head.state == StageState::Degraded as u32;
+            said.push((text_of(&head.name).to_owned(), unix_s(), is_wrong));
+        });
+        read.unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    signal(up.0.id(), Signal::INT);
+    let code = up.code();
+    let live = report(&folder.path().join("up"));
+    println!(
+        "exit code {code:?}, {}, {}",
+        live["frames"], live["counters"]
+    );
+    for driver in ["radar", "imu"] {
+        let after = |from_s: f64, is_wrong: bool| {
+            let mut of = said.iter().filter(|(name, ..)| name == driver);
+            let found = of.find(|(_, at_s, wrong)| *at_s > from_s && *wrong == is_wrong);
+            found.map_or(f64::INFINITY, |(_, at_s, _)| at_s - from_s)
+        };
+        let (gone, back) = (after(gone_s, true), after(back_s, false));
+        println!("{driver}: said after {gone:.2} s, well again after {back:.2} s");
+        assert!(gone < SAID_MAX_S && back < SAID_MAX_S, "{driver}");
+    }
+    // A hole in the samples is lost data; the radar's sweeps of these three seconds were never measured.
+    assert_eq!(code, Some(3));
+    let frames = live["frames"].as_array().unwrap();
+    assert!(frames.len() >= 2, "{frames:?}");
+    for counter in ["odometry_frames_reopened", "odometry_imu_holes"] {
+        let count = live["counters"][counter]["count"].as_u64();
+        assert!(count.unwrap_or(0) >= 1, "{counter}");
+    }
+}
