@@ -182,7 +182,8 @@ fn what_a_kill_leaves_is_found_and_cleaned_away() {
         "randt-filter --prefix left-",
     );
     assert_says(&died, "WARN", "that no living process has open");
-    let refused = pipeline.randt(&["doctor", "--clean"]);
+    assert_says(&died, "WARN", "held by nobody living");
+    let refused = pipeline.randt(&["doctor", "--clean", "--state"]);
     assert_eq!(refused.code, Some(1));
     assert!(
         refused.says("nothing was removed") && refused.says("randt-odometry (process"),
@@ -190,6 +191,16 @@ fn what_a_kill_leaves_is_found_and_cleaned_away() {
         refused.stderr
     );
     assert!(refused.says("randt play (process"), "{}", refused.stderr);
+    let cleaned = pipeline.randt(&["doctor", "--clean"]);
+    assert_eq!(cleaned.code, Some(0), "{}", cleaned.stderr);
+    assert!(
+        cleaned.stdout.contains("1 dead node and"),
+        "{}",
+        cleaned.stdout
+    );
+    let clean = pipeline.randt(&["doctor"]);
+    assert_says(&clean, "ok", "every slot of a service is held");
+    assert_says(&clean, "ok", "nothing is left of dead stages");
 
     // All die.
     pipeline.kill_all();
@@ -314,7 +325,7 @@ fn two_worlds_are_told_apart() {
         ),
         "start it with --prefix here-",
     );
-    let refused = here.randt(&["doctor", "--clean"]);
+    let refused = here.randt(&["doctor", "--clean", "--state"]);
     assert!(refused.says("nothing was removed"), "{}", refused.stderr);
 
     let other = there.randt(&["doctor"]);

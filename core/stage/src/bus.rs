@@ -1,6 +1,8 @@
 //! The node of a process, and services opened with patience.
 
+use crate::dead_node_cleanup::free_slots;
 use crate::exhausted::Exhausted;
+use crate::held::{Gone, Held};
 use crate::{Error, Qos, Realm, Registry, wire::Wire};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -28,7 +30,8 @@ pub(crate) type Service<T> = publish_subscribe::PortFactory<ipc::Service, [u8], 
 /// A node of iceoryx2 in a realm.
 #[derive(Debug)]
 pub(crate) struct Bus {
-    node: Node<ipc::Service>,
+    node: Held<Node<ipc::Service>>,
+    gone: Gone,
     realm: Realm,
     name: String,
     /// Whether a port could not connect because this process has run out of something.
@@ -46,15 +49,18 @@ pub(crate) fn configuration(realm: &Realm) -> Result<Config, Error> {
     config.global.prefix = FileName::new(prefix.as_bytes())
         .map_err(|cause| Error::bus(format!("{prefix}: as a prefix"), cause))?;
     config.global.creation_timeout = CREATION_TIMEOUT;
+    // It forgets the slots of a node whose clean-up was cut short; `dead_node_cleanup` does not.
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
     Ok(config)
 }
 
 impl Bus {
-    /// Makes the node, after the remains of dead ones are cleared away. Call it under the lock of those who start.
+    /// Makes the node. Call it under the lock of those who start, after what dead ones have left is cleared away.
     pub(crate) fn open(realm: &Realm, name: &str) -> Result<Self, Error> {
         // Every failure comes back as an error, which is told once.
         set_log_level(LogLevel::Fatal);
-        crate::janitor::sweep(realm)?;
         let config = configuration(realm)?;
         let node_name =
             NodeName::new(name).map_err(|cause| Error::bus(format!("node {name}"), cause))?;
@@ -68,16 +74,33 @@ impl Bus {
                     .create::<ipc::Service>()
             },
         )?;
+        let gone = Gone::default();
         Ok(Self {
-            node,
+            node: gone.hold(node),
+            gone,
             realm: realm.clone(),
             name: name.to_owned(),
             exhausted: Exhausted::default(),
         })
     }
 
+    /// Whether what belongs to this node is given back in the end.
+    pub(crate) fn gone(&self) -> &Gone {
+        &self.gone
+    }
+
+    /// The realm that it is in.
+    pub(crate) fn realm(&self) -> &Realm {
+        &self.realm
+    }
+
+    /// The node's id.
+    pub(crate) fn node_id(&self) -> u128 {
+        self.node.id().value()
+    }
+
     /// Opens a topic, or makes it where this is the first stage to want it.
-    pub(crate) fn topic<T: Topic>(&self) -> Result<Service<T>, Error> {
+    pub(crate) fn topic<T: Topic>(&self) -> Result<Held<Service<T>>, Error> {
         let qos = Qos::of::<T>();
         let name = service_name(T::NAME)?;
         let opened = self.patiently(T::NAME, || {
@@ -94,12 +117,13 @@ impl Bus {
                 .enable_safe_overflow(true)
                 .open_or_create()
         });
-        opened.map_err(|error| match error {
-            Error::Bus { cause, .. } if cause.contains("Incompatible") => {
-                self.foreign_layout::<T>()
+        match opened {
+            Ok(service) => Ok(self.gone.hold(service)),
+            Err(Error::Bus { cause, .. }) if cause.contains("Incompatible") => {
+                Err(self.foreign_layout::<T>())
             }
-            error => error,
-        })
+            Err(error) => Err(error),
+        }
     }
 
     /// Who has the other layout of a topic.
@@ -136,15 +160,17 @@ impl Bus {
     }
 
     /// Wakes those who listen to a name.
-    pub(crate) fn notifier(&self, name: &str) -> Result<Notifier<ipc::Service>, Error> {
+    pub(crate) fn notifier(&self, name: &str) -> Result<Held<Notifier<ipc::Service>>, Error> {
         let service = self.event(name)?;
-        self.patiently(name, || service.notifier_builder().create())
+        let notifier = self.patiently(name, || service.notifier_builder().create())?;
+        Ok(self.gone.hold(notifier))
     }
 
     /// Is woken by those who notify a name.
-    pub(crate) fn listener(&self, name: &str) -> Result<Listener<ipc::Service>, Error> {
+    pub(crate) fn listener(&self, name: &str) -> Result<Held<Listener<ipc::Service>>, Error> {
         let service = self.event(name)?;
-        self.patiently(name, || service.listener_builder().create())
+        let listener = self.patiently(name, || service.listener_builder().create())?;
+        Ok(self.gone.hold(listener))
     }
 
     fn event(&self, name: &str) -> Result<event::PortFactory<ipc::Service>, Error> {
@@ -160,14 +186,15 @@ impl Bus {
         })
     }
 
-    /// Tries until it succeeds or the attempts are over; between two of them dead nodes are cleared away.
+    /// Tries until it succeeds or the attempts are over; between two of them what nobody living holds is freed.
     pub(crate) fn patiently<R, E: std::fmt::Debug>(
         &self,
         name: &str,
         attempt: impl FnMut() -> Result<R, E>,
     ) -> Result<R, Error> {
         let clear = || {
-            self.node.try_cleanup_dead_nodes();
+            // Where nothing could be freed the next attempt fails as this one did.
+            let _ = free_slots(&self.realm, Some(self.node_id()));
         };
         patiently(|| name.to_owned(), clear, attempt)
     }

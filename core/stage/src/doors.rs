@@ -2,8 +2,8 @@
 
 use crate::{Error, Realm};
 use std::fs::{self, File, TryLockError};
-use std::os::unix::fs::FileExt;
-use std::path::Path;
+use std::os::unix::fs::{FileExt, MetadataExt};
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Programs that may watch a pipeline at once.
@@ -16,7 +16,16 @@ const START_PAUSE: Duration = Duration::from_millis(3);
 #[derive(Debug)]
 pub struct Presence {
     // The lock goes with the file.
-    _alive: File,
+    alive: File,
+    path: PathBuf,
+}
+
+impl Presence {
+    /// Whether others still find the file that this one has locked.
+    pub(crate) fn is_in_place(&self) -> bool {
+        let found = fs::metadata(&self.path).and_then(|found| Ok((found, self.alive.metadata()?)));
+        found.is_ok_and(|(found, own)| (found.dev(), found.ino()) == (own.dev(), own.ino()))
+    }
 }
 
 impl Realm {
@@ -25,12 +34,10 @@ impl Realm {
         self.make()?;
         let _door = self.lock("door", true)?;
         if let Some(alone) = self.try_alone()? {
-            crate::janitor::remove_all(self)?;
+            crate::leftovers::remove_all(self)?;
             drop(alone);
         }
-        Ok(Presence {
-            _alive: self.lock("alive", false)?,
-        })
+        self.presence()
     }
 
     /// Enters only where a stage is in: whoever watches makes no realm, and clears none away.
@@ -42,9 +49,15 @@ impl Realm {
         let _door = self.lock("door", true)?;
         Ok(match self.try_alone()? {
             Some(_alone) => None,
-            None => Some(Presence {
-                _alive: self.lock("alive", false)?,
-            }),
+            None => Some(self.presence()?),
+        })
+    }
+
+    /// Call it while holding `door`.
+    fn presence(&self) -> Result<Presence, Error> {
+        Ok(Presence {
+            alive: self.lock("alive", false)?,
+            path: self.folder().join("alive.lock"),
         })
     }
 

@@ -75,7 +75,7 @@ pub enum Error {
         restart: String,
     },
     /// Not enough memory for the segments.
-    #[error("{}: {free_mb:.1} MB free, randt-{stage} needs {needed_mb:.1} MB of memory there, with what the other stages are going to use ({largest}); free some (randt doctor --clean, when no stage runs) or enlarge it: mount -o remount,size=256M {}", path.display(), path.display())]
+    #[error("{}: {free_mb:.1} MB free, randt-{stage} needs {needed_mb:.1} MB of memory there for {what}; free some (randt doctor --clean, when no stage runs) or enlarge it: mount -o remount,size=256M {}", path.display(), path.display())]
     TooLittleMemory {
         /// Where.
         path: PathBuf,
@@ -85,8 +85,30 @@ pub enum Error {
         free_mb: f64,
         /// Needed, MB.
         needed_mb: f64,
-        /// What takes most of it.
-        largest: String,
+        /// For what.
+        what: String,
+    },
+    /// Memory was there when it was counted, and is taken by others now.
+    #[error("{}: {free_mb:.1} MB free, {what} needs {needed_mb:.3} MB more: free some, or enlarge it: mount -o remount,size=256M {}", path.display(), path.display())]
+    NoRoom {
+        /// Where.
+        path: PathBuf,
+        /// A topic, or a table.
+        what: String,
+        /// Free, MB.
+        free_mb: f64,
+        /// Needed, MB.
+        needed_mb: f64,
+    },
+    /// Shared memory was removed or cut while it was in use.
+    #[error("{}: was removed or cut while randt-{stage} used it ({files} in all): what is sent reaches nobody who starts from now on; start it again, so that all share new memory. logind does this at a user's logout (RemoveIPC=no in /etc/systemd/logind.conf, or a system user), and so does whoever clears /dev/shm", path.display())]
+    MemoryGone {
+        /// One of the files.
+        path: PathBuf,
+        /// Stage.
+        stage: String,
+        /// How many files.
+        files: usize,
     },
     /// The system gives this process no more.
     #[error("out of {what}; without, it would hear nothing of whoever comes new")]

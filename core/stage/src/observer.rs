@@ -1,7 +1,15 @@
 //! Looking at a pipeline without being part of it.
 
 use crate::{
-    Clock, Error, Presence, Realm, Subscriber, bus::Bus, ports::PortCounters, stage::JOINED,
+    Clock, Error, Presence, Realm, Subscriber,
+    bus::Bus,
+    dead_node_cleanup::clean_up_before_start,
+    held::Held,
+    memory::Memory,
+    memory_watch::MemoryWatch,
+    ports::PortCounters,
+    preallocation::take_tables,
+    stage::{BESIDE, JOINED},
 };
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::{CallbackProgression, WaitSetBuilder, ipc};
@@ -14,9 +22,10 @@ use std::time::Duration;
 /// nothing, so that several may run, and holds nobody up, however seldom it looks.
 pub struct Observer {
     // Ports go before the node, the node before the presence: fields are dropped in order.
-    join: Notifier<ipc::Service>,
+    join: Held<Notifier<ipc::Service>>,
     bus: Bus,
-    _presence: Presence,
+    memory: MemoryWatch,
+    presence: Presence,
     _place: File,
     realm: Realm,
     clock: Clock,
@@ -30,11 +39,14 @@ impl Observer {
         };
         let place = realm.place_to_watch()?;
         let _start = realm.start()?;
+        clean_up_before_start(realm)?;
+        Memory::new("top").need("tables", BESIDE)?;
         let bus = Bus::open(realm, &format!("top-{}", std::process::id()))?;
         Ok(Some(Self {
             join: bus.notifier(JOINED)?,
+            memory: MemoryWatch::new(realm, bus.node_id()),
             bus,
-            _presence: presence,
+            presence,
             _place: place,
             realm: realm.clone(),
             clock: Clock::of(realm)?,
@@ -46,12 +58,22 @@ impl Observer {
         self.clock
     }
 
+    /// Fails where the memory that it reads was removed or cut: leave it then, and enter anew.
+    pub fn check_memory(&self) -> Result<(), Error> {
+        let gone = self.memory.check("top", &self.presence);
+        if gone.is_err() {
+            self.bus.gone().set();
+        }
+        gone
+    }
+
     /// Opens a topic for reading. Open one that a stage has open, and drop it when none has any more: as long as it is
     /// open nobody can come back with another layout.
     pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, Error> {
         let _start = self.realm.start()?;
         let service = self.bus.topic::<T>()?;
         let subscriber = Subscriber::new(&self.bus, &service, PortCounters::new(T::NAME, false))?;
+        take_tables(&self.realm)?;
         // Writers that cannot be woken hand their history over with the next message.
         let _ = self.join.notify();
         Ok(subscriber)

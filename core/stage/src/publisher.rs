@@ -1,7 +1,9 @@
 //! The writing end of a topic.
 
 use crate::bus::{Bus, Service};
-use crate::{Clock, Error, Qos, ports::PortCounters, wire::Wire};
+use crate::{
+    Clock, Error, Qos, held::Held, ports::PortCounters, preallocation::MessageMemory, wire::Wire,
+};
 use iceoryx2::identifiers::UniqueSubscriberId;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher as Port;
@@ -11,14 +13,15 @@ use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::PortFactory;
 use randt_messages::{MessageRef, Topic};
+use std::cell::RefCell;
 use std::mem::MaybeUninit;
 use std::rc::Rc;
 
 /// What a publisher and its stage share: the stage hands the history over while the publisher has nothing to send.
 #[derive(Debug)]
 pub(crate) struct Outgoing<T: Topic> {
-    port: Port<ipc::Service, [u8], Wire<T>>,
-    notifier: Notifier<ipc::Service>,
+    port: Held<Port<ipc::Service, [u8], Wire<T>>>,
+    notifier: Held<Notifier<ipc::Service>>,
 }
 
 /// Hands its history to readers that have joined.
@@ -64,7 +67,8 @@ impl<T: Topic> Loan<T> {
 #[derive(Debug)]
 pub struct Publisher<T: Topic> {
     pub(crate) outgoing: Rc<Outgoing<T>>,
-    service: Service<T>,
+    memory: RefCell<MessageMemory>,
+    service: Held<Service<T>>,
     /// Who read when that was last asked.
     readers: Vec<UniqueSubscriberId>,
     counters: Rc<PortCounters>,
@@ -76,10 +80,11 @@ pub struct Publisher<T: Topic> {
 impl<T: Topic> Publisher<T> {
     pub(crate) fn new(
         bus: &Bus,
-        service: Service<T>,
+        service: Held<Service<T>>,
         clock: Clock,
         epoch: u64,
         counters: Rc<PortCounters>,
+        navtech: bool,
     ) -> Result<Self, Error> {
         let qos = Qos::of::<T>();
         let port = bus.patiently(T::NAME, || {
@@ -91,11 +96,14 @@ impl<T: Topic> Publisher<T> {
                 .set_degradation_handler(bus.exhausted.on_failure())
                 .create()
         })?;
+        let usual = qos.items_bytes_usual(navtech);
+        let memory = MessageMemory::take(bus.realm(), port.id().value(), qos, usual)?;
         Ok(Self {
             outgoing: Rc::new(Outgoing {
-                port,
+                port: bus.gone().hold(port),
                 notifier: bus.notifier(T::NAME)?,
             }),
+            memory: RefCell::new(memory),
             service,
             readers: Vec::new(),
             counters,
@@ -139,6 +147,7 @@ impl<T: Topic> Publisher<T> {
     }
 
     fn memory(&self, bytes: usize) -> Result<Memory<T>, Error> {
+        self.memory.borrow_mut().reserve(bytes)?;
         let loaned = self.outgoing.port.loan_slice_uninit(bytes);
         loaned.map_err(|cause| Error::bus(format!("{}: memory for a message", T::NAME), cause))
     }

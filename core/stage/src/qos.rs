@@ -105,16 +105,23 @@ impl Qos {
 
     /// Most messages that are alive at once: the newest ones wait for every reader that is behind, and each reader holds
     /// some older ones.
-    fn living(&self) -> usize {
+    pub(crate) fn living(&self) -> usize {
         self.history.max(self.buffer) + BORROWED * self.readers + LOANED
     }
 
-    /// Shared memory that a writer uses, bytes. `navtech`: of a Navtech's scans. Memory that is reserved and never
-    /// written costs nothing.
-    pub fn bytes_in_use(&self, navtech: bool) -> usize {
+    /// Bytes of the items as they usually are. `navtech`: of a Navtech's scans.
+    pub(crate) fn items_bytes_usual(&self, navtech: bool) -> usize {
         let [isdr_c, of_navtech] = self.items_bytes_usual;
-        let items = if navtech { of_navtech } else { isdr_c };
-        self.living() * (self.head_bytes + items + OVERHEAD) + self.slots() * SLOT
+        if navtech { of_navtech } else { isdr_c }
+    }
+
+    /// Shared memory that a writer takes, bytes. `navtech`: of a Navtech's scans. Memory that is reserved for larger
+    /// messages costs nothing until they come.
+    pub fn bytes_in_use(&self, navtech: bool) -> usize {
+        let usual = self.head_bytes + self.items_bytes_usual(navtech) + OVERHEAD;
+        // Where messages lie apart, each has pages of its own.
+        let pages = if self.items_bytes_max > PAGE { PAGE } else { 0 };
+        self.living() * (usual + pages) + self.slots() * SLOT
     }
 
     /// A line for people.
@@ -130,6 +137,8 @@ impl Qos {
     }
 }
 
+/// Memory is taken in pages, bytes.
+const PAGE: usize = 4096;
 /// iceoryx2's own header of a message, and alignment.
 const OVERHEAD: usize = 64;
 /// iceoryx2's lists have an entry for every place, in use or not.

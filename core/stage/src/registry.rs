@@ -33,9 +33,9 @@ pub struct Entry {
     /// Whether it has ended in order. One that is neither this nor alive has died.
     #[serde(default)]
     pub ended: bool,
-    /// Shared memory that its topics take while every reader keeps up, bytes: in use already or not.
+    /// Files of shared memory that were removed or cut under it, and that it has left for new ones.
     #[serde(default)]
-    pub needs_bytes: u64,
+    pub left_files: u64,
 }
 
 /// The entry of this process. The lock goes with it.
@@ -93,7 +93,7 @@ impl Registry {
                     .collect(),
                 topics: BTreeMap::new(),
                 ended: false,
-                needs_bytes: 0,
+                left_files: 0,
             },
         };
         registry.write()?;
@@ -119,9 +119,15 @@ impl Registry {
         self.write()
     }
 
-    /// Notes how much shared memory this stage will have in use.
-    pub fn set_needs(&mut self, bytes: u64) -> Result<(), Error> {
-        self.entry.needs_bytes = bytes;
+    /// Lets another one of the same name enter, of this process or of another.
+    pub(crate) fn leave(&self) {
+        // A lock that is not held is none the less gone.
+        let _ = self.file.unlock();
+    }
+
+    /// Notes how many files it has left because they were gone.
+    pub(crate) fn set_left_files(&mut self, files: u64) -> Result<(), Error> {
+        self.entry.left_files = files;
         self.write()
     }
 

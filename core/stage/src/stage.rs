@@ -3,10 +3,14 @@
 use crate::{
     Clock, Error, Presence, Publisher, Qos, Realm, Registry, Subscriber,
     bus::Bus,
+    dead_node_cleanup::clean_up_before_start,
     health::{Condition, PERIOD_NS},
+    held::Held,
     journal::{Journal, Moment, Priority},
     memory::Memory,
+    memory_watch::MemoryWatch,
     ports::PortCounters,
+    preallocation::take_tables,
     publisher::HandsOver,
     reload::Asked,
     supervised::Supervised,
@@ -24,7 +28,7 @@ use std::time::{Duration, Instant};
 /// Whoever begins to read a topic tells the writers by this name, so that they hand over their history at once.
 pub(crate) const JOINED: &str = "stage/joined";
 /// What a process needs beside its topics: services' own tables, checkpoints' folders and the like, bytes.
-const BESIDE: usize = 500_000;
+pub(crate) const BESIDE: usize = 500_000;
 
 /// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
 const LONG_RANGE_M: f64 = 50.0;
@@ -33,12 +37,12 @@ const LONG_RANGE_M: f64 = 50.0;
 pub struct Stage {
     // Ports go before the node, the node before the presence: fields are dropped in order.
     health: Publisher<StageHealthTopic>,
-    join: Notifier<ipc::Service>,
+    join: Held<Notifier<ipc::Service>>,
     writers: Vec<Rc<dyn HandsOver>>,
     waits: Waits,
     bus: Bus,
     registry: Registry,
-    _presence: Presence,
+    presence: Presence,
     /// Held until the loop begins.
     start: Option<File>,
     realm: Realm,
@@ -52,6 +56,7 @@ pub struct Stage {
     next_health_ns: i64,
     navtech: bool,
     memory: Memory,
+    watch: MemoryWatch,
 }
 
 impl Stage {
@@ -64,29 +69,29 @@ impl Stage {
         let started_ns = clock.now_ns();
         let mut registry = Registry::enter(realm, name, started_ns)?;
         let start = realm.start()?;
-        let mut memory = Memory::new(name, realm);
-        memory.need("tables", BESIDE, &mut registry)?;
+        // Before memory is counted: that of a dead one is free.
+        clean_up_before_start(realm)?;
+        let memory = Memory::new(name);
+        memory.need("tables", BESIDE)?;
         let bus = Bus::open(realm, name)?;
         let qos = Qos::of::<StageHealthTopic>();
-        memory.need(
-            StageHealthTopic::NAME,
-            qos.bytes_in_use(false),
-            &mut registry,
-        )?;
+        memory.need(StageHealthTopic::NAME, qos.bytes_in_use(false))?;
         let service = bus.topic::<StageHealthTopic>()?;
         registry.add_topic(StageHealthTopic::NAME, StageHealthTopic::TYPE_NAME)?;
         let epoch = started_ns.unsigned_abs();
         // Not among the ports that are reported: it would only report itself.
         let counters = PortCounters::new(StageHealthTopic::NAME, true);
-        let health = Publisher::new(&bus, service, clock, epoch, counters)?;
+        let health = Publisher::new(&bus, service, clock, epoch, counters, false)?;
         let waits = Waits::new(bus.listener(JOINED)?)?;
+        let watch = MemoryWatch::new(realm, bus.node_id());
+        registry.set_left_files(watch.left())?;
         let stage = Self {
             writers: vec![Rc::clone(&health.outgoing) as Rc<dyn HandsOver>],
             health,
             join: bus.notifier(JOINED)?,
             waits,
             bus,
-            _presence: presence,
+            presence,
             start: Some(start),
             realm: realm.clone(),
             clock,
@@ -106,6 +111,7 @@ impl Stage {
             next_health_ns: i64::MAX,
             navtech: false,
             memory,
+            watch,
         };
         stage.say(&qos.budget(false));
         Ok(stage)
@@ -152,11 +158,12 @@ impl Stage {
     pub fn publisher<T: Topic>(&mut self) -> Result<Publisher<T>, Error> {
         let qos = Qos::of::<T>();
         let bytes = qos.bytes_in_use(self.navtech);
-        self.memory.need(T::NAME, bytes, &mut self.registry)?;
+        self.memory.need(T::NAME, bytes)?;
         let service = self.bus.topic::<T>()?;
         self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
         let counters = self.port(T::NAME, true);
-        let publisher = Publisher::new(&self.bus, service, self.clock, self.epoch(), counters)?;
+        let (epoch, navtech) = (self.epoch(), self.navtech);
+        let publisher = Publisher::new(&self.bus, service, self.clock, epoch, counters, navtech)?;
         self.writers
             .push(Rc::clone(&publisher.outgoing) as Rc<dyn HandsOver>);
         self.say(&qos.budget(self.navtech));
@@ -175,7 +182,7 @@ impl Stage {
     }
 
     /// Refuses where there is no memory for a file in the run folder that is about to be opened.
-    pub fn reserve(&mut self, path: &Path, bytes: usize) -> Result<(), Error> {
+    pub fn reserve(&self, path: &Path, bytes: usize) -> Result<(), Error> {
         self.memory.need_file(path, bytes)
     }
 
@@ -191,6 +198,8 @@ impl Stage {
     /// The loop begins: tells everybody at once.
     pub fn running(&mut self) -> Result<(), Error> {
         self.condition.state = StageState::Running;
+        // Also what the others' ports will write to on this one's account.
+        take_tables(&self.realm)?;
         self.start = None;
         self.tell()
     }
@@ -247,7 +256,7 @@ impl Stage {
     }
 
     /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile, and
-    /// signs of life: a loop that does not come here any more hangs.
+    /// signs of life: a loop that does not come here any more hangs. Fails with [`Error::MemoryGone`] where the memory that it shares was removed or cut.
     pub fn wait(&mut self, on: &[&dyn Wakes], timeout: Option<Duration>) -> Result<Woken, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
@@ -259,6 +268,8 @@ impl Stage {
             }
             let now_ns = self.clock.now_ns();
             if now_ns >= self.next_health_ns {
+                // First: telling writes to that memory.
+                self.check_memory()?;
                 self.tell()?;
             }
             let next_ns = self.supervised.works(now_ns).min(self.next_health_ns);
@@ -278,6 +289,25 @@ impl Stage {
                 return Ok(Woken::Timeout);
             }
         }
+    }
+
+    fn check_memory(&self) -> Result<(), Error> {
+        let checked = self.watch.check(&self.condition.name, &self.presence);
+        if checked.is_err() {
+            self.bus.gone().set();
+        }
+        checked
+    }
+
+    /// Enters the pipeline anew under the same name, after [`Error::MemoryGone`]. Ports are opened again by whoever has them.
+    /// For those who cannot start as a process again, because they know more than they have on disk.
+    pub fn renew(&mut self) -> Result<(), Error> {
+        self.bus.gone().set();
+        self.registry.leave();
+        let (name, navtech) = (self.condition.name.clone(), self.navtech);
+        *self = Self::open(&name, &self.realm.clone())?;
+        self.navtech = navtech;
+        Ok(())
     }
 
     fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {

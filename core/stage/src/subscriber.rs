@@ -1,7 +1,7 @@
 //! The reading end of a topic.
 
 use crate::bus::{Bus, Service};
-use crate::{Error, ports::PortCounters, wire::Wire};
+use crate::{Error, held::Held, ports::PortCounters, wire::Wire};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::subscriber::Subscriber as Port;
 use iceoryx2::prelude::ipc;
@@ -13,8 +13,8 @@ use std::rc::Rc;
 /// Reads one topic, in order, and counts what it missed.
 #[derive(Debug)]
 pub struct Subscriber<T: Topic> {
-    port: Port<ipc::Service, [u8], Wire<T>>,
-    pub(crate) listener: Listener<ipc::Service>,
+    port: Held<Port<ipc::Service, [u8], Wire<T>>>,
+    pub(crate) listener: Held<Listener<ipc::Service>>,
     counters: Rc<PortCounters>,
     /// Epoch and sequence of the last message of the publisher that was heard last.
     last: Option<(u64, u64)>,
@@ -42,7 +42,7 @@ impl<T: Topic> Subscriber<T> {
                 .create()
         })?;
         Ok(Self {
-            port,
+            port: bus.gone().hold(port),
             listener,
             counters,
             last: None,

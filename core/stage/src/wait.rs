@@ -1,6 +1,6 @@
 //! What a stage sleeps on.
 
-use crate::{Error, Subscriber};
+use crate::{Error, Subscriber, held::Held};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::prelude::{
     CallbackProgression, FileDescriptor, FileDescriptorBased, SynchronousMultiplexing, WaitSet,
@@ -39,7 +39,7 @@ impl<A: SynchronousMultiplexing + Debug> Attachment for A {}
 
 impl<T: Topic> Wakes for Subscriber<T> {
     fn attachment(&self) -> &dyn Attachment {
-        &self.listener
+        &*self.listener
     }
 
     fn take_notices(&self) {
@@ -97,13 +97,13 @@ pub(crate) struct Slept {
 
 /// The kernel's part of waiting.
 pub(crate) struct Waits {
-    joined: Listener<ipc::Service>,
+    joined: Held<Listener<ipc::Service>>,
     set: WaitSet<ipc::Service>,
 }
 
 impl Waits {
     /// Always sleeps on `joined` too.
-    pub(crate) fn new(joined: Listener<ipc::Service>) -> Result<Self, Error> {
+    pub(crate) fn new(joined: Held<Listener<ipc::Service>>) -> Result<Self, Error> {
         let set = WaitSetBuilder::new()
             .create::<ipc::Service>()
             .map_err(|cause| Error::bus("the wait set", cause))?;
@@ -116,7 +116,7 @@ impl Waits {
             let attached = self.set.attach_notification::<dyn Attachment>(attachment);
             attached.map_err(|cause| Error::bus("something to wait for", cause))
         };
-        let joined = attach(&self.joined)?;
+        let joined = attach(&*self.joined)?;
         let guards = on
             .iter()
             .map(|wakes| attach(wakes.attachment()))

@@ -226,7 +226,7 @@ pub fn of_pipeline(pipeline: &Pipeline) -> BTreeMap<&'static str, Count> {
 }
 
 /// The first scan whose IMU ended before its sweep did.
-fn imu_late_text(odometry: &Counters) -> String {
+fn imu_late_text(odometry: &randt_odometry::Counters) -> String {
     format!(
         "the IMU ends {:.1} ms before the sweep that ends at {} ns",
         odometry.imu_late_short_ns as f64 * 1e-6,

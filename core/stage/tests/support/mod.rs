@@ -52,6 +52,12 @@ impl Other {
         self.child.id()
     }
 
+    /// Ends it at once.
+    pub fn kill(mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
     /// Ends it as a supervisor would.
     pub fn stop(mut self) {
         let pid = rustix::process::Pid::from_raw(self.pid() as i32).unwrap();
@@ -64,5 +70,6 @@ impl Drop for Other {
     fn drop(&mut self) {
         // Where a test failed before it was ended.
         let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }

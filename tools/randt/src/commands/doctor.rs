@@ -9,6 +9,8 @@ mod owner;
 mod processes;
 mod scene;
 mod sensors;
+mod shared_memory;
+mod slots;
 mod stages;
 mod worlds;
 
@@ -23,7 +25,7 @@ use scene::Scene;
 pub struct Arguments {
     #[command(subcommand)]
     part: Option<Part>,
-    /// Remove what dead stages left behind; refused while a stage lives
+    /// Remove what dead stages left behind; while others live, only what nobody living holds
     #[arg(long)]
     clean: bool,
     /// With --clean: also what stages would go on from (checkpoints, the last keyframes, counts of starts)
@@ -56,6 +58,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     findings.push(clock::check(&scene));
     findings.push(stages::check(&scene));
     findings.push(stages::check_builds(&scene));
+    findings.push(shared_memory::check(&scene));
+    findings.push(slots::check(&scene));
     findings.push(leftovers::check(&scene));
     let realm = &scene.realm;
     let title = format!("realm {} in {}", realm.prefix(), realm.run().display());

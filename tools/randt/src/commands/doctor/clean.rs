@@ -1,12 +1,12 @@
-//! `randt doctor --clean`: takes away what dead stages left, when no stage lives.
+//! `randt doctor --clean`: takes away what dead stages left: everything when no stage lives, else what nobody living holds.
 
 use super::processes::Process;
 use super::scene::{Scene, program};
 use crate::exit::Outcome;
 use crate::output::print;
 use crate::units::{bytes, count};
-use anyhow::bail;
-use randt_stage::{Registry, leftovers, wipe};
+use anyhow::{bail, ensure};
+use randt_stage::{CleanUp, Registry, clean_up, leftovers, slots_of_nobody, wipe};
 
 /// Cleans, or says who lives.
 pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
@@ -14,10 +14,13 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
     let here = format!("realm {} in {}", realm.prefix(), realm.run().display());
     let living = living(scene);
     if !living.is_empty() {
-        bail!(
-            "{here}: nothing was removed while somebody lives in it: stop {} first",
-            living.join(", ")
-        );
+        if state {
+            bail!(
+                "{here}: nothing was removed while somebody lives in it: stop {} first",
+                living.join(", ")
+            );
+        }
+        return beside_the_living(scene, &here);
     }
     if scene.owner.is_none() && leftovers(realm).is_empty() {
         print(&format!("{here}: not there, nothing to remove\n"))?;
@@ -40,6 +43,27 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
         "; checkpoints and keyframes are kept (--state removes them too)"
     };
     print(&format!("{here}: removed {removed}, {sum}{kept}\n"))?;
+    Ok(Outcome::Good)
+}
+
+/// Takes away what nobody living holds.
+fn beside_the_living(scene: &Scene, here: &str) -> anyhow::Result<Outcome> {
+    let CleanUp {
+        slots,
+        nodes,
+        services,
+    } = clean_up(&scene.realm)?;
+    let freed = count(slots as u64, "slot", "slots");
+    let nodes = count(nodes as u64, "dead node", "dead nodes");
+    let services = count(services as u64, "broken service", "broken services");
+    print(&format!(
+        "{here}: freed {freed}, removed {nodes} and {services}; the living were left alone\n"
+    ))?;
+    let left: usize = slots_of_nobody(&scene.realm).values().sum();
+    ensure!(
+        left == 0,
+        "{here}: {left} slots are still held by nobody: stop all stages, then clean once more"
+    );
     Ok(Outcome::Good)
 }
 

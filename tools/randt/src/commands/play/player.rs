@@ -2,7 +2,7 @@
 
 use randt_messages::{ImuSampleTopic, MessageRef, RadarScan};
 use randt_readers::{Event, Source};
-use randt_stage::{Publisher, Stage, Woken};
+use randt_stage::{Error, Publisher, Stage, Woken};
 use std::time::{Duration, Instant};
 
 /// A log that begins again does so after this pause, so that odometry opens a new frame: the robot has jumped.
@@ -64,8 +64,26 @@ impl Player {
     /// The log is at its end. With `stay` what was sent last stays in reach until the end is asked for.
     pub fn finish(&mut self, stay: bool) -> anyhow::Result<()> {
         self.stage.finished()?;
-        while stay && self.stage.wait(&[], None)? != Woken::Stop {}
+        while stay && self.wait(None)? != Woken::Stop {
+            // Where it has entered anew.
+            self.stage.finished()?;
+        }
         Ok(())
+    }
+
+    /// Sleeps for a time, or for ever. Where the shared memory is gone the player goes on in new memory at the same place.
+    fn wait(&mut self, pause: Option<Duration>) -> anyhow::Result<Woken> {
+        match self.stage.wait(&[], pause) {
+            Err(error @ Error::MemoryGone { .. }) => {
+                eprintln!("randt play: {error}");
+                self.stage.renew()?;
+                self.scans = self.stage.publisher()?;
+                self.samples = self.stage.publisher()?;
+                self.stage.running()?;
+                Ok(Woken::Event)
+            }
+            woken => Ok(woken?),
+        }
     }
 
     /// Leaves the pipeline.
@@ -81,7 +99,7 @@ impl Player {
         loop {
             let pause = due.saturating_duration_since(Instant::now());
             // Also where it is late already: readers that join are served, and Ctrl-C is heard.
-            match self.stage.wait(&[], Some(pause))? {
+            match self.wait(Some(pause))? {
                 Woken::Stop => return Ok(false),
                 Woken::Timeout => return Ok(true),
                 Woken::Event => {}

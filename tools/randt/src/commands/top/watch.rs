@@ -9,7 +9,7 @@ use randt_messages::{
     Correction, GraphHead, MapperCorrection, MapperGraph, OdometryState, OdometryStateTopic,
     StageHealthTopic,
 };
-use randt_stage::{Clock, Entry, Observer, Realm, Registry};
+use randt_stage::{Clock, Entry, Observer, Realm, Registry, memory_gone};
 
 /// What was seen of a realm.
 pub struct Watch {
@@ -74,6 +74,13 @@ impl Watch {
         } else if self.connection.is_none() {
             self.connection = Observer::enter(&self.realm)?.map(Connection::new);
         }
+        if let Some(connection) = &self.connection
+            && connection.observer.check_memory().is_err()
+        {
+            // Stages come back in memory that is made anew; those that do not are told below.
+            self.connection = None;
+            self.connection = Observer::enter(&self.realm)?.map(Connection::new);
+        }
         if let Some(connection) = &mut self.connection {
             connection.follow(&living);
             self.clock = Some(connection.observer.clock());
@@ -111,6 +118,8 @@ impl Watch {
         let mut notes: Vec<String> = told
             .map(|stage| format!("{}: {}", stage.name, stage.message))
             .collect();
+        let living = register.iter().filter(|(_, lives)| *lives);
+        notes.extend(living.filter_map(|(entry, _)| memory_note(&self.realm, entry)));
         match &self.connection {
             Some(connection) => notes.extend(connection.troubles()),
             None => notes.push(format!(
@@ -133,6 +142,17 @@ impl Watch {
             notes,
         }
     }
+}
+
+/// What is to be said of a stage whose shared memory was removed or cut.
+fn memory_note(realm: &Realm, entry: &Entry) -> Option<String> {
+    let gone = memory_gone(realm, entry);
+    let first = gone.first()?.display();
+    let files = gone.len();
+    let name = &entry.name;
+    Some(format!(
+        "{name}: its shared memory is gone ({files} files, {first} among them): randt doctor tells more"
+    ))
 }
 
 impl Connection {

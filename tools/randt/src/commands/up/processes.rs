@@ -13,7 +13,7 @@ use anyhow::{bail, ensure};
 use indicatif::ProgressBar;
 use randt_config::Loaded;
 use randt_readers::Source;
-use randt_stage::{Realm, Stage, Woken, stop_requested};
+use randt_stage::{Error, Realm, Stage, Woken, stop_requested};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -46,7 +46,9 @@ pub struct Processes {
     /// `None` while the pipeline cannot be seen.
     stage: Option<Stage>,
     reopened: Instant,
-    /// How often the pipeline could not be seen, and why first.
+    /// How often the shared memory was removed or cut, and how it was noticed first.
+    memory_gone: (u64, String),
+    /// How often the pipeline could not be seen for other reasons, and why first.
     unseen: (u64, String),
     pub watch: Watch,
     /// In the order of the data's way, which is the order in which they are ended.
@@ -75,6 +77,7 @@ impl Processes {
             profile: (profile, loaded.to_toml()),
             stage: Some(stage),
             reopened: Instant::now(),
+            memory_gone: (0, String::new()),
             unseen: (0, String::new()),
             watch,
             children: Vec::new(),
@@ -185,12 +188,17 @@ impl Processes {
     }
 
     fn lose_sight(&mut self, error: &anyhow::Error) {
-        self.unseen.0 += 1;
-        if self.unseen.0 == 1 {
-            self.unseen.1 = format!("{error:#}");
-            let why = &self.unseen.1;
+        let is_memory_gone = matches!(error.downcast_ref(), Some(Error::MemoryGone { .. }));
+        let (count, first) = if is_memory_gone {
+            &mut self.memory_gone
+        } else {
+            &mut self.unseen
+        };
+        *count += 1;
+        if *count == 1 {
+            *first = format!("{error:#}");
             self.bar
-                .suspend(|| warn(&format!("the pipeline cannot be seen: {why}; it goes on")));
+                .suspend(|| warn(&format!("the pipeline cannot be seen: {first}; it goes on")));
         }
         self.stage = None;
         self.reopened = Instant::now();
@@ -257,9 +265,13 @@ impl Processes {
             let first = format!("{} did not end when asked to", killed.join(", "));
             counters.insert("stages_killed", Count::lost(killed.len() as u64, first));
         }
-        if self.unseen.0 > 0 {
-            let first = self.unseen.1.clone();
-            counters.insert("pipeline_unseen", Count::lost(self.unseen.0, first));
+        for (name, (count, first)) in [
+            ("memory_gone", &self.memory_gone),
+            ("pipeline_unseen", &self.unseen),
+        ] {
+            if *count > 0 {
+                counters.insert(name, Count::lost(*count, first.clone()));
+            }
         }
         counters
     }

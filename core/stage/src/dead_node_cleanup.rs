@@ -1,0 +1,298 @@
+//! Clears away what dead stages leave behind while others live.
+//!
+//! A process may be killed at any moment: while it makes a node, a service or a port, and while it clears another one away.
+//! So nothing is concluded from what a dead process has or has not done. Who holds a slot is read from the services'
+//! segments, who lives from the locks of the nodes' files. One that is dead never lives again, so the two need not be read
+//! at one instant: a slot is nobody's when its node is dead after the slot was read. iceoryx2 then takes the node out of
+//! the service, and a node's files are removed when no service has it any more. Whoever is killed over this leaves what the
+//! next one finds; iceoryx2's own clean-up, which forgets a node with its files, is switched off (`bus::configuration`).
+//!
+//! Processes start one at a time, under one lock: whoever holds it knows that what is half made was left by a dead one.
+
+use crate::node_files::NodeFiles;
+use crate::service_slots::{Service, Slot, Slots, owner_of, segments, services};
+use crate::{Error, Realm, bus, realm::SHARED_MEMORY};
+use iceoryx2::identifiers::UniqueNodeId;
+use iceoryx2::prelude::ipc;
+use iceoryx2::service::{internal::ServiceInternal, service_hash::ServiceHash};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{self, Metadata};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// Whoever dies meanwhile is met in the next round, and kills are seldom faster than rounds.
+const ROUNDS: usize = 5;
+/// Permission to write is taken from a service's definition when it is whole.
+const HALF_MADE: u32 = 0o200;
+/// Permission to read is given to a piece of shared memory when it is whole.
+const WHOLE: u32 = 0o400;
+/// Connections are made whenever two ports meet, by stages that run, in microseconds: one that is half made for so long
+/// was left by a dead one. Everything else is made under the lock of those who start.
+const CONNECTION: &str = "connection";
+const MADE_WITHIN: Duration = Duration::from_secs(1);
+/// The count of nodes, and its bytes: a version, a counter, and what fills up eight bytes.
+const NODE_COUNT: &str = "global_mgmt";
+const NODE_COUNT_BYTES: u64 = 16;
+/// A service that nobody can join and whose last stage is just removing it is gone after this time.
+const REMOVED_WITHIN: Duration = Duration::from_millis(100);
+
+/// What was cleared away.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CleanUp {
+    /// Slots of services that nobody living held.
+    pub slots: usize,
+    /// Dead nodes that had files.
+    pub nodes: usize,
+    /// Services that nobody could join any more.
+    pub services: usize,
+}
+
+/// Clears away what dead stages have left, while others live. Waits for those who are just starting. As
+/// [`slots_of_nobody`], not for a process that is in the realm itself.
+pub fn clean_up(realm: &Realm) -> Result<CleanUp, Error> {
+    let _start = realm.start()?;
+    clean_up_before_start(realm)
+}
+
+/// The same under the lock of those who start, before this process has a node of its own.
+pub(crate) fn clean_up_before_start(realm: &Realm) -> Result<CleanUp, Error> {
+    remove_half_made(realm);
+    remove_half_made_memory(realm);
+    let mut done = CleanUp::default();
+    let files = NodeFiles::of(realm, None);
+    for _ in 0..ROUNDS {
+        done.slots += free_slots(realm, None)?;
+        // Deaths first: a node that is dead takes no slot after that.
+        let dead: Vec<u128> = files
+            .ids()
+            .into_iter()
+            .filter(|id| !files.lives(*id))
+            .collect();
+        let holders = holders(realm);
+        let (held, free): (Vec<u128>, Vec<u128>) = dead
+            .into_iter()
+            .partition(|id| holders.contains(&owner_of(*id)));
+        free.iter().for_each(|id| files.remove(*id));
+        done.nodes += free.len();
+        if held.is_empty() {
+            break;
+        }
+    }
+    done.services = remove_unusable_services(realm);
+    remove_orphans(realm, &files);
+    Ok(done)
+}
+
+/// Slots that nobody living holds, by the names of their services. Not for a process that is in the realm itself: looking at
+/// the lock of one's own node gives it up.
+pub fn slots_of_nobody(realm: &Realm) -> BTreeMap<String, usize> {
+    let mut counts = BTreeMap::new();
+    for (service, slots) in dead_slots(realm, &NodeFiles::of(realm, None)) {
+        *counts.entry(service.name).or_default() += slots.len();
+    }
+    counts
+}
+
+/// Frees all slots that nobody living holds; gives how many. `own`: the node of this process, where it has one.
+pub(crate) fn free_slots(realm: &Realm, own: Option<u128>) -> Result<usize, Error> {
+    let files = NodeFiles::of(realm, own);
+    let configuration = bus::configuration(realm)?;
+    let mut freed = 0;
+    for (service, slots) in dead_slots(realm, &files) {
+        let Ok(hash) = ServiceHash::try_from(service.hash.as_str()) else {
+            continue;
+        };
+        for node in nodes_of(&slots, &files) {
+            for port in slots.iter().filter_map(|slot| slot.port) {
+                // Where this fails the slot stays taken, and is met by the next one.
+                let _ = files.restore_port(node, port);
+                remove_half_made_connections(realm, port);
+            }
+            let Some(id) = node_id(node) else {
+                continue;
+            };
+            // What it could not do is seen below, in the slots.
+            let _ = ipc::Service::__internal_remove_node_from_service(&id, &hash, &configuration);
+        }
+        let still = match service.slots() {
+            Slots::Open(still) => still,
+            Slots::Closed | Slots::Unusable => Vec::new(),
+        };
+        freed += slots.iter().filter(|slot| !still.contains(slot)).count();
+    }
+    Ok(freed)
+}
+
+/// Services with the slots in them that nobody living holds.
+fn dead_slots(realm: &Realm, files: &NodeFiles) -> Vec<(Service, Vec<Slot>)> {
+    let mut lives = BTreeMap::new();
+    let mut found = Vec::new();
+    for service in services(realm) {
+        let Slots::Open(mut slots) = service.slots() else {
+            continue;
+        };
+        // Asked after the slot was read.
+        slots.retain(|slot| {
+            let owner = slot.owner;
+            !*lives
+                .entry(owner)
+                .or_insert_with(|| files.owner_lives(owner))
+        });
+        if !slots.is_empty() {
+            found.push((service, slots));
+        }
+    }
+    found
+}
+
+/// All who hold a slot of any service.
+fn holders(realm: &Realm) -> BTreeSet<u64> {
+    let slots = services(realm).into_iter().map(|service| service.slots());
+    let open = slots.filter_map(|slots| match slots {
+        Slots::Open(slots) => Some(slots),
+        Slots::Closed | Slots::Unusable => None,
+    });
+    open.flatten().map(|slot| slot.owner).collect()
+}
+
+/// The nodes that hold slots. One that was killed before it had written its id has files; where those are gone as well, any
+/// id of that owner will do, because an entry that is not written is compared by its owner.
+fn nodes_of(slots: &[Slot], files: &NodeFiles) -> BTreeSet<u128> {
+    let mut nodes: BTreeSet<u128> = slots.iter().filter_map(|slot| slot.node).collect();
+    let named: BTreeSet<u64> = nodes.iter().map(|node| owner_of(*node)).collect();
+    let ids = files.ids();
+    for owner in slots.iter().map(|slot| slot.owner) {
+        if !named.contains(&owner) {
+            let id = ids.iter().copied().find(|id| owner_of(*id) == owner);
+            nodes.insert(id.unwrap_or(u128::from(owner) << 64));
+        }
+    }
+    nodes
+}
+
+/// The id as iceoryx2 has it. It makes none from a number, but reads them.
+fn node_id(node: u128) -> Option<UniqueNodeId> {
+    let id = serde_json::json!({
+        "payload_value": node as u64,
+        "unique_value": owner_of(node),
+    });
+    serde_json::from_value(id).ok()
+}
+
+/// Services that nobody can join: closed and not removed, cut short, or without a segment. Whoever still holds one notices
+/// it (`memory_watch`).
+fn remove_unusable_services(realm: &Realm) -> usize {
+    let unusable = || -> Vec<Service> {
+        let all = services(realm).into_iter();
+        all.filter(|service| !matches!(service.slots(), Slots::Open(_)))
+            .collect()
+    };
+    let before = unusable();
+    if before.is_empty() {
+        return 0;
+    }
+    std::thread::sleep(REMOVED_WITHIN);
+    let still: Vec<Service> = unusable();
+    let gone = still.iter().filter(|service| before.contains(service));
+    gone.map(|service| {
+        // Best effort, as with nodes.
+        let _ = fs::remove_file(&service.definition);
+        if let Some(segment) = &service.segment {
+            let _ = fs::remove_file(segment);
+        }
+    })
+    .count()
+}
+
+/// Memory and sockets of ports that no node has any more, and segments of services that no definition names. Memory is named
+/// by its port, a connection by both of its ports; a port is listed with its node before it makes any.
+fn remove_orphans(realm: &Realm, files: &NodeFiles) {
+    // What is found is looked for among owners that are read later: none is made before its owner.
+    let segments = segments(&realm.segment_prefix());
+    let memory = files_of(realm, Path::new(SHARED_MEMORY));
+    let found: Vec<(PathBuf, Metadata)> = memory.chain(files_of(realm, &realm.root())).collect();
+    let services = services(realm).into_iter();
+    let defined: BTreeSet<PathBuf> = services.filter_map(|service| service.segment).collect();
+    let ports = files.ports();
+    let orphan_segments = segments
+        .into_values()
+        .filter(|path| !defined.contains(path));
+    let orphans = found.into_iter().filter_map(|(path, _)| {
+        let (named, kind) = ports_of(realm, &path)?;
+        let is_port = matches!(kind.as_str(), "data" | "event_mgmt" | "event" | CONNECTION);
+        (is_port && named.iter().any(|port| !ports.contains(port))).then_some(path)
+    });
+    for path in orphans.chain(orphan_segments) {
+        // Best effort, as with nodes.
+        let _ = fs::remove_file(path);
+    }
+}
+
+/// Connections of a dead port that are not whole: iceoryx2 cannot open them, and leaves the port's slot taken.
+fn remove_half_made_connections(realm: &Realm, port: u128) {
+    for (path, found) in files_of(realm, Path::new(SHARED_MEMORY)) {
+        let is_half_made = found.len() == 0 || found.permissions().mode() & WHOLE == 0;
+        let is_its = ports_of(realm, &path)
+            .is_some_and(|(ports, kind)| kind == CONNECTION && ports.contains(&port));
+        if is_half_made && is_its {
+            // Best effort, as with nodes.
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// Services whose maker died over them; nobody can join them.
+fn remove_half_made(realm: &Realm) {
+    for (path, found) in files_of(realm, &realm.root().join("services")) {
+        if found.permissions().mode() & HALF_MADE != 0 {
+            // Best effort, as with nodes.
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// Shared memory whose maker died over it, or that somebody has emptied: iceoryx2 cannot open it, or waits for ever.
+fn remove_half_made_memory(realm: &Realm) {
+    for (path, found) in files_of(realm, Path::new(SHARED_MEMORY)) {
+        let kind = path.extension().unwrap_or_default();
+        let age = found.modified().ok().and_then(|made| made.elapsed().ok());
+        let may_be_in_the_making = kind == CONNECTION && age.is_none_or(|age| age < MADE_WITHIN);
+        let is_whole = found.permissions().mode() & WHOLE != 0
+            && found.len() > 0
+            && (kind != NODE_COUNT || is_node_count(&path, &found));
+        if !is_whole && !may_be_in_the_making {
+            // Best effort, as with nodes.
+            let _ = fs::remove_file(path);
+        }
+    }
+}
+
+/// Whether the count of nodes can be opened; without its version everybody would wait for it.
+fn is_node_count(path: &Path, found: &Metadata) -> bool {
+    let bytes = fs::read(path).unwrap_or_default();
+    let version = bytes.get(..size_of::<u64>()).unwrap_or_default();
+    found.len() >= NODE_COUNT_BYTES && version.iter().any(|byte| *byte != 0)
+}
+
+/// The realm's files in a folder.
+fn files_of(realm: &Realm, folder: &Path) -> impl Iterator<Item = (PathBuf, Metadata)> {
+    let prefix = realm.segment_prefix();
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.filter_map(move |entry| {
+        let found = entry.metadata().ok()?;
+        let is_ours = entry.file_name().to_string_lossy().starts_with(&prefix);
+        (is_ours && !found.is_dir()).then(|| (entry.path(), found))
+    })
+}
+
+/// The ports that a file is named by, one or two, and its kind.
+fn ports_of(realm: &Realm, path: &Path) -> Option<(Vec<u128>, String)> {
+    let name = path.file_name()?.to_str()?;
+    let (stem, kind) = name
+        .strip_prefix(&realm.segment_prefix())?
+        .split_once('.')?;
+    let count = if kind == CONNECTION { 2 } else { 1 };
+    let ports = stem.rsplit('_').take(count).map(str::parse);
+    Some((ports.collect::<Result<_, _>>().ok()?, kind.to_owned()))
+}

@@ -1,0 +1,81 @@
+//! What dead stages leave behind, and how all of it is taken away when none lives.
+
+use crate::{Error, Realm, realm::SHARED_MEMORY};
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+
+/// A file that a dead stage left behind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Leftover {
+    /// Where.
+    pub path: PathBuf,
+    /// Memory that it takes, bytes.
+    pub bytes: u64,
+}
+
+/// Everything that iceoryx2 has of a realm: shared memory and files. While no stage lives, all of it is left over.
+pub fn leftovers(realm: &Realm) -> Vec<Leftover> {
+    let mut found = Vec::new();
+    let prefix = realm.segment_prefix();
+    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+    for entry in entries {
+        if entry.file_name().to_string_lossy().starts_with(&prefix) {
+            add(entry.path(), &mut found);
+        }
+    }
+    add_below(&realm.root(), &mut found);
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    found
+}
+
+fn add(path: PathBuf, found: &mut Vec<Leftover>) {
+    // Blocks, not length: segments are full of holes.
+    let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.blocks() * 512);
+    found.push(Leftover { path, bytes });
+}
+
+fn add_below(folder: &Path, found: &mut Vec<Leftover>) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            add_below(&path, found);
+        } else {
+            add(path, found);
+        }
+    }
+}
+
+/// Takes away all that dead stages left, and with `state` also what would let new ones go on where they were. Gives
+/// what was removed, or `None` where a stage or tool lives in the realm.
+pub fn wipe(realm: &Realm, state: bool) -> Result<Option<Vec<Leftover>>, Error> {
+    realm.make()?;
+    let _door = realm.lock("door", true)?;
+    let Some(_alone) = realm.try_alone()? else {
+        return Ok(None);
+    };
+    let mut removed = leftovers(realm);
+    if state {
+        add_below(&realm.state(), &mut removed);
+        let path = realm.state();
+        fs::remove_dir_all(&path).map_err(Error::file(path, "cannot be removed"))?;
+        let stages = realm.folder().join("stages");
+        // There is none where no stage ever ran.
+        let _ = fs::remove_dir_all(stages);
+    }
+    remove_all(realm)?;
+    Ok(Some(removed))
+}
+
+/// Removes every file of iceoryx2. Only for whoever is alone.
+pub(crate) fn remove_all(realm: &Realm) -> Result<(), Error> {
+    for leftover in leftovers(realm) {
+        let path = leftover.path;
+        fs::remove_file(&path).map_err(Error::file(path, "cannot be removed"))?;
+    }
+    let root = realm.root();
+    if root.is_dir() {
+        fs::remove_dir_all(&root).map_err(Error::file(&root, "cannot be removed"))?;
+    }
+    fs::create_dir_all(&root).map_err(Error::file(&root, "cannot be made"))
+}

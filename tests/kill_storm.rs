@@ -1,0 +1,306 @@
+//! Kills close together, so that a stage is often killed while it starts, or while it clears away the one before it: no
+//! start is refused, no slot stays taken by nobody, and all stages work when it is over.
+//!
+//! The form for every day has 100 kills; the long one has 1,000 under `randt up`:
+//! `cargo build --workspace && cargo test -p randt --test programs kill_storm:: -- --ignored --nocapture`.
+
+use crate::support::observer::Observer;
+use crate::support::pipeline::{Pipeline, log_of, until};
+use crate::support::stages::{Place, Running};
+use crate::support::up::up;
+use crate::support::{Random, ended, randt, report};
+use randt_stage::{Realm, Registry, slots_of_nobody};
+use rustix::process::{Pid, Signal, kill_process};
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+const STAGES: [&str; 4] = ["mapper", "odometry", "filter", "recorder"];
+/// Kills of the form for every day, and the time between two of them, ms.
+const KILLS: usize = 100;
+const GAP_MS: [usize; 2] = [20, 400];
+/// The long form, where 40 % of the kills fall into a start-up and 20 % come in pairs.
+const LONG_KILLS: usize = 1000;
+const LONG_GAP_MS: [usize; 2] = [20, 2000];
+const LONG_SCANS: u32 = 10_000;
+const START_UP_PERCENT: usize = 40;
+const PAIR_PERCENT: usize = 20;
+/// A start-up takes about so long, ms.
+const START_UP_MS: usize = 60;
+/// After the last kill every stage delivers within this time.
+const DELIVERS: Duration = Duration::from_secs(2);
+/// How often it is looked whether all run.
+const LOOK: Duration = Duration::from_millis(50);
+/// What is waited for comes within this time, or never.
+const WAIT_MAX: Duration = Duration::from_secs(30);
+
+fn seed() -> u64 {
+    let now = || {
+        std::time::SystemTime::UNIX_EPOCH
+            .elapsed()
+            .unwrap()
+            .as_secs()
+    };
+    let seed = std::env::var("RANDT_SEED").map_or_else(|_| now(), |seed| seed.parse().unwrap());
+    println!("seed {seed}");
+    seed
+}
+
+fn gap(random: &mut Random, [least, most]: [usize; 2]) -> Duration {
+    Duration::from_millis((least + random.below(most - least)) as u64)
+}
+
+fn kill(pid: u32) {
+    // One that has just ended cannot be killed.
+    let _ = kill_process(Pid::from_raw(pid as i32).unwrap(), Signal::KILL);
+}
+
+/// The process of a stage, as the register has it.
+fn pid_of(realm: &Realm, stage: &str) -> Option<u32> {
+    let all = Registry::all(realm);
+    let found = all
+        .iter()
+        .find(|(entry, lives)| *lives && entry.name == stage);
+    found.map(|(entry, _)| entry.pid as u32)
+}
+
+/// Stages that are started again as soon as they have died.
+struct Keeper {
+    place: Place,
+    realm: Realm,
+    running: Vec<Running>,
+    starts: usize,
+}
+
+impl Keeper {
+    fn start(&mut self, stage: &str) -> Running {
+        let mut command = Place::command(&self.realm, stage);
+        match stage {
+            "mapper" => command.arg("--journal").arg(self.place.file("map.journal")),
+            "recorder" => command.arg("--out").arg(self.place.file("logs")),
+            _ => &mut command,
+        };
+        self.starts += 1;
+        self.place.start(stage, command)
+    }
+
+    /// Starts whoever has died; one that has ended by itself was refused.
+    fn keep(&mut self) {
+        for i in 0..self.running.len() {
+            if self.running[i].ended().is_some() {
+                let said = self.running[i].said();
+                assert!(!said.contains("error"), "start {}: {said}", self.starts);
+                let name = self.running[i].name.clone();
+                self.running[i] = self.start(&name);
+            }
+        }
+    }
+
+    /// Whether every stage that was started last is in its loop or about to enter it.
+    fn all_run(&self) -> bool {
+        let all = Registry::all(&self.realm);
+        self.running.iter().all(|stage| {
+            all.iter().any(|(entry, lives)| {
+                *lives && entry.pid == u64::from(stage.pid()) && entry.topics.len() > 1
+            })
+        })
+    }
+
+    fn keep_for(&mut self, time: Duration) {
+        let end = Instant::now() + time;
+        while Instant::now() < end {
+            self.keep();
+            std::thread::sleep(Duration::from_millis(3));
+        }
+    }
+}
+
+#[test]
+fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = log_of(folder.path(), 600, 1);
+    let place = Place::new();
+    let mut keeper = Keeper {
+        realm: place.realm("storm"),
+        place,
+        running: Vec::new(),
+        starts: 0,
+    };
+    let mut random = Random(seed());
+    for stage in STAGES {
+        let started = keeper.start(stage);
+        keeper.running.push(started);
+    }
+    let mut play = Place::command(&keeper.realm, "play");
+    play.arg("--stay").arg(&log);
+    let _play = keeper.place.start("play", play);
+    keeper.keep_for(Duration::from_secs(1));
+    for _ in 0..KILLS {
+        kill(keeper.running[random.below(STAGES.len())].pid());
+        keeper.keep_for(gap(&mut random, GAP_MS));
+    }
+    // Starts queue up where the machine is busy; nothing but a start frees what the dead hold.
+    let last = Instant::now();
+    while !(keeper.all_run() && slots_of_nobody(&keeper.realm).is_empty()) {
+        let left = slots_of_nobody(&keeper.realm);
+        assert!(last.elapsed() < WAIT_MAX, "held by nobody: {left:?}");
+        keeper.keep_for(LOOK);
+    }
+    println!(
+        "{KILLS} kills, {} starts, all run {:?} after the last kill",
+        keeper.starts,
+        last.elapsed()
+    );
+    let mut top = randt(&["top", "--once", "--json", "--prefix", keeper.realm.prefix()]);
+    top.arg("--run").arg(keeper.realm.run());
+    let top = ended(top);
+    let top: serde_json::Value = serde_json::from_str(&top.stdout).unwrap();
+    for stage in STAGES {
+        let all = top["stages"].as_array().unwrap();
+        let found = all.iter().find(|found| found["name"] == stage).unwrap();
+        let state = found["state"].as_str().unwrap();
+        assert!(["running", "degraded"].contains(&state), "{stage}: {top:#}");
+    }
+    for topic in [
+        "radar/points/v1",
+        "odometry/state/v1",
+        "mapper/correction/v1",
+    ] {
+        let all = top["topics"].as_array().unwrap();
+        let found = all.iter().find(|found| found["name"] == topic);
+        let age_s = found.and_then(|found| found["age_s"].as_f64());
+        println!("{topic}: the last one is {age_s:?} s old");
+    }
+    let age_s = top["robot"]["age_s"].as_f64().unwrap();
+    assert!(age_s < WAIT_MAX.as_secs_f64(), "{top:#}");
+    // It ends in order, so that it does not clear its memory away from under a test that follows.
+    keeper.running.iter_mut().for_each(|stage| {
+        stage.stop();
+    });
+}
+
+/// How a kill came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Plain,
+    StartUp,
+    Pair,
+}
+
+#[test]
+#[ignore = "takes half an hour: cargo test -p randt --test programs kill_storm:: -- --ignored --nocapture"]
+fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = log_of(folder.path(), LONG_SCANS, 1);
+    let own = Pipeline::new("storm");
+    let realm = own.realm().clone();
+    let out = folder.path().join("up");
+    let stderr = folder.path().join("up.stderr");
+    let mut child = up(&realm, &log, &out)
+        // A player that is starved by the kills must not count.
+        .args(["--set", "odometry.imu_wait_max_s=20"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(File::create(&stderr).unwrap())
+        .spawn()
+        .unwrap();
+    let said = || fs::read_to_string(&stderr).unwrap();
+    until("play", || pid_of(&realm, "play").is_some());
+    let mut observer = Observer::enter(&realm);
+    let mut random = Random(seed());
+    let stages = &STAGES[..3];
+    let mut kills: Vec<(Kind, &str, i64)> = Vec::new();
+    while kills.len() < LONG_KILLS {
+        observer.until(gap(&mut random, LONG_GAP_MS), |_| false);
+        assert!(child.try_wait().unwrap().is_none(), "{}", said());
+        let stage = stages[random.below(stages.len())];
+        let Some(pid) = pid_of(&realm, stage) else {
+            continue;
+        };
+        let mut strike = |kind, stage, pid, now_ns| {
+            kill(pid);
+            kills.push((kind, stage, now_ns));
+        };
+        let chance = random.below(100);
+        if chance < START_UP_PERCENT {
+            strike(Kind::Plain, stage, pid, observer.now_ns());
+            let begin = Instant::now();
+            let next = loop {
+                match pid_of(&realm, stage) {
+                    Some(next) if next != pid => break next,
+                    _ => assert!(begin.elapsed() < WAIT_MAX, "{stage} is away: {}", said()),
+                }
+                std::thread::sleep(Duration::from_millis(1));
+            };
+            let wait = random.below(START_UP_MS) as u64;
+            std::thread::sleep(Duration::from_millis(wait));
+            strike(Kind::StartUp, stage, next, observer.now_ns());
+        } else if chance < START_UP_PERCENT + PAIR_PERCENT {
+            strike(Kind::Pair, stage, pid, observer.now_ns());
+            let other = stages[random.below(stages.len())];
+            if let Some(other_pid) = pid_of(&realm, other).filter(|other| *other != pid) {
+                strike(Kind::Pair, other, other_pid, observer.now_ns());
+            }
+        } else {
+            strike(Kind::Plain, stage, pid, observer.now_ns());
+        }
+    }
+    let last_ns = observer.now_ns();
+    let all_back = |o: &Observer| {
+        stages
+            .iter()
+            .all(|stage| o.back_ns(stage, last_ns - 1).is_some())
+    };
+    // Whoever was not hit last has nothing to come back from.
+    observer.until(DELIVERS, all_back);
+    rows(&kills, &observer);
+    observer.leave();
+    assert_eq!(slots_of_nobody(&realm), BTreeMap::new(), "{}", said());
+    let status = child.wait().unwrap();
+    let counters = report(&out)["counters"].clone();
+    println!("randt up: {status}; {counters:#}");
+    assert!(matches!(status.code(), Some(0 | 3)), "{}", said());
+    compare(&log, &out, folder.path(), status.code() == Some(0));
+}
+
+/// Prints a row per kind: count, and how soon after a kill the stage is back.
+fn rows(kills: &[(Kind, &str, i64)], observer: &Observer) {
+    println!("kind      count  back after: median, p99, worst, ms");
+    for kind in [Kind::Plain, Kind::StartUp, Kind::Pair] {
+        let all = kills.iter().filter(|kill| kill.0 == kind);
+        let back = all.clone().filter_map(|(_, stage, killed_ns)| {
+            let back_ns = observer.back_ns(stage, *killed_ns)?;
+            Some((back_ns - killed_ns) as f64 * 1e-6)
+        });
+        let mut back: Vec<f64> = back.collect();
+        back.sort_by(f64::total_cmp);
+        let at = |share: f64| back.get((back.len() as f64 * share) as usize).copied();
+        let [median, p99] = [0.5, 0.99].map(|share| at(share).unwrap_or(f64::NAN));
+        let worst = back.last().copied().unwrap_or(f64::NAN);
+        println!(
+            "{:<8}  {:>5}  {median:>8.0} {p99:>8.0} {worst:>8.0}",
+            format!("{kind:?}"),
+            all.count()
+        );
+    }
+}
+
+/// Where nothing was lost the files are those of an undisturbed run.
+fn compare(log: &Path, up: &Path, folder: &Path, nothing_lost: bool) {
+    let run = folder.join("run");
+    let mut command = randt(&["run", "--set", "odometry.imu_wait_max_s=20"]);
+    command.arg(log).arg("--out").arg(&run);
+    let made = ended(command);
+    assert_eq!(made.code, Some(0), "{}", made.stderr);
+    for name in ["odometry.tum", "keyframes.tum", "trajectory.tum", "map.pgm"] {
+        let [found, expected] = [up, &run].map(|folder| fs::read(folder.join(name)).unwrap());
+        let is_same = found == expected;
+        println!("{name}: {}", if is_same { "identical" } else { "differs" });
+        assert!(
+            is_same || !nothing_lost,
+            "{name} differs though nothing was lost"
+        );
+    }
+}

@@ -1,0 +1,42 @@
+//! Whether the memory that stages share is still there: one that goes on in removed memory reaches nobody.
+
+use super::finding::Finding;
+use super::scene::{Scene, program};
+use randt_stage::memory_gone;
+use std::time::Duration;
+
+/// A stage notices it and ends by itself within two seconds; what is older is for people.
+const AGAIN: Duration = Duration::from_millis(200);
+
+/// No file that a living stage shares with others was removed or cut.
+pub fn check(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "shared";
+    let gone = gone(scene);
+    if gone.is_empty() {
+        return Vec::new();
+    }
+    std::thread::sleep(AGAIN);
+    let still = self::gone(&Scene::of(scene.realm.clone()));
+    let still: Vec<_> = still.iter().filter(|one| gone.contains(one)).collect();
+    let found = still.iter().map(|(name, pid, files, first)| {
+        let text = format!(
+            "shared memory of living stages is gone: {} (process {pid}) uses {files} files that were removed or cut, {first} among them",
+            program(name)
+        );
+        let mend = format!(
+            "kill {pid} and start it again, if its supervisor does not; if this comes at every logout: RemoveIPC=no in /etc/systemd/logind.conf"
+        );
+        Finding::bad(ABOUT, text, mend)
+    });
+    found.collect()
+}
+
+/// Living stages whose memory is gone: name, process, how many files, the first of them.
+fn gone(scene: &Scene) -> Vec<(String, u64, usize, String)> {
+    let stages = scene.living().filter_map(|entry| {
+        let gone = memory_gone(&scene.realm, entry);
+        let first = gone.first()?.display().to_string();
+        Some((entry.name.clone(), entry.pid, gone.len(), first))
+    });
+    stages.collect()
+}

@@ -1,0 +1,46 @@
+//! Slots of the bus's services that nobody living holds: when all are taken, no stage can start.
+
+use super::finding::Finding;
+use super::scene::Scene;
+use crate::units::count;
+use randt_stage::slots_of_nobody;
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// Whoever starts just now is freeing them: looked at again after this time.
+const AGAIN: Duration = Duration::from_millis(200);
+
+/// Every slot is held by a living stage or tool.
+pub fn check(scene: &Scene) -> Vec<Finding> {
+    const ABOUT: &str = "slots";
+    if scene.living().next().is_none() {
+        // The next stage that starts makes all services anew.
+        return Vec::new();
+    }
+    let held = held_by_nobody(scene);
+    let slots: usize = held.values().sum();
+    vec![if slots == 0 {
+        Finding::ok(ABOUT, "every slot of a service is held by somebody living")
+    } else {
+        let text = format!(
+            "{} of {} ({}) held by nobody living",
+            count(slots as u64, "slot", "slots"),
+            count(held.len() as u64, "service", "services"),
+            held.into_keys().collect::<Vec<_>>().join(", ")
+        );
+        let mend = format!("randt doctor --clean {}", scene.options());
+        Finding::warn(ABOUT, text, mend)
+    }]
+}
+
+/// Those that are nobody's now and a moment later.
+fn held_by_nobody(scene: &Scene) -> BTreeMap<String, usize> {
+    let before = slots_of_nobody(&scene.realm);
+    if before.is_empty() {
+        return before;
+    }
+    std::thread::sleep(AGAIN);
+    let mut still = slots_of_nobody(&scene.realm);
+    still.retain(|service, _| before.contains_key(service));
+    still
+}
