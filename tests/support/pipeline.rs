@@ -138,9 +138,9 @@ impl Pipeline {
     /// Ends all in order, the last one to start first.
     pub fn end_all(&mut self) {
         let pids: Vec<u32> = self.children.iter().map(Child::id).collect();
-        pids.into_iter()
-            .rev()
-            .for_each(|pid| self.end(pid, Signal::TERM));
+        for pid in pids.into_iter().rev() {
+            self.end(pid, Signal::TERM);
+        }
     }
 
     /// Names in /dev/shm that are this realm's.
