@@ -46,10 +46,20 @@ impl Reading {
     fn of(running: &Running) -> Self {
         Self {
             at: Instant::now(),
-            processor: running.processor(),
+            processor: processor(running),
             written: running.written(),
         }
     }
+}
+
+/// Time on a processor so far.
+fn processor(running: &Running) -> Duration {
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", running.pid())).unwrap();
+    let nanoseconds = tasks.flatten().filter_map(|task| {
+        let text = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
+        text.split(' ').next()?.parse::<u64>().ok()
+    });
+    Duration::from_nanos(nanoseconds.sum())
 }
 
 impl<'a> Stages<'a> {
