@@ -15,6 +15,9 @@ use std::time::{Duration, Instant};
 
 /// A device answers within this time.
 const ANSWER: Duration = Duration::from_millis(2);
+/// Fifty bytes, a message, take so long at 921,600 baud: an emulator that was kept from sending does not send all that it
+/// is late with at once, which no port's buffer would hold.
+const ON_THE_WIRE: Duration = Duration::from_micros(500);
 /// Every so many messages one is spoilt.
 const SPOILT: u64 = 10;
 /// Junk has a signature's first byte in it, as noise may.
@@ -190,6 +193,7 @@ impl SerialImu {
             .terminal
             .write(plugged.held.get(..now).unwrap_or_default());
         plugged.held.drain(..now);
+        thread::sleep(ON_THE_WIRE);
     }
 }
 

@@ -4,7 +4,6 @@ use crate::stages::{Place, Running, memory};
 use randt_messages::{OdometryState, OdometryStateTopic, RadarScan, Topic};
 use randt_readers::Event;
 use randt_stage::{Realm, Stage};
-use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -47,17 +46,17 @@ impl Reading {
     fn of(running: &Running) -> Self {
         Self {
             at: Instant::now(),
-            processor: processor_time(running.pid()),
+            processor: processor(running),
             written: running.written(),
         }
     }
 }
 
-/// Time of a process on a processor so far.
-fn processor_time(pid: u32) -> Duration {
-    let tasks = fs::read_dir(format!("/proc/{pid}/task")).unwrap();
+/// Time on a processor so far.
+fn processor(running: &Running) -> Duration {
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", running.pid())).unwrap();
     let nanoseconds = tasks.flatten().filter_map(|task| {
-        let text = fs::read_to_string(task.path().join("schedstat")).ok()?;
+        let text = std::fs::read_to_string(task.path().join("schedstat")).ok()?;
         text.split(' ').next()?.parse::<u64>().ok()
     });
     Duration::from_nanos(nanoseconds.sum())
