@@ -15,6 +15,8 @@ const ORDER: [&str; 9] = [
 const END_MAX: Duration = Duration::from_secs(5);
 /// ... but one that brings a log to a busy disk, or a whole pipeline, within this.
 const LONG_END_MAX: Duration = Duration::from_secs(40);
+/// A signal that comes while iceoryx2 looks at another one is forgotten: a stage is asked again.
+const ASK_EVERY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Ends them; gives whether systemd has to start them again. An error says what still writes into the mission.
@@ -65,22 +67,27 @@ fn end(realm: &Realm, stage: &Entry) -> anyhow::Result<()> {
     let pid = i32::try_from(stage.pid).ok().and_then(Pid::from_raw);
     let pid = pid.with_context(|| format!("{}: no process has that number", said()))?;
     let is_there = || living(realm).iter().any(|it| it.pid == stage.pid);
-    if let Err(error) = kill_process(pid, Signal::TERM)
-        && is_there()
-    {
-        bail!(
-            "{}: cannot be ended: {error}: do it as the user that runs it; the mission goes on",
-            said()
-        );
-    }
-    // One that is stopped hears nothing until it goes on.
-    let _ = kill_process(pid, Signal::CONT);
     let end_max = match stage.name.as_str() {
         "recorder" | "up" => LONG_END_MAX,
         _ => END_MAX,
     };
     let begin = Instant::now();
+    let mut asked: Option<Instant> = None;
     while is_there() {
+        if asked.is_none_or(|asked| asked.elapsed() > ASK_EVERY) {
+            // One that is stopped hears nothing until it goes on. That comes first, because iceoryx2 remembers only the
+            // last signal.
+            let _ = kill_process(pid, Signal::CONT);
+            if let Err(error) = kill_process(pid, Signal::TERM)
+                && is_there()
+            {
+                bail!(
+                    "{}: cannot be ended: {error}: do it as the user that runs it; the mission goes on",
+                    said()
+                );
+            }
+            asked = Some(Instant::now());
+        }
         ensure!(
             begin.elapsed() < end_max,
             "{}: does not end (kill -9 {pid:?} does it); the mission goes on",

@@ -3,6 +3,7 @@
 use super::program::Program;
 use crate::output::warn;
 use indicatif::ProgressBar;
+use rustix::process::{Pid, Signal, kill_process};
 use std::io::{BufRead, BufReader};
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
@@ -26,6 +27,8 @@ const END_MAX: Duration = Duration::from_secs(5);
 const RECORDED_MAX: Duration = Duration::from_secs(30);
 /// Signals that a program brings upon itself: SIGILL, SIGABRT, SIGBUS, SIGFPE, SIGSEGV.
 const FAULTS: [i32; 5] = [4, 6, 7, 8, 11];
+/// A signal that comes while iceoryx2 looks at another one is forgotten: a child is asked again.
+const ASK_EVERY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(5);
 
 /// A program that is kept running by a thread of its own: a dead stage is back before anybody has noticed.
@@ -111,19 +114,22 @@ impl Child {
             "recorder" => RECORDED_MAX,
             _ => END_MAX,
         };
-        let mut signal = Some(rustix::process::Signal::TERM);
+        let mut asked: Option<Instant> = None;
         while !keeper.is_finished() {
             let pid = self.shared.pid.load(Ordering::SeqCst) as i32;
-            if let (Some(send), Some(pid)) = (signal, rustix::process::Pid::from_raw(pid)) {
+            let is_due = asked.is_none_or(|asked| asked.elapsed() > ASK_EVERY);
+            if let (true, Some(pid)) = (is_due, Pid::from_raw(pid)) {
                 // It may have ended just now.
-                let _ = rustix::process::kill_process(pid, send);
-                // One that is stopped hears nothing until it goes on.
-                let _ = rustix::process::kill_process(pid, rustix::process::Signal::CONT);
-                signal = None;
-            }
-            if begin.elapsed() > end_max {
-                signal = Some(rustix::process::Signal::KILL);
-                self.shared.change(|trouble| trouble.was_killed = true);
+                if begin.elapsed() > end_max {
+                    let _ = kill_process(pid, Signal::KILL);
+                    self.shared.change(|trouble| trouble.was_killed = true);
+                } else {
+                    // One that is stopped hears nothing until it goes on. That comes first, because iceoryx2 remembers
+                    // only the last signal.
+                    let _ = kill_process(pid, Signal::CONT);
+                    let _ = kill_process(pid, Signal::TERM);
+                }
+                asked = Some(Instant::now());
             }
             std::thread::sleep(LOOK);
         }

@@ -68,8 +68,8 @@ fn a_program_that_somebody_kills_has_not_failed() {
     for _ in 0..2 * FAILURES_MAX {
         until(&child, |child| child.shared.pid.load(Ordering::SeqCst) != 0);
         let pid = child.shared.pid.load(Ordering::SeqCst) as i32;
-        let pid = rustix::process::Pid::from_raw(pid).unwrap();
-        rustix::process::kill_process(pid, rustix::process::Signal::KILL).unwrap();
+        let pid = Pid::from_raw(pid).unwrap();
+        kill_process(pid, Signal::KILL).unwrap();
         let raw = pid.as_raw_pid() as u32;
         until(&child, |child| {
             child.shared.pid.load(Ordering::SeqCst) != raw
@@ -77,4 +77,19 @@ fn a_program_that_somebody_kills_has_not_failed() {
     }
     assert_eq!(child.failures().0, 0);
     child.stop();
+}
+
+#[test]
+fn the_end_is_asked_for_until_it_is_heard() {
+    let folder = tempfile::tempdir().unwrap();
+    let ready = folder.path().join("ready");
+    // It forgets the first time, as a stage may.
+    let script = format!(
+        "trap 'trap \"exit 0\" TERM' TERM; touch {}; while :; do sleep 0.05; done",
+        ready.display()
+    );
+    let mut child = Child::start(program("/bin/sh", &["-c", &script]), ProgressBar::hidden());
+    until(&child, |_| ready.exists());
+    child.stop();
+    assert!(!child.was_killed());
 }
