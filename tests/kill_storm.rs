@@ -1,8 +1,9 @@
-//! Kills close together, so that a stage is often killed while it starts, or while it clears away the one before it: no
-//! start is refused, no slot stays taken by nobody, and all stages work when it is over.
+//! Kills close together, so that a stage is often killed while it starts, or while it clears away
+//! the one before it: no start is refused, no slot stays taken by nobody, and all stages work when
+//! it is over.
 //!
-//! The form for every day has 100 kills; the long one has 1,000 under `randt up`:
-//! `cargo build --workspace && cargo test -p randt --test programs kill_storm:: -- --ignored --nocapture`.
+//! The form for every day has 100 kills; the long one has 1,000 under `randt up`: `cargo build
+//! --workspace && cargo test -p randt --test programs kill_storm:: -- --ignored --nocapture`.
 
 use crate::support::observer::Observer;
 use crate::support::pipeline::{Pipeline, log_of, until};
@@ -120,7 +121,7 @@ impl Keeper {
 #[test]
 fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
     let folder = tempfile::tempdir().unwrap();
-    let log = log_of(folder.path(), 600, 1);
+    let log = log_of(folder.path(), 150, 1);
     let place = Place::new();
     let mut keeper = Keeper {
         realm: place.realm("storm"),
@@ -134,7 +135,7 @@ fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
         keeper.running.push(started);
     }
     let mut play = Place::command(&keeper.realm, "play");
-    play.arg("--stay").arg(&log);
+    play.arg("--loop").arg(&log);
     let _play = keeper.place.start("play", play);
     keeper.keep_for(Duration::from_secs(1));
     for _ in 0..KILLS {

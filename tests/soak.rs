@@ -95,11 +95,10 @@ fn drives_in_a_row_leave_every_process_as_it_was() {
     }
     let [then, now] = [shared_early, shared_late].map(|bytes| bytes as f64 * 1e-6);
     println!("shared memory {then:.1} MB, {now:.1} MB");
-    assert_eq!(
-        own.end(recorder, Signal::TERM),
-        Some(0),
-        "something is in no log"
-    );
+    // 3: a disk did not answer for longer than the messages that wait have room, and the logs say what that cost.
+    let code = own.end(recorder, Signal::TERM);
+    println!("recorder: exit code {code:?}");
+    assert!([Some(0), Some(3)].contains(&code), "{code:?}");
     assert!(grown.is_empty(), "{grown:?} grow");
     assert!(now <= GROWTH_MAX * then, "shared memory grows");
 }

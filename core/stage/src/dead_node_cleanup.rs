@@ -1,13 +1,16 @@
 //! Clears away what dead stages leave behind while others live.
 //!
-//! A process may be killed at any moment: while it makes a node, a service or a port, and while it clears another one away.
-//! So nothing is concluded from what a dead process has or has not done. Who holds a slot is read from the services'
-//! segments, who lives from the locks of the nodes' files. One that is dead never lives again, so the two need not be read
-//! at one instant: a slot is nobody's when its node is dead after the slot was read. iceoryx2 then takes the node out of
-//! the service, and a node's files are removed when no service has it any more. Whoever is killed over this leaves what the
-//! next one finds; iceoryx2's own clean-up, which forgets a node with its files, is switched off (`bus::configuration`).
+//! A process may be killed at any moment: while it makes a node, a service or a port, and while it
+//! clears another one away. So nothing is concluded from what a dead process has or has not done.
+//! Who holds a slot is read from the services' segments, who lives from the locks of the nodes'
+//! files. One that is dead never lives again, so the two need not be read at one instant: a slot
+//! is nobody's when its node is dead after the slot was read. iceoryx2 then takes the node out of
+//! the service, and a node's files are removed when no service has it any more. Whoever is killed
+//! over this leaves what the next one finds; iceoryx2's own clean-up, which forgets a node with
+//! its files, is switched off (`bus::configuration`).
 //!
-//! Processes start one at a time, under one lock: whoever holds it knows that what is half made was left by a dead one.
+//! Processes start one at a time, under one lock: whoever holds it knows that what is half made
+//! was left by a dead one.
 
 use crate::node_files::NodeFiles;
 use crate::service_slots::{Service, Slot, Slots, owner_of, segments, services};
@@ -27,14 +30,16 @@ const ROUNDS: usize = 5;
 const HALF_MADE: u32 = 0o200;
 /// Permission to read is given to a piece of shared memory when it is whole.
 const WHOLE: u32 = 0o400;
-/// Connections are made whenever two ports meet, by stages that run, in microseconds: one that is half made for so long
-/// was left by a dead one. Everything else is made under the lock of those who start.
+/// Connections are made whenever two ports meet, by stages that run, in microseconds: one that is
+/// half made for so long was left by a dead one. Everything else is made under the lock of those
+/// who start.
 const CONNECTION: &str = "connection";
 const MADE_WITHIN: Duration = Duration::from_secs(1);
 /// The count of nodes, and its bytes: a version, a counter, and what fills up eight bytes.
 const NODE_COUNT: &str = "global_mgmt";
 const NODE_COUNT_BYTES: u64 = 16;
-/// A service that nobody can join and whose last stage is just removing it is gone after this time.
+/// A service that nobody can join and whose last stage is just removing it is gone after this
+/// time.
 const REMOVED_WITHIN: Duration = Duration::from_millis(100);
 
 /// What was cleared away.
@@ -48,8 +53,8 @@ pub struct CleanUp {
     pub services: usize,
 }
 
-/// Clears away what dead stages have left, while others live. Waits for those who are just starting. As
-/// [`slots_of_nobody`], not for a process that is in the realm itself.
+/// Clears away what dead stages have left, while others live. Waits for those who are just
+/// starting. As [`slots_of_nobody`], not for a process that is in the realm itself.
 pub fn clean_up(realm: &Realm) -> Result<CleanUp, Error> {
     let _start = realm.start()?;
     clean_up_before_start(realm)
@@ -84,8 +89,8 @@ pub(crate) fn clean_up_before_start(realm: &Realm) -> Result<CleanUp, Error> {
     Ok(done)
 }
 
-/// Slots that nobody living holds, by the names of their services. Not for a process that is in the realm itself: looking at
-/// the lock of one's own node gives it up.
+/// Slots that nobody living holds, by the names of their services. Not for a process that is in
+/// the realm itself: looking at the lock of one's own node gives it up.
 pub fn slots_of_nobody(realm: &Realm) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
     for (service, slots) in dead_slots(realm, &NodeFiles::of(realm, None)) {
@@ -94,7 +99,8 @@ pub fn slots_of_nobody(realm: &Realm) -> BTreeMap<String, usize> {
     counts
 }
 
-/// Frees all slots that nobody living holds; gives how many. `own`: the node of this process, where it has one.
+/// Frees all slots that nobody living holds; gives how many. `own`: the node of this process,
+/// where it has one.
 pub(crate) fn free_slots(realm: &Realm, own: Option<u128>) -> Result<usize, Error> {
     let files = NodeFiles::of(realm, own);
     let configuration = bus::configuration(realm)?;
@@ -156,8 +162,9 @@ fn holders(realm: &Realm) -> BTreeSet<u64> {
     open.flatten().map(|slot| slot.owner).collect()
 }
 
-/// The nodes that hold slots. One that was killed before it had written its id has files; where those are gone as well, any
-/// id of that owner will do, because an entry that is not written is compared by its owner.
+/// The nodes that hold slots. One that was killed before it had written its id has files; where
+/// those are gone as well, any id of that owner will do, because an entry that is not written is
+/// compared by its owner.
 fn nodes_of(slots: &[Slot], files: &NodeFiles) -> BTreeSet<u128> {
     let mut nodes: BTreeSet<u128> = slots.iter().filter_map(|slot| slot.node).collect();
     let named: BTreeSet<u64> = nodes.iter().map(|node| owner_of(*node)).collect();
@@ -180,8 +187,8 @@ fn node_id(node: u128) -> Option<UniqueNodeId> {
     serde_json::from_value(id).ok()
 }
 
-/// Services that nobody can join: closed and not removed, cut short, or without a segment. Whoever still holds one notices
-/// it (`memory_watch`).
+/// Services that nobody can join: closed and not removed, cut short, or without a segment. Whoever
+/// still holds one notices it (`memory_watch`).
 fn remove_unusable_services(realm: &Realm) -> usize {
     let unusable = || -> Vec<Service> {
         let all = services(realm).into_iter();
@@ -205,8 +212,9 @@ fn remove_unusable_services(realm: &Realm) -> usize {
     .count()
 }
 
-/// Memory and sockets of ports that no node has any more, and segments of services that no definition names. Memory is named
-/// by its port, a connection by both of its ports; a port is listed with its node before it makes any.
+/// Memory and sockets of ports that no node has any more, and segments of services that no
+/// definition names. Memory is named by its port, a connection by both of its ports; a port is
+/// listed with its node before it makes any.
 fn remove_orphans(realm: &Realm, files: &NodeFiles) {
     // What is found is looked for among owners that are read later: none is made before its owner.
     let segments = segments(&realm.segment_prefix());
@@ -229,7 +237,8 @@ fn remove_orphans(realm: &Realm, files: &NodeFiles) {
     }
 }
 
-/// Connections of a dead port that are not whole: iceoryx2 cannot open them, and leaves the port's slot taken.
+/// Connections of a dead port that are not whole: iceoryx2 cannot open them, and leaves the port's
+/// slot taken.
 fn remove_half_made_connections(realm: &Realm, port: u128) {
     for (path, found) in files_of(realm, Path::new(SHARED_MEMORY)) {
         let is_half_made = found.len() == 0 || found.permissions().mode() & WHOLE == 0;
@@ -252,7 +261,8 @@ fn remove_half_made(realm: &Realm) {
     }
 }
 
-/// Shared memory whose maker died over it, or that somebody has emptied: iceoryx2 cannot open it, or waits for ever.
+/// Shared memory whose maker died over it, or that somebody has emptied: iceoryx2 cannot open it,
+/// or waits for ever.
 fn remove_half_made_memory(realm: &Realm) {
     for (path, found) in files_of(realm, Path::new(SHARED_MEMORY)) {
         let kind = path.extension().unwrap_or_default();

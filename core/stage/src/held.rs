@@ -1,7 +1,8 @@
 //! Parts of the bus that are not given back where their memory is gone.
 //!
-//! Whoever gives a port or a service back writes to its memory and removes files by their names. When the memory has been
-//! removed or cut, writing ends the process, and the names may be those of what others have made anew.
+//! Whoever gives a port or a service back writes to its memory and removes files by their names.
+//! When the memory has been removed or cut, writing ends the process, and the names may be those
+//! of what others have made anew.
 
 use std::cell::Cell;
 use std::ops::Deref;

@@ -1,8 +1,8 @@
 //! Whether the memory that a process shares with others is still the one that they share.
 //!
-//! Files in /dev/shm and in the run folder can be removed or cut by others: by logind at a user's logout (RemoveIPC), or by
-//! hand. A process goes on in what it has mapped, alone: whoever starts after that makes everything anew. So each looks
-//! after its own.
+//! Files in /dev/shm and in the run folder can be removed or cut by others: by logind at a user's
+//! logout (RemoveIPC), or by hand. A process goes on in what it has mapped, alone: whoever starts
+//! after that makes everything anew. So each looks after its own.
 
 use crate::node_files::NodeFiles;
 use crate::service_slots::{Slots, owner_of, services};
@@ -79,8 +79,9 @@ impl MemoryWatch {
     }
 }
 
-/// Files that a living stage of a realm has mapped and that are gone: removed, cut short, or segments of services that nobody
-/// can join any more. Empty for a process that may not be looked at.
+/// Files that a living stage of a realm has mapped and that are gone: removed, cut short, or
+/// segments of services that nobody can join any more. Empty for a process that may not be looked
+/// at.
 pub fn memory_gone(realm: &Realm, stage: &Entry) -> Vec<PathBuf> {
     let pid = u32::try_from(stage.pid).unwrap_or(0);
     let gone = gone_in(realm, pid, pid);
@@ -91,7 +92,8 @@ pub fn memory_gone(realm: &Realm, stage: &Entry) -> Vec<PathBuf> {
     }
 }
 
-/// `number`: the process's number in its ports' numbers, which another PID namespace may see as another `pid`.
+/// `number`: the process's number in its ports' numbers, which another PID namespace may see as
+/// another `pid`.
 fn gone_in(realm: &Realm, pid: u32, number: u32) -> Vec<PathBuf> {
     let open: Vec<PathBuf> = services(realm)
         .into_iter()

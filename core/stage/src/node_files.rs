@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 const MONITOR: &str = ".node_monitor";
 /// Files of a node beside its folder.
 const BESIDE: [&str; 3] = [MONITOR, ".node_monitor_owner_lock", ".node_monitor_context"];
-/// A file of this kind in the node's folder says that a port of this number may have memory and slots.
+/// A file of this kind in the node's folder says that a port of this number may have memory and
+/// slots.
 const PORT_TAG: &str = ".port_tag";
 
 /// The folder with the files of all nodes of a realm.
@@ -19,7 +20,8 @@ const PORT_TAG: &str = ".port_tag";
 pub(crate) struct NodeFiles {
     folder: PathBuf,
     prefix: String,
-    /// The node of this process. Its files are not opened: whoever closes a file gives up all locks that he has on it.
+    /// The node of this process. Its files are not opened: whoever closes a file gives up all
+    /// locks that he has on it.
     own: Option<u128>,
 }
 
@@ -82,7 +84,8 @@ impl NodeFiles {
         }
     }
 
-    /// Removes all files of a node. Best effort: what cannot be removed now is met again by the next stage that starts.
+    /// Removes all files of a node. Best effort: what cannot be removed now is met again by the
+    /// next stage that starts.
     pub(crate) fn remove(&self, node: u128) {
         let _ = fs::remove_dir_all(self.folder.join(node.to_string()));
         for kind in BESIDE {
@@ -100,7 +103,8 @@ fn names(folder: &Path) -> impl Iterator<Item = String> + use<> {
     entries.filter_map(|entry| entry.file_name().into_string().ok())
 }
 
-/// Whether another process has locked a file; nobody has locked one that is not there, and whoever may not look cannot know.
+/// Whether another process has locked a file; nobody has locked one that is not there, and whoever
+/// may not look cannot know.
 fn is_locked(path: &Path) -> bool {
     match File::options().write(true).open(path) {
         Ok(file) => {

@@ -1,8 +1,10 @@
-//! Memory that is taken before it is written: where none is left, a store would be the end of the process, without a word.
+//! Memory that is taken before it is written: where none is left, a store would be the end of the
+//! process, without a word.
 //!
-//! iceoryx2 gives a segment its length and leaves it to the first store to take the pages. So each publisher takes the pages
-//! of as many messages as can be alive at once, which are the first ones, because the one that was given back last is used
-//! next; and whoever starts takes all of the tables that it has made or joined.
+//! iceoryx2 gives a segment its length and leaves it to the first store to take the pages. So each
+//! publisher takes the pages of as many messages as can be alive at once, which are the first
+//! ones, because the one that was given back last is used next; and whoever starts takes all of
+//! the tables that it has made or joined.
 
 use crate::{Error, Qos, Realm, memory::free, realm::SHARED_MEMORY};
 use iceoryx2::service::header::publish_subscribe::Header;
@@ -100,7 +102,8 @@ fn no_room(path: &Path, what: &str, bytes: u64, cause: std::io::Error) -> Error 
     }
 }
 
-/// Takes the memory of all tables of a realm: those of services, notices, and connections of ports.
+/// Takes the memory of all tables of a realm: those of services, notices, and connections of
+/// ports.
 pub(crate) fn take_tables(realm: &Realm) -> Result<(), Error> {
     for path in segments(realm) {
         if path.extension().is_some_and(|kind| kind == MESSAGES) {

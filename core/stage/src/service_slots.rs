@@ -1,8 +1,10 @@
-//! The slots of the bus's services, and who holds them: read from the bytes of the services' segments.
+//! The slots of the bus's services, and who holds them: read from the bytes of the services'
+//! segments.
 //!
-//! iceoryx2 tells a service's ports only to who opens the service, which takes a slot itself, and never names a node whose
-//! files are gone. So the segments are read as files, as iceoryx2 0.10.0 lays them out. A test compares what is read with
-//! what iceoryx2 says; a segment that another version made is damaged to this build, as it is to iceoryx2.
+//! iceoryx2 tells a service's ports only to who opens the service, which takes a slot itself, and
+//! never names a node whose files are gone. So the segments are read as files, as iceoryx2 0.10.0
+//! lays them out. A test compares what is read with what iceoryx2 says; a segment that another
+//! version made is damaged to this build, as it is to iceoryx2.
 
 use crate::{Realm, realm::SHARED_MEMORY};
 use iceoryx2::service::dynamic_config::{

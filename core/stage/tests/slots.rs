@@ -1,5 +1,5 @@
-//! Whatever moment a stage is killed at, and whatever moment the one that clears it away: no slot of a service stays taken
-//! by nobody, and the next stage starts.
+//! Whatever moment a stage is killed at, and whatever moment the one that clears it away: no slot
+//! of a service stays taken by nobody, and the next stage starts.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
