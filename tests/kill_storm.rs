@@ -69,9 +69,10 @@ fn pid_of(realm: &Realm, stage: &str) -> Option<u32> {
 
 /// Stages that are started again as soon as they have died.
 struct Keeper {
+    // Ended before the place is wiped: fields are dropped in order.
+    running: Vec<Running>,
     place: Place,
     realm: Realm,
-    running: Vec<Running>,
     starts: usize,
 }
 
@@ -136,7 +137,7 @@ fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
     }
     let mut play = Place::command(&keeper.realm, "play");
     play.arg("--loop").arg(&log);
-    let _play = keeper.place.start("play", play);
+    let play = keeper.place.start("play", play);
     keeper.keep_for(Duration::from_secs(1));
     for _ in 0..KILLS {
         kill(keeper.running[random.below(STAGES.len())].pid());
@@ -176,7 +177,7 @@ fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
     }
     let age_s = top["robot"]["age_s"].as_f64().unwrap();
     assert!(age_s < WAIT_MAX.as_secs_f64(), "{top:#}");
-    // It ends in order, so that it does not clear its memory away from under a test that follows.
+    drop(play);
     keeper.running.iter_mut().for_each(|stage| {
         stage.stop();
     });

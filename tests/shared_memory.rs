@@ -34,9 +34,10 @@ fn segments(realm: &Realm, ending: &str) -> Vec<PathBuf> {
 
 /// The stages, and a player that stays.
 struct Stages {
+    // Ended before the place is wiped: fields are dropped in order.
+    running: Vec<Running>,
     place: Place,
     realm: Realm,
-    running: Vec<Running>,
 }
 
 impl Stages {
