@@ -6,6 +6,7 @@
 
 use crate::support::pipeline::log;
 use crate::support::sensors::{Sensors, unix_s};
+use crate::support::turns::RealTime;
 use randt_config::{Config, Selection};
 use randt_device::Count;
 use randt_imu::Imu;
@@ -368,6 +369,7 @@ fn judge(trial: &Trial, shown: &Shown) -> (String, Vec<String>) {
 fn every_fault_is_counted_and_passes() {
     let folder = tempfile::tempdir().unwrap();
     let log: PathBuf = log(folder.path(), 60);
+    let _real_time = RealTime::begin();
     let next = AtomicUsize::new(0);
     let rows = Mutex::new(BTreeMap::new());
     std::thread::scope(|scope| {

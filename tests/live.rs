@@ -2,6 +2,7 @@
 
 use crate::support::pipeline::{Pipeline, signal};
 use crate::support::sensors::{Emulator, Sensors, unix_s};
+use crate::support::turns::RealTime;
 use crate::support::{ended, figures, randt, report, run, tum};
 use randt_stage::{Realm, Registry};
 use rustix::process::Signal;
@@ -114,6 +115,7 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
     let drive = Drive::new(folder.path(), scans);
     let sensors = Sensors::new(folder.path(), radar, imu);
     let own = Pipeline::new("live");
+    let real_time = RealTime::begin();
     let mut command = own.command(&["up"]);
     command
         .arg("--robot")
@@ -144,6 +146,7 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
     let late = memory(own.realm());
     // 3 would say that a beam, a sample or a message was lost.
     assert_eq!(up.stop(), Some(0), "{}", report(&at("up"))["counters"]);
+    drop(real_time);
     let live = report(&at("up"));
     drive.lived(&at("lived.tum"), begin_s);
     let lived_m = ate_m(&at("up"), &at("lived.tum"));

@@ -2,6 +2,7 @@
 
 use crate::support::pipeline::{Pipeline, log, signal, until};
 use crate::support::sensors::{Emulator, Sensors, unix_s};
+use crate::support::turns::RealTime;
 use crate::support::{report, run};
 use randt::compare::published;
 use randt_log::{CONFIG_METADATA, LogFile, LogReader, Options, ROBOT_METADATA};
@@ -89,6 +90,7 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
     let drive = log(folder.path(), SCANS);
     let sensors = Sensors::new(folder.path(), "beam-udp", "mip");
     let own = Pipeline::new("replay");
+    let real_time = RealTime::begin();
     let mut command = own.command(&["up"]);
     command.arg("--robot").arg(sensors.robot());
     command.arg("--out").arg(at("up"));
@@ -130,6 +132,7 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
     signal(up.0.id(), Signal::INT);
     // 3 says that a buffer ran over while its driver was stopped, on a busy machine: then the log lacks what the run did.
     let code = up.0.wait().unwrap().code();
+    drop(real_time);
     assert!([Some(0), Some(3)].contains(&code), "{code:?}");
 
     let recorded = only_log(&at("logs"));

@@ -28,6 +28,7 @@ pub mod robot;
 pub mod sensors;
 pub mod spoilt;
 pub mod stages;
+pub mod turns;
 pub mod up;
 pub mod viewer;
 pub mod watch;
@@ -40,6 +41,7 @@ use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
+use turns::Computing;
 
 /// No run may take longer, whatever it is given: seconds where nothing else runs.
 const TIME_MAX: Duration = Duration::from_secs(120);
@@ -76,6 +78,7 @@ pub fn ended(command: Command) -> Ended {
 /// It goes behind what runs in real time in other tests: an emulated sensor that is kept from sending loses data, as a
 /// real one does.
 pub fn ended_within(command: Command, time_max: Duration) -> Ended {
+    let _turn = computes(&command).then(Computing::begin);
     let folder = tempfile::tempdir().unwrap();
     let [out, err] = ["stdout", "stderr"].map(|name| folder.path().join(name));
     let mut child = behind(&command)
@@ -101,6 +104,21 @@ pub fn ended_within(command: Command, time_max: Duration) -> Ended {
         stdout: text(&out),
         stderr: text(&err),
     }
+}
+
+/// Whether a command takes a whole core for seconds.
+fn computes(command: &Command) -> bool {
+    const COMMANDS: [&str; 7] = [
+        "bench",
+        "calibrate",
+        "demo",
+        "graph",
+        "register",
+        "run",
+        "simulate",
+    ];
+    let first = command.get_args().next();
+    first.is_some_and(|first| COMMANDS.iter().any(|name| first == *name))
 }
 
 /// The command at a lower priority.

@@ -14,6 +14,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A connection maps a segment of this size, more or less.
 const SEGMENT_BYTES: usize = 16 << 20;
 
+/// iceoryx2 opens some descriptors at once and closes them again where one is missing: fewer than this are none.
+const SPARE_DESCRIPTORS: usize = 8;
+
 /// Shared by all ports of a process; set where one could not connect because the process has run out.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Exhausted(Arc<AtomicBool>);
@@ -45,7 +48,8 @@ impl Exhausted {
 
 /// What this process has none left of, for people.
 pub(crate) fn short_of() -> Option<String> {
-    if File::open("/dev/null").is_err() {
+    let spare = (0..SPARE_DESCRIPTORS).map(|_| File::open("/dev/null"));
+    if spare.collect::<Result<Vec<File>, _>>().is_err() {
         let limit = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
         return Some(format!(
             "descriptors: it may have {limit} open (ulimit -n, LimitNOFILE=)"

@@ -24,6 +24,8 @@ const LOOK: Duration = Duration::from_millis(100);
 const QUIET: Duration = Duration::from_secs(2);
 /// A stage that does not run after this time will not: a start takes a few hundredths of a second.
 const START_MAX: Duration = Duration::from_secs(10);
+/// Stages that all fail for this long will not come back. What they lack may: memory that others fill for a moment.
+const ALL_FAIL_MAX: Duration = Duration::from_secs(30);
 /// Between two attempts to see the pipeline again.
 const REOPEN_EVERY: Duration = Duration::from_secs(1);
 
@@ -34,7 +36,7 @@ pub enum End {
     Computed,
     /// Somebody asked for it, or ended the log.
     Asked,
-    /// Every stage fails again and again.
+    /// Every stage has failed for [`ALL_FAIL_MAX`].
     AllFail,
 }
 
@@ -138,6 +140,7 @@ impl Processes {
 
     /// Watches until the drive is over.
     pub fn watch(&mut self) -> End {
+        let mut some_worked = Instant::now();
         loop {
             if self.wait() == Woken::Stop {
                 return End::Asked;
@@ -145,7 +148,9 @@ impl Processes {
             let of_stages = self.children.iter().filter(|child| child.name() != PLAY);
             let failing = of_stages.filter(|child| child.failing().is_some());
             let failing: BTreeSet<String> = failing.map(|child| child.name().to_owned()).collect();
-            if STAGES.iter().all(|name| failing.contains(*name)) {
+            if !STAGES.iter().all(|name| failing.contains(*name)) {
+                some_worked = Instant::now();
+            } else if some_worked.elapsed() > ALL_FAIL_MAX {
                 return End::AllFail;
             }
             self.watch.set_failing(failing);
@@ -173,7 +178,9 @@ impl Processes {
             if stop_requested() {
                 return Woken::Stop;
             }
-            self.reopen();
+            if self.reopened.elapsed() > REOPEN_EVERY {
+                self.reopen();
+            }
             return Woken::Timeout;
         };
         let woken = stage.wait(&self.watch.wakes(), Some(LOOK));
@@ -201,13 +208,13 @@ impl Processes {
                 .suspend(|| warn(&format!("the pipeline cannot be seen: {first}; it goes on")));
         }
         self.stage = None;
-        self.reopened = Instant::now();
+        if is_memory_gone {
+            // The stages come back at once, and need what is in the run folder.
+            self.reopen();
+        }
     }
 
     fn reopen(&mut self) {
-        if self.reopened.elapsed() < REOPEN_EVERY {
-            return;
-        }
         self.reopened = Instant::now();
         let opened = Stage::open("up", &self.realm).map_err(anyhow::Error::from);
         let opened = opened.and_then(|mut stage| {
