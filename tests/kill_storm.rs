@@ -3,7 +3,7 @@
 //! it is over.
 //!
 //! The form for every day has 100 kills; the long one has 1,000 under `randt up`: `cargo build
-//! --workspace && cargo test -p randt --test programs kill_storm:: -- --ignored --nocapture`.
+//! --workspace && cargo test --test programs kill_storm:: -- --ignored --nocapture`.
 
 use crate::support::observer::Observer;
 use crate::support::pipeline::{Pipeline, log_of, until};
