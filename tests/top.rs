@@ -77,7 +77,7 @@ fn stages_and_topics_are_shown_as_they_are() {
         "STAGE",
         "running",
         "radar/scan/v1",
-        "5.0 Hz",
+        " Hz",
         "MB",
         "compute    -",
     ] {
