@@ -150,7 +150,7 @@ fn what_is_accepted_runs() {
 }
 
 #[test]
-#[ignore = "every pair of a section, minutes: cargo test -p randt --test programs bounds:: -- --ignored"]
+#[ignore = "every pair of a section, minutes: cargo test --test programs bounds:: -- --ignored"]
 fn every_pair_that_is_accepted_runs() {
     run(7, usize::MAX);
 }

@@ -192,7 +192,7 @@ enum Kind {
 }
 
 #[test]
-#[ignore = "takes half an hour: cargo test -p randt --test programs kill_storm:: -- --ignored --nocapture"]
+#[ignore = "takes half an hour: cargo test --test programs kill_storm:: -- --ignored --nocapture"]
 fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
     let folder = tempfile::tempdir().unwrap();
     let log = log_of(folder.path(), LONG_SCANS, 1);

@@ -160,7 +160,7 @@ fn turned_and_mirrored_sensors_are_not_believed() {
 }
 
 #[test]
-#[ignore = "a table, a minute: cargo test -p randt --test programs lying:: -- --ignored --nocapture"]
+#[ignore = "a table, a minute: cargo test --test programs lying:: -- --ignored --nocapture"]
 fn what_is_believed_of_sensors_that_lie() {
     let drive = Drive::new(&World::building(), 1600, 1, &ProgressBar::hidden()).unwrap();
     let mut spikes = 0_u32;

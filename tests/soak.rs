@@ -1,6 +1,6 @@
 //! Drives in a row at five times the pace: memory, descriptors, threads and shared memory of every process stay flat.
 //!
-//! Takes 26 minutes: `cargo test -p randt --test programs soak:: -- --ignored --nocapture`; RANDT_SOAK_MINUTES says
+//! Takes 26 minutes: `cargo test --test programs soak:: -- --ignored --nocapture`; RANDT_SOAK_MINUTES says
 //! another length.
 
 use crate::support::pipeline::{Pipeline, log, until};
