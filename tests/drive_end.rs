@@ -4,7 +4,7 @@
 use crate::support::journal::keyframes;
 use crate::support::pipeline::{Pipeline, log, signal, until};
 use crate::support::programs::Programs;
-use crate::support::{Ended, OUTPUTS, ended_within, names, report, run};
+use crate::support::{Ended, OUTPUTS, ended_within, names, remove_folder, report, run};
 use randt_stage::Registry;
 use rustix::process::Signal;
 use std::fs;
@@ -211,7 +211,7 @@ fn a_stage_that_cannot_start_at_all_ends_it_before_anything_is_played() {
 #[test]
 fn a_folder_of_outputs_that_is_removed_is_made_again() {
     let trial = Trial::new("noout");
-    let ended = trial.drive(&[], |trial| fs::remove_dir_all(trial.out()).unwrap());
+    let ended = trial.drive(&[], |trial| remove_folder(&trial.out()));
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(ended.says("it is written again"), "{}", ended.stderr);
     trial.is_whole();
@@ -232,8 +232,10 @@ fn a_folder_of_outputs_that_is_removed_is_made_again() {
 fn where_nothing_can_be_written_it_says_so() {
     let trial = Trial::new("nowhere");
     let ended = trial.drive(&[], |trial| {
-        fs::remove_dir_all(trial.out()).unwrap();
-        fs::write(trial.out(), "in the way").unwrap();
+        // The stages make the folder anew at any moment.
+        while fs::write(trial.out(), "in the way").is_err() {
+            remove_folder(&trial.out());
+        }
     });
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     let said = ended.stderr.lines().last().unwrap();
@@ -248,7 +250,7 @@ fn where_nothing_can_be_written_it_says_so() {
 fn a_run_folder_that_is_removed_costs_what_is_under_way_at_most() {
     let trial = Trial::new("norun");
     let run = trial.pipeline.realm().run().to_owned();
-    let ended = trial.drive(&[], |_| fs::remove_dir_all(&run).unwrap());
+    let ended = trial.drive(&[], |_| remove_folder(&run));
     let why = trial.lost(&ended, "memory_gone");
     assert!(why.contains("was removed or cut"), "{why}");
     // Everybody comes back (tests/shared_memory.rs), and the log is played to its end.

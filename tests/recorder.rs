@@ -3,7 +3,7 @@
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::python::read_logs;
-use crate::support::{Random, ended, names, randt, run};
+use crate::support::{Random, ended, names, randt, remove_folder, run};
 use randt_log::LogReader;
 use randt_messages::{ImuSampleTopic, RadarScan, Topic};
 use randt_stage::Clock;
@@ -228,7 +228,7 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     until("recording begins", || !names(&out).is_empty());
     assert_eq!(state(&pipeline).0, "running");
     // Gone while it records: it makes it anew.
-    fs::remove_dir_all(&out).unwrap();
+    remove_folder(&out);
     until("recording goes on", || !names(&out).is_empty());
     until("it says what went with the folder", || {
         state(&pipeline).1.contains("messages are in no log")

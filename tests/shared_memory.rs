@@ -5,10 +5,11 @@
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::stages::{Place, Running};
 use crate::support::up::up;
-use crate::support::{drive, ended, ended_within, randt, report, tum};
+use crate::support::{drive, ended, ended_within, randt, remove_folder, report, tum};
 use randt_stage::{Realm, Registry};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -30,6 +31,18 @@ fn segments(realm: &Realm, ending: &str) -> Vec<PathBuf> {
     own.filter(|name| name.ends_with(ending))
         .map(|name| Path::new("/dev/shm").join(name))
         .collect()
+}
+
+/// Removes them. The stages live, so that one may be gone before its turn.
+fn remove_segments(realm: &Realm, ending: &str) {
+    for path in segments(realm, ending) {
+        match fs::remove_file(&path) {
+            Err(error) if error.kind() != ErrorKind::NotFound => {
+                panic!("{}: {error}", path.display())
+            }
+            _ => {}
+        }
+    }
 }
 
 /// The stages, and a player that stays.
@@ -127,9 +140,7 @@ fn memory_that_is_removed_is_noticed_by_all_and_the_pipeline_goes_on() {
         let filter = stages.running.iter().find(|stage| stage.name == "filter");
         let filter = Pid::from_raw(filter.unwrap().pid() as i32).unwrap();
         kill_process(filter, Signal::STOP).unwrap();
-        segments(&stages.realm, ending)
-            .iter()
-            .for_each(|path| fs::remove_file(path).unwrap());
+        remove_segments(&stages.realm, ending);
         let mut doctor = randt(&["doctor", "--prefix", stages.realm.prefix(), "--run"]);
         doctor.arg(stages.realm.run());
         let doctor = ended(doctor);
@@ -163,7 +174,7 @@ fn a_run_folder_that_is_removed_is_noticed_by_all() {
     let log = log(folder.path(), 60);
     for (name, inside) in [("nodes", "bus/nodes"), ("bus", "bus"), ("all", "")] {
         let mut stages = Stages::start(&log, name);
-        fs::remove_dir_all(stages.realm.folder().join(inside)).unwrap();
+        remove_folder(&stages.realm.folder().join(inside));
         let (ended, after) = stages.all_end();
         println!("removed {inside:?}: all have ended after {after:?}");
         for (name, status, said) in ended {
@@ -223,8 +234,7 @@ fn up_lives_through_the_removal_of_its_memory_and_writes_its_results() {
     let plays = |(entry, lives): &(randt_stage::Entry, bool)| *lives && entry.name == "play";
     until("play", || Registry::all(own.realm()).iter().any(plays));
     std::thread::sleep(Duration::from_secs(3));
-    let all = segments(own.realm(), "");
-    all.iter().for_each(|path| fs::remove_file(path).unwrap());
+    remove_segments(own.realm(), "");
     let begin = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait().unwrap() {

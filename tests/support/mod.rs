@@ -10,6 +10,7 @@ pub mod bag;
 pub mod blows;
 pub mod boot;
 pub mod calls;
+pub mod cgroup;
 pub mod directives;
 pub mod drive;
 pub mod hall;
@@ -38,6 +39,7 @@ pub use recordings::recording;
 use randt_geometry::Pose2;
 use randt_geometry::elementary::atan2;
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -66,6 +68,17 @@ pub fn randt(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_randt"));
     command.args(arguments);
     command
+}
+
+/// Removes a folder in which others still make files, as `rm -r` until nothing is left.
+pub fn remove_folder(folder: &Path) {
+    while let Err(error) = fs::remove_dir_all(folder) {
+        match error.kind() {
+            ErrorKind::DirectoryNotEmpty => {}
+            ErrorKind::NotFound => break,
+            _ => panic!("{}: {error}", folder.display()),
+        }
+    }
 }
 
 /// Runs a command; fails where it takes more than two minutes.
