@@ -27,9 +27,11 @@ mod faults;
 #[cfg(target_os = "linux")]
 mod full;
 mod graph;
+mod held_clean_up;
 mod import;
 mod imu;
 mod kill_storm;
+mod links;
 mod live;
 mod log;
 mod log_holes;

@@ -123,12 +123,14 @@ impl BeamUdpSocket {
         }
     }
 
+    fn open_socket(&self) -> std::io::Result<(OwnedFd, usize)> {
+        let (socket, got) = self.listening.open()?;
+        self.poller.readable(&socket)?;
+        Ok((socket, got))
+    }
+
     fn open(&mut self, now_ns: i64) {
-        let opened = self.listening.open().and_then(|(socket, got)| {
-            self.poller.readable(&socket)?;
-            Ok((socket, got))
-        });
-        match opened {
+        match self.open_socket() {
             Ok((socket, got)) => {
                 let asked = self.listening.receive_buffer;
                 self.warning = (got < asked).then(|| {
@@ -203,6 +205,7 @@ impl BeamUdpSocket {
         let address = self.listening.address;
         if now_ns - self.beam_ns <= self.silence_ns {
             if std::mem::take(&mut self.came) || self.link.streams() {
+                self.backoff.succeeded();
                 self.link = match &self.warning {
                     Some(warning) => Link::Warning(warning.clone()),
                     None => Link::Streaming,
@@ -220,6 +223,20 @@ impl BeamUdpSocket {
             format!("no datagram on {address} for more than {silence_s} s")
         };
         self.link = Link::Trouble(text);
+    }
+
+    /// Joins the group anew as long as nothing comes: an interface that is unplugged takes its groups along, and the
+    /// socket does not hear of it.
+    fn join_again(&mut self, now_ns: i64) {
+        let is_silent = matches!(self.link, Link::Trouble(_));
+        if is_silent && self.listening.group.is_some() && self.backoff.is_due(now_ns) {
+            // First: where the new interface has the old one's number, the kernel takes both memberships for one.
+            self.socket = None;
+            // As long as the interface is away this fails, and is said when it is tried again.
+            self.socket = self.open_socket().ok().map(|(socket, _)| socket);
+            self.kernel_dropped = 0;
+            self.backoff.failed(now_ns);
+        }
     }
 }
 
@@ -242,12 +259,14 @@ impl Source for BeamUdpSocket {
         }
         if self.socket.is_some() {
             self.judge(now_ns);
+            self.join_again(now_ns);
         }
     }
 
     fn due_ns(&self) -> i64 {
         match (&self.socket, &self.link) {
             (None, _) => self.backoff.due_ns(),
+            (Some(_), Link::Trouble(_)) if self.listening.group.is_some() => self.backoff.due_ns(),
             // It has been said; the next datagram wakes.
             (Some(_), Link::Trouble(_)) => i64::MAX,
             (Some(_), _) => self.beam_ns.saturating_add(self.silence_ns + 1),

@@ -1,0 +1,140 @@
+//! A stage that starts clears the remains of dead ones away. Here it is held at its looks at the nodes, one after the
+//! other, while another stage is killed: whatever it has seen before, no slot stays taken by nobody.
+//!
+//! A tracer holds it, so that it does not depend on chance which look it is. All looks of a start:
+//! `cargo test --test programs held_clean_up:: -- --ignored --nocapture`.
+
+use crate::support::pipeline::{signal, until};
+use crate::support::stages::{Place, Running, program};
+use randt_stage::{Realm, Registry, slots_of_nobody};
+use rustix::process::{Pid, Signal, kill_process};
+use std::collections::BTreeMap;
+use std::fs;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+/// So long a stage is held: finding it and killing another one take a quarter of that.
+const HELD_US: u32 = 400_000;
+/// A call that is only traced stands for microseconds; one that is held still stands after this many looks.
+const STANDS: u32 = 20;
+const BETWEEN_LOOKS: Duration = Duration::from_millis(4);
+/// The first of the looks that a start takes: those of the clean-up lie among them.
+const LOOKS: usize = 8;
+const WAIT_MAX: Duration = Duration::from_secs(60);
+
+fn lives(realm: &Realm, stage: &str) -> bool {
+    let all = Registry::all(realm);
+    all.iter()
+        .any(|(entry, lives)| *lives && entry.name == stage && entry.topics.len() > 1)
+}
+
+fn start(place: &Place, realm: &Realm, stage: &str) -> Running {
+    let started = place.start(stage, Place::command(realm, stage));
+    until(stage, || lives(realm, stage));
+    started
+}
+
+fn kill(mut stage: Running) {
+    let pid = Pid::from_raw(stage.pid() as i32).unwrap();
+    kill_process(pid, Signal::KILL).unwrap();
+    stage.wait(WAIT_MAX);
+}
+
+/// Says where it is not.
+fn has_tracer() -> bool {
+    let found = Command::new("strace").arg("-V").output().is_ok();
+    if !found {
+        assert!(std::env::var_os("CI").is_none(), "strace has to be there");
+        println!("strace is not there: nothing is held");
+    }
+    found
+}
+
+/// Whether the tracer's process stands.
+fn stands(tracer: &Running) -> bool {
+    let children = format!("/proc/{0}/task/{0}/children", tracer.pid());
+    let children = fs::read_to_string(children).unwrap_or_default();
+    let Some(pid) = children.split_whitespace().next() else {
+        return false;
+    };
+    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // The state follows the name in brackets: `t` is stopped by a tracer.
+    stat.rsplit(')')
+        .next()
+        .unwrap_or_default()
+        .trim_start()
+        .starts_with('t')
+}
+
+/// Starts the filter, held at one of its looks; gives whether it took so many.
+fn start_held(place: &Place, realm: &Realm, look: usize) -> (Running, bool) {
+    let mut command = Command::new("strace");
+    let calls = "trace=openat,open";
+    let delay = format!("inject=openat,open:delay_enter={HELD_US}:when={look}");
+    command.args(["-qq", "-o", "/dev/null", "-e", calls, "-e", &delay, "-P"]);
+    command.arg(realm.root().join("nodes"));
+    command.arg(program("filter"));
+    command
+        .args(["--prefix", realm.prefix(), "--run"])
+        .arg(realm.run());
+    let mut tracer = place.start("filter", command);
+    let begin = Instant::now();
+    let mut stood = 0;
+    while stood < STANDS {
+        if lives(realm, "filter") {
+            return (tracer, false);
+        }
+        assert!(tracer.ended().is_none(), "{}", tracer.said());
+        assert!(begin.elapsed() < WAIT_MAX, "{}", tracer.said());
+        std::thread::sleep(BETWEEN_LOOKS);
+        stood = if stands(&tracer) { stood + 1 } else { 0 };
+    }
+    (tracer, true)
+}
+
+/// Holds a start at one look; gives whether it took so many.
+fn hold(look: usize) -> bool {
+    let place = Place::new();
+    let realm = place.realm("held");
+    let mapper = start(&place, &realm, "mapper");
+    let odometry = start(&place, &realm, "odometry");
+    kill(start(&place, &realm, "filter"));
+    // What the filter has left is cleared away by the next one, and meanwhile odometry dies.
+    let (mut filter, is_held) = start_held(&place, &realm, look);
+    kill(odometry);
+    until("filter", || lives(&realm, "filter"));
+    let mut odometry = start(&place, &realm, "odometry");
+    assert_eq!(
+        slots_of_nobody(&realm),
+        BTreeMap::new(),
+        "held at look {look}"
+    );
+    odometry.stop();
+    // The tracer ends with what it traces.
+    let all = Registry::all(&realm).into_iter();
+    let traced = all
+        .map(|(entry, _)| entry)
+        .find(|entry| entry.name == "filter");
+    signal(traced.unwrap().pid as u32, Signal::TERM);
+    filter.wait(WAIT_MAX);
+    drop(mapper);
+    is_held
+}
+
+#[test]
+fn a_stage_that_dies_while_another_one_clears_up_leaves_no_slot_taken() {
+    if !has_tracer() {
+        return;
+    }
+    for look in 1..=LOOKS {
+        assert!(hold(look), "a start takes fewer than {look} looks");
+    }
+}
+
+#[test]
+#[ignore = "takes minutes: cargo test --test programs held_clean_up:: -- --ignored --nocapture"]
+fn so_it_is_at_every_look() {
+    let looks = (1..).take_while(|look| hold(*look)).count();
+    println!("{looks} looks");
+    assert!(looks >= LOOKS);
+}
