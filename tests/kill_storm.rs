@@ -2,8 +2,9 @@
 //! the one before it: no start is refused, no slot stays taken by nobody, and all stages work when
 //! it is over.
 //!
-//! The form for every day has 100 kills; the long one has 1,000 under `randt up`: `cargo build
-//! --workspace && cargo test --test programs kill_storm:: -- --ignored --nocapture`.
+//! The form for every day has 100 kills; the long ones last ten minutes, and half an hour with 1,000
+//! kills under `randt up`: `cargo build --workspace && cargo test --test programs kill_storm:: --
+//! --ignored --nocapture --test-threads 1`.
 
 use crate::support::observer::Observer;
 use crate::support::pipeline::{Pipeline, log_of, until};
@@ -26,6 +27,8 @@ const GAP_MS: [usize; 2] = [20, 400];
 const LONG_KILLS: usize = 1000;
 const LONG_GAP_MS: [usize; 2] = [20, 2000];
 const LONG_SCANS: u32 = 10_000;
+/// The long form with kills as close together as in the one for every day.
+const STORM: Duration = Duration::from_secs(600);
 const START_UP_PERCENT: usize = 40;
 const PAIR_PERCENT: usize = 20;
 /// A start-up takes about so long, ms.
@@ -119,8 +122,8 @@ impl Keeper {
     }
 }
 
-#[test]
-fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
+/// Kills some at random; gives how long it took after the last kill until every stage had delivered.
+fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
     let folder = tempfile::tempdir().unwrap();
     let log = log_of(folder.path(), 150, 1);
     let place = Place::new();
@@ -139,22 +142,35 @@ fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
     play.arg("--loop").arg(&log);
     let play = keeper.place.start("play", play);
     keeper.keep_for(Duration::from_secs(1));
-    for _ in 0..KILLS {
-        kill(keeper.running[random.below(STAGES.len())].pid());
+    let mut observer = Observer::enter(&keeper.realm);
+    let begin = Instant::now();
+    let mut kills = 0;
+    while more(kills, begin.elapsed()) {
         keeper.keep_for(gap(&mut random, GAP_MS));
+        kill(keeper.running[random.below(STAGES.len())].pid());
+        kills += 1;
     }
-    // Starts queue up where the machine is busy; nothing but a start frees what the dead hold.
-    let last = Instant::now();
+    let (last, last_ns) = (Instant::now(), observer.now_ns());
+    // Starts queue up where the machine is busy.
+    while !delivers(&keeper.realm, &observer, &STAGES, last_ns) {
+        assert!(last.elapsed() < WAIT_MAX, "{:?}", observer.lives);
+        observer.until(LOOK, |_| false);
+        keeper.keep();
+    }
+    let after = last.elapsed();
+    println!(
+        "{kills} kills in {:.0?}, {} starts, all deliver {after:.2?} after the last kill",
+        begin.elapsed(),
+        keeper.starts
+    );
+    observer.leave();
+    // Nothing but a start frees what the dead hold.
+    let wait = Instant::now();
     while !(keeper.all_run() && slots_of_nobody(&keeper.realm).is_empty()) {
         let left = slots_of_nobody(&keeper.realm);
-        assert!(last.elapsed() < WAIT_MAX, "held by nobody: {left:?}");
+        assert!(wait.elapsed() < WAIT_MAX, "held by nobody: {left:?}");
         keeper.keep_for(LOOK);
     }
-    println!(
-        "{KILLS} kills, {} starts, all run {:?} after the last kill",
-        keeper.starts,
-        last.elapsed()
-    );
     let mut top = randt(&["top", "--once", "--json", "--prefix", keeper.realm.prefix()]);
     top.arg("--run").arg(keeper.realm.run());
     let top = ended(top);
@@ -165,22 +181,35 @@ fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
         let state = found["state"].as_str().unwrap();
         assert!(["running", "degraded"].contains(&state), "{stage}: {top:#}");
     }
-    for topic in [
-        "radar/points/v1",
-        "odometry/state/v1",
-        "mapper/correction/v1",
-    ] {
-        let all = top["topics"].as_array().unwrap();
-        let found = all.iter().find(|found| found["name"] == topic);
-        let age_s = found.and_then(|found| found["age_s"].as_f64());
-        println!("{topic}: the last one is {age_s:?} s old");
-    }
     let age_s = top["robot"]["age_s"].as_f64().unwrap();
     assert!(age_s < WAIT_MAX.as_secs_f64(), "{top:#}");
     drop(play);
     keeper.running.iter_mut().for_each(|stage| {
         stage.stop();
     });
+    after
+}
+
+/// Whether after an instant each of the stages has spoken, odometry by a state.
+fn delivers(realm: &Realm, observer: &Observer, stages: &[&str], after_ns: i64) -> bool {
+    let state = observer.state.map(|state| state.header.published_ns);
+    let speaks = |stage: &&str| {
+        pid_of(realm, stage)
+            .is_some_and(|pid| observer.heard_ns(u64::from(pid), after_ns).is_some())
+    };
+    state.is_some_and(|ns| ns > after_ns) && stages.iter().all(speaks)
+}
+
+#[test]
+fn a_hundred_random_kills_leave_no_slot_taken_and_no_stage_away() {
+    storm(|kills, _| kills < KILLS);
+}
+
+#[test]
+#[ignore = "takes ten minutes: cargo test --test programs kill_storm:: -- --ignored --nocapture"]
+fn ten_minutes_of_kills_leave_no_slot_taken_and_every_stage_delivers_at_once() {
+    let after = storm(|_, time| time < STORM);
+    assert!(after < DELIVERS, "{after:?}");
 }
 
 /// How a kill came about.
@@ -250,15 +279,14 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
         }
     }
     let last_ns = observer.now_ns();
-    let all_back = |o: &Observer| {
-        stages
-            .iter()
-            .all(|stage| o.back_ns(stage, last_ns - 1).is_some())
-    };
-    // Whoever was not hit last has nothing to come back from.
-    observer.until(DELIVERS, all_back);
+    let last = Instant::now();
+    let is_whole = |observer: &Observer| delivers(&realm, observer, stages, last_ns);
+    let is_whole = observer.until(WAIT_MAX, is_whole);
+    let after = last.elapsed();
+    println!("all deliver {after:.2?} after the last kill");
     rows(&kills, &observer);
     observer.leave();
+    assert!(is_whole && after < DELIVERS, "{after:?}");
     assert_eq!(slots_of_nobody(&realm), BTreeMap::new(), "{}", said());
     let status = child.wait().unwrap();
     let counters = report(&out)["counters"].clone();

@@ -1,8 +1,10 @@
 //! What the system gives a stage runs out, or sensors are unplugged: it is said, nothing is silently lost, and it heals.
 
+use crate::support::cgroup::Group;
 use crate::support::pipeline::{Pipeline, log, signal, until};
 use crate::support::sensors::{Emulator, Sensors, unix_s};
 use crate::support::stages::{Place, program};
+use crate::support::up::PATIENT;
 use crate::support::{report, run};
 use randt_messages::{RadarPoints, StageHealthTopic, StageState, health::text_of};
 use randt_stage::{Observer, Realm, Registry};
@@ -165,20 +167,75 @@ fn same(folder: &Path) -> bool {
 }
 
 #[test]
+fn a_mapper_that_the_kernel_kills_for_want_of_memory_comes_back() {
+    let Some(group) = Group::new("memory") else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let log = log(folder.path(), 60);
+    let offline = run(&log, &folder.path().join("run"), &PATIENT);
+    assert_eq!(offline.code, Some(0), "{}", offline.stderr);
+    let own = Pipeline::new("rk");
+    let mut command = crate::support::up::up(own.realm(), &log, &folder.path().join("up"));
+    command.arg("--record").arg(folder.path().join("logs"));
+    let mut up = Up::start(command);
+    until("play", || pids(own.realm()).contains_key("play"));
+    std::thread::sleep(Duration::from_secs(2));
+    // It grows with the map. What it has stays; the next page is one too many.
+    group.limit_memory(8192);
+    group.take(pids(own.realm())["mapper"]);
+    until("the kernel kills it", || group.killed() > 0);
+    let code = up.code();
+    let live = report(&folder.path().join("up"));
+    println!("exit code {code:?}, {}", live["counters"]);
+    assert_eq!(code, Some(0));
+    for name in ["odometry.tum", "keyframes.tum", "trajectory.tum", "map.pgm"] {
+        let [up, run] = ["up", "run"].map(|of| fs::read(folder.path().join(of).join(name)));
+        assert!(up.unwrap() == run.unwrap(), "{name} differs");
+    }
+}
+
+/// Takes the processor from processes, and gives it back.
+type Starve<'a> = &'a dyn Fn(&BTreeMap<String, u32>, bool);
+
+#[test]
+fn a_pipeline_that_stands_for_five_seconds_says_what_that_cost() {
+    starved_for_five_seconds("rs", &|pids, is_starved| {
+        let stop_or_go = if is_starved {
+            Signal::STOP
+        } else {
+            Signal::CONT
+        };
+        pids.values().for_each(|pid| signal(*pid, stop_or_go));
+    });
+}
+
+#[test]
 fn a_pipeline_that_gets_no_processor_for_five_seconds_says_what_that_cost() {
+    let Some(group) = Group::new("cpu") else {
+        return;
+    };
+    starved_for_five_seconds("rc", &|pids, is_starved| {
+        // A thousandth of a second every tenth of one, for all together.
+        group.limit_processor(is_starved.then_some(0.01));
+        pids.values().for_each(|pid| group.take(*pid));
+    });
+}
+
+fn starved_for_five_seconds(prefix: &str, starve: Starve<'_>) {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 60);
     let offline = run(&log, &folder.path().join("run"), &[]);
     assert_eq!(offline.code, Some(0), "{}", offline.stderr);
-    let own = Pipeline::new("rs");
+    let own = Pipeline::new(prefix);
     let mut up = up(&own, &log, folder.path(), "1");
     until("play", || pids(own.realm()).contains_key("play"));
     std::thread::sleep(Duration::from_secs(4));
-    let pids = pids(own.realm());
-    let stages = || pids.iter().filter(|(name, _)| *name != "up");
-    stages().for_each(|(_, pid)| signal(*pid, Signal::STOP));
+    let mut stages = pids(own.realm());
+    stages.remove("up");
+    starve(&stages, true);
     std::thread::sleep(Duration::from_secs(5));
-    stages().for_each(|(_, pid)| signal(*pid, Signal::CONT));
+    starve(&stages, false);
     let code = up.code();
     assert!([Some(0), Some(3)].contains(&code), "{code:?}");
     let live = report(&folder.path().join("up"));
