@@ -11,10 +11,10 @@ use crate::{
     output::{print, warn, write_whole},
     pipeline::Pipeline,
     report::{self, Accuracy, Cost, Count, Input, Report},
-    results::Results,
+    results::{File, Results},
     trust_spans,
 };
-use anyhow::{Context, bail};
+use anyhow::{Context as _, bail};
 use randt_config::Config;
 use randt_evaluation::silently_wrong;
 use randt_messages::OdometryState;
@@ -107,9 +107,14 @@ pub fn finish_drive(
         comparison: published.map(|published| Comparison::of(&published, &results.states)),
         input,
     };
-    let files = results.files(&trajectory, mapper);
+    let mut files = results.files(&trajectory, mapper);
     let picture = results.picture(&trajectory, &report.input.name, mapper);
-    let mut failed = write(out, files, picture)?;
+    // Behind all else, which can do without it.
+    files.push((
+        "plot.svg",
+        picture.map(String::into_bytes).context("plot.svg"),
+    ));
+    let mut failed = write(out, files)?;
     if let Some(first) = failed.first() {
         let lost = Count::lost(failed.len() as u64, first.clone());
         report.counters.insert("files_not_written", lost);
@@ -137,24 +142,36 @@ pub fn finish_drive(
     }))
 }
 
-/// Writes as many of the files as can be written; gives why the others are missing.
-fn write(
-    out: &Path,
-    mut files: Vec<(&'static str, Vec<u8>)>,
-    picture: anyhow::Result<String>,
-) -> anyhow::Result<Vec<String>> {
+/// Writes as many of the files as there are and can be written; gives why the others are missing.
+fn write(out: &Path, files: Vec<File>) -> anyhow::Result<Vec<String>> {
     std::fs::create_dir_all(out).with_context(|| format!("{}: cannot be made", out.display()))?;
     earlier::keep_results(out)?;
-    let mut failed = Vec::new();
-    match picture {
-        // Behind all else, which can do without it.
-        Ok(text) => files.push(("plot.svg", text.into_bytes())),
-        Err(error) => failed.push(format!("plot.svg: {error:#}")),
+    let written = files
+        .into_iter()
+        .map(|(name, bytes)| write_whole(&out.join(name), &bytes?));
+    Ok(written
+        .filter_map(|written| Some(format!("{:#}", written.err()?)))
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_there_is_named_and_the_rest_is_written() {
+        let out = tempfile::tempdir().unwrap();
+        std::fs::create_dir(out.path().join("keyframes.tum")).unwrap();
+        let files: Vec<File> = vec![
+            ("map.pgm", Err(anyhow::anyhow!("map.pgm: too wide"))),
+            ("keyframes.tum", Ok(b"in the way".to_vec())),
+            ("odometry.tum", Ok(b"0 1 2".to_vec())),
+        ];
+        let failed = write(out.path(), files).unwrap();
+        assert_eq!(failed.len(), 2, "{failed:?}");
+        assert_eq!(failed[0], "map.pgm: too wide");
+        assert!(failed[1].contains("keyframes.tum"), "{failed:?}");
+        let written = std::fs::read(out.path().join("odometry.tum")).unwrap();
+        assert_eq!(written, b"0 1 2");
     }
-    for (name, bytes) in files {
-        if let Err(error) = write_whole(&out.join(name), &bytes) {
-            failed.push(format!("{error:#}"));
-        }
-    }
-    Ok(failed)
 }

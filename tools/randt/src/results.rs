@@ -1,6 +1,6 @@
 //! What a run leaves behind: trajectories, picture, report.
 
-use anyhow::Context;
+use anyhow::{Context, anyhow};
 use randt_evaluation::{
     Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
 };
@@ -15,6 +15,9 @@ use std::path::Path;
 pub const PICTURE_POINTS_MAX: usize = 60_000;
 /// Of each keyframe every so many points go into the picture.
 const PICTURE_STRIDE: usize = 4;
+
+/// A file's name and bytes, or why there are none.
+pub type File = (&'static str, anyhow::Result<Vec<u8>>);
 
 /// Collects what the pipeline publishes.
 #[derive(Debug, Default)]
@@ -165,19 +168,23 @@ impl Results {
         count
     }
 
-    /// Trajectories and map, each with its name. A map that holds nothing has no picture.
-    pub fn files(&self, trajectory: &Trajectory, mapper: &Mapper) -> Vec<(&'static str, Vec<u8>)> {
-        let mut files = vec![
-            ("odometry.tum", self.odometry().to_tum().into_bytes()),
-            ("trajectory.tum", trajectory.to_tum().into_bytes()),
-            ("keyframes.tum", keyframes(mapper).to_tum().into_bytes()),
-        ];
-        if let Some(picture) = mapper.grid().picture() {
-            // As Nav2's map_server reads them.
-            files.push(("map.pgm", picture.to_pgm()));
-            files.push(("map.yaml", picture.to_yaml("map.pgm").into_bytes()));
-        }
-        files
+    /// Trajectories and map, each with its name, or why it is not there.
+    pub fn files(&self, trajectory: &Trajectory, mapper: &Mapper) -> Vec<File> {
+        // As Nav2's map_server reads them.
+        let (map, about) = match mapper.grid().picture() {
+            Some(picture) => (
+                Ok(picture.to_pgm()),
+                Ok(picture.to_yaml("map.pgm").into_bytes()),
+            ),
+            None => (Err(too_wide("map.pgm")), Err(too_wide("map.yaml"))),
+        };
+        vec![
+            ("odometry.tum", Ok(self.odometry().to_tum().into_bytes())),
+            ("trajectory.tum", Ok(trajectory.to_tum().into_bytes())),
+            ("keyframes.tum", Ok(keyframes(mapper).to_tum().into_bytes())),
+            ("map.pgm", map),
+            ("map.yaml", about),
+        ]
     }
 
     /// The picture: what stands in the map's largest part is drawn with its returns and loops, other parts as lines.
@@ -205,6 +212,12 @@ impl Results {
             loops: &loops,
         })?)
     }
+}
+
+fn too_wide(name: &str) -> anyhow::Error {
+    anyhow!(
+        "{name}: the map has more cells than a picture may have; a larger grid.cell_size_m makes fewer"
+    )
 }
 
 /// The positions, one line for each frame.
