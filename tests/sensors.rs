@@ -1,6 +1,7 @@
 //! Sensors that are absent, unplugged, plugged in again elsewhere, or something else: `randt top` says so, and they are
 //! tried again for ever. What `randt doctor sensors` makes of them.
 
+use crate::support::ended;
 use crate::support::pipeline::{Pipeline, log};
 use crate::support::sensors::{Emulator, Sensors};
 use crate::support::stages::program;
@@ -201,4 +202,40 @@ fn the_doctor_says_whether_sensors_answer_and_make_sense() {
         assert!(said.contains(words), "{words}");
     }
     drop(plugged);
+}
+
+#[test]
+fn a_robot_that_no_driver_takes_is_a_wrong_configuration_before_anything_starts() {
+    let folder = tempfile::tempdir().unwrap();
+    let robot = folder.path().join("robot.toml");
+    let out = folder.path().join("out");
+    for (radar, imu, key) in [
+        (
+            "address = \"radar.local:6320\"",
+            "device = \"/dev/ttyACM0\"",
+            "radar.address",
+        ),
+        (
+            "address = \"239.1.1.1:6320\"\ninterface = \"eth0\"",
+            "device = \"/dev/ttyACM0\"",
+            "radar.interface",
+        ),
+        (
+            "address = \"[ff02::1]:6320\"",
+            "device = \"/dev/ttyACM0\"",
+            "radar.address",
+        ),
+        ("address = \"0.0.0.0:6320\"", "device = \"\"", "imu.device"),
+    ] {
+        let text =
+            format!("[radar]\nsource = \"beam-udp\"\n{radar}\n[imu]\nsource = \"mip\"\n{imu}\n");
+        fs::write(&robot, text).unwrap();
+        let pipeline = Pipeline::new("wrong");
+        let mut command = pipeline.command(&["up"]);
+        command.arg("--robot").arg(&robot).arg("--out").arg(&out);
+        let ended = ended(command);
+        assert_eq!(ended.code, Some(78), "{}", ended.stderr);
+        assert!(ended.stderr.contains(key), "{key}: {}", ended.stderr);
+        assert!(!out.exists());
+    }
 }

@@ -2,6 +2,21 @@
 
 use std::process::ExitCode;
 
+/// The exit code of a wrong configuration: EX_CONFIG of sysexits.h.
+pub const BAD_CONFIGURATION: i32 = 78;
+
+/// A stage has refused its configuration, in its own words.
+#[derive(Debug)]
+pub struct Refused(pub String);
+
+impl std::fmt::Display for Refused {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Refused {}
+
 /// How a command ended when it did not fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
@@ -21,8 +36,15 @@ pub fn report(result: anyhow::Result<Outcome>) -> ExitCode {
         Ok(Outcome::DataLost) => ExitCode::from(3),
         Err(error) => {
             eprintln!("error: {}", text(&error));
-            let configuration = error.chain().any(|cause| cause.is::<randt_config::Error>());
-            ExitCode::from(if configuration { 78 } else { 1 })
+            let is_of = |cause: &(dyn std::error::Error + 'static)| {
+                cause.is::<randt_config::Error>() || cause.is::<Refused>()
+            };
+            let configuration = error.chain().any(is_of);
+            ExitCode::from(if configuration {
+                BAD_CONFIGURATION as u8
+            } else {
+                1
+            })
         }
     }
 }

@@ -26,7 +26,11 @@ pub fn check_drivers(loaded: &Loaded, no_imu: bool) -> anyhow::Result<()> {
     config.record.dense.clear();
     let origins = &loaded.origins;
     let radar = Radar::new(&config).map_err(|error| error.in_configuration(origins));
-    radar.map_err(anyhow::Error::from_boxed)?;
+    // As itself, so that the exit code is that of a wrong configuration.
+    radar.map_err(|error| match error.downcast::<randt_config::Error>() {
+        Ok(error) => anyhow::Error::from(*error),
+        Err(error) => anyhow::Error::from_boxed(error),
+    })?;
     if !no_imu {
         Imu::new(&config).map_err(|error| error.in_configuration(origins))?;
     }

@@ -1,6 +1,7 @@
 //! A stage as a child process: started, started again when it dies, ended.
 
 use super::program::Program;
+use crate::exit::BAD_CONFIGURATION;
 use crate::output::warn;
 use indicatif::ProgressBar;
 use rustix::process::{Pid, Signal, kill_process};
@@ -20,7 +21,7 @@ const BACK_OFF: Duration = Duration::from_millis(100);
 /// ... up to this: a stage whose memory or disk is there again is back within it.
 const BACK_OFF_MAX: Duration = Duration::from_secs(5);
 /// Exit codes of a wrong option and a wrong configuration, which trying again does not mend.
-const REFUSALS: [i32; 2] = [2, 78];
+const REFUSALS: [i32; 2] = [2, BAD_CONFIGURATION];
 /// A child that does not end on SIGTERM within this time is killed ...
 const END_MAX: Duration = Duration::from_secs(5);
 /// ... but one that has to bring a log to a busy disk has more, as under systemd.
@@ -57,6 +58,8 @@ struct Trouble {
     back: Option<Instant>,
     /// Whether it is not started again.
     is_over: bool,
+    /// Whether it has refused its configuration.
+    is_misconfigured: bool,
     /// Whether it had to be killed at its end.
     was_killed: bool,
 }
@@ -87,6 +90,11 @@ impl Child {
         let trouble = self.shared.trouble();
         let is_back = trouble.back.is_some_and(|back| back.elapsed() > SOON);
         (trouble.failures > 0 && (trouble.is_over || !is_back)).then_some(trouble.why)
+    }
+
+    /// Whether it is not started again because of its configuration.
+    pub fn is_misconfigured(&self) -> bool {
+        self.shared.trouble().is_misconfigured
     }
 
     /// How often it failed by itself, where that was again and again, with the first case; what it had to do then is lost.
@@ -173,13 +181,14 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
         if shared.stopping.load(Ordering::SeqCst) {
             return;
         }
+        let code = ended.as_ref().ok().and_then(ExitStatus::code);
         let (by_itself, is_refused) = match &ended {
             // Other signals are somebody else's doing.
             Ok(status) => (
                 status
                     .signal()
                     .is_none_or(|signal| FAULTS.contains(&signal)),
-                status.code().is_some_and(|code| REFUSALS.contains(&code)),
+                code.is_some_and(|code| REFUSALS.contains(&code)),
             ),
             Err(_) => (true, false),
         };
@@ -219,6 +228,7 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
                     trouble.why = why;
                 }
                 (trouble.back, trouble.is_over) = (None, is_over);
+                trouble.is_misconfigured = is_over && code == Some(BAD_CONFIGURATION);
             });
             if is_over {
                 return;

@@ -6,6 +6,7 @@ use super::journal::HeldJournal;
 use super::launch::{self, PLAY};
 use super::program::Program;
 use super::watch::{STAGES, Watch};
+use crate::exit::Refused;
 use crate::output::{warn, write_whole};
 use crate::report::Count;
 use crate::{job, progress};
@@ -113,7 +114,13 @@ impl Processes {
             for child in &self.children {
                 let is_needed = STAGES.contains(&child.name());
                 match child.failing() {
-                    Some(why) if is_needed => bail!("randt-{}: {why}", child.name()),
+                    Some(why) if is_needed => {
+                        let why = format!("randt-{}: {why}", child.name());
+                        match child.is_misconfigured() {
+                            true => return Err(Refused(why).into()),
+                            false => bail!(why),
+                        }
+                    }
                     Some(_) => {}
                     None if self.watch.runs(child.name()) => {}
                     None => waiting.push((child.name(), is_needed)),
