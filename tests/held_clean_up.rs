@@ -1,8 +1,7 @@
 //! A stage that starts clears the remains of dead ones away. Here it is held at its looks at the nodes, one after the
 //! other, while another stage is killed: whatever it has seen before, no slot stays taken by nobody.
 //!
-//! A tracer holds it, so that it does not depend on chance which look it is. All looks of a start:
-//! `cargo test --test programs held_clean_up:: -- --ignored --nocapture`.
+//! A tracer holds it, so that it does not depend on chance which look it is.
 
 use crate::support::pipeline::{signal, until};
 use crate::support::stages::{Place, Running, program};
@@ -18,7 +17,7 @@ const HELD_US: u32 = 400_000;
 /// A call that is only traced stands for microseconds; one that is held still stands after this many looks.
 const STANDS: u32 = 20;
 const BETWEEN_LOOKS: Duration = Duration::from_millis(4);
-/// The first of the looks that a start takes: those of the clean-up lie among them.
+/// A start takes at least so many looks.
 const LOOKS: usize = 8;
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
@@ -126,15 +125,7 @@ fn a_stage_that_dies_while_another_one_clears_up_leaves_no_slot_taken() {
     if !has_tracer() {
         return;
     }
-    for look in 1..=LOOKS {
-        assert!(hold(look), "a start takes fewer than {look} looks");
-    }
-}
-
-#[test]
-#[ignore = "takes minutes: cargo test --test programs held_clean_up:: -- --ignored --nocapture"]
-fn so_it_is_at_every_look() {
     let looks = (1..).take_while(|look| hold(*look)).count();
     println!("{looks} looks");
-    assert!(looks >= LOOKS);
+    assert!(looks >= LOOKS, "{looks}");
 }
