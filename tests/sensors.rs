@@ -150,7 +150,7 @@ fn a_radar_may_be_absent_gone_or_something_else() {
 fn doctor(pipeline: &Pipeline, robot: &Path, more: &[&str]) -> (Option<i32>, String) {
     let mut command = pipeline.command(&["doctor", "sensors"]);
     command.arg("--robot").arg(robot).args(more);
-    let ended = crate::support::ended(command);
+    let ended = ended(command);
     println!("{}", ended.stdout);
     (ended.code, ended.stdout)
 }
