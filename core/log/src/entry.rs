@@ -1,12 +1,17 @@
 //! One message of a log, still in the reader's memory.
 
+use crate::stored_layout::StoredLayout;
+use crate::translation::Translation;
 use crate::{Error, describe};
 use randt_messages::{Message, Topic};
+use std::cell::OnceCell;
 
 /// How our messages are serialised, and how their schema is written.
 const ENCODING: &str = "randt";
 const SCHEMA_ENCODING: &str = "randt-layout";
 
+/// The field that every head begins with.
+const HEADER: &str = "header";
 /// Where the stamp stands: every head begins with a header.
 const STAMP: usize = core::mem::offset_of!(randt_messages::Header, stamp_ns);
 
@@ -84,6 +89,7 @@ pub struct Entry<'a> {
     pub bytes: &'a [u8],
     pub(crate) path: &'a str,
     pub(crate) written_by: &'a str,
+    pub(crate) translation: &'a OnceCell<Option<Translation>>,
 }
 
 impl Entry<'_> {
@@ -109,16 +115,11 @@ impl Entry<'_> {
         if self.channel.topic != T::NAME {
             return Ok(None);
         }
-        if self.channel.type_name != T::TYPE_NAME {
-            return Err(Error::Layout {
-                path: self.path.to_owned(),
-                topic: self.channel.topic.clone(),
-                found: self.channel.type_name.clone(),
-                expected: T::TYPE_NAME,
-                written_by: self.written_by.to_owned(),
-            });
-        }
-        match Message::from_bytes(self.bytes) {
+        let translated = match self.channel.type_name == T::TYPE_NAME {
+            true => None,
+            false => self.translation::<T>()?.apply(self.bytes),
+        };
+        match Message::from_bytes(translated.as_deref().unwrap_or(self.bytes)) {
             Some(message) => Ok(Some(message)),
             None => Err(Error::MessageSize {
                 path: self.path.to_owned(),
@@ -131,5 +132,30 @@ impl Entry<'_> {
                 item: size_of::<T::Item>(),
             }),
         }
+    }
+
+    /// How messages of the log's layout become those of this build's.
+    fn translation<T: Topic>(&self) -> Result<&Translation, Error> {
+        let translation = self.translation.get_or_init(|| {
+            if self.channel.schema_encoding != SCHEMA_ENCODING {
+                return None;
+            }
+            let stored = std::str::from_utf8(&self.channel.schema).ok()?;
+            let own = StoredLayout::parse(&describe::<T>())?;
+            let translation = Translation::between(&StoredLayout::parse(stored)?, &own);
+            // Without its stamp a message says nothing.
+            let is_message = translation
+                .lacking
+                .iter()
+                .all(|name| !name.starts_with(HEADER));
+            is_message.then_some(translation)
+        });
+        translation.as_ref().ok_or_else(|| Error::Layout {
+            path: self.path.to_owned(),
+            topic: self.channel.topic.clone(),
+            found: self.channel.type_name.clone(),
+            expected: T::TYPE_NAME,
+            written_by: self.written_by.to_owned(),
+        })
     }
 }

@@ -31,7 +31,7 @@ pub enum Error {
         /// Its first bytes.
         found: Vec<u8>,
     },
-    /// A topic's messages have another layout than in this program.
+    /// A topic's messages have another layout than in this program, and the log does not describe it.
     #[error(
         "{path}: topic {topic} holds {found}, this program reads {expected}: the log was written by another build ({written_by}); read it with that one"
     )]

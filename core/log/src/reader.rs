@@ -4,8 +4,10 @@ use crate::chunk::{Chunk, FRAME, LOOK, SIZE_MAX, looks_like_chunk};
 use crate::damage::{Damage, DamageKind, note};
 use crate::entry::{Channel, Entry};
 use crate::lengths::lengths_fit;
+use crate::translation::Translation;
 use crate::{CONFIG_METADATA, CONFIG_TOML, Error, ROBOT_METADATA, Robot};
 use mcap::records::{Record, op};
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -27,10 +29,16 @@ pub struct LogReader<R> {
     written_by: String,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     schemas: BTreeMap<u16, Schema>,
-    channels: BTreeMap<u16, Channel>,
+    channels: BTreeMap<u16, Known>,
     damage: Vec<Damage>,
     whole_chunks_only: bool,
     ended: bool,
+}
+
+/// A channel, and how its messages become those of this build, where that was asked for.
+struct Known {
+    channel: Channel,
+    translation: OnceCell<Option<Translation>>,
 }
 
 /// Name, encoding and text of a schema.
@@ -135,7 +143,27 @@ impl<R: Read + Seek> LogReader<R> {
 
     /// The topics met so far, with the number of their messages.
     pub fn channels(&self) -> impl Iterator<Item = &Channel> {
-        self.channels.values()
+        self.channels.values().map(|known| &known.channel)
+    }
+
+    /// The topics that were read although the log has them in another build's layout, each with what it lacks.
+    pub fn translated(&self) -> impl Iterator<Item = String> {
+        self.channels.values().filter_map(|known| {
+            let translation = known.translation.get()?.as_ref()?;
+            let mut text = format!(
+                "{}: {} was written by another build ({})",
+                self.path, known.channel.topic, self.written_by
+            );
+            for (names, what) in [
+                (&translation.lacking, "it has no"),
+                (&translation.unread, "this one does not know its"),
+            ] {
+                if !names.is_empty() {
+                    text += &format!("; {what} {}", names.join(", "));
+                }
+            }
+            Some(text)
+        })
     }
 
     /// The damage met so far.
@@ -348,7 +376,14 @@ impl<R: Read + Seek> LogReader<R> {
                     schema,
                     messages: 0,
                 };
-                self.channels.insert(record.id, channel);
+                let translation = OnceCell::new();
+                self.channels.insert(
+                    record.id,
+                    Known {
+                        channel,
+                        translation,
+                    },
+                );
             }
             Ok(_) => {}
             Err(error) => {
@@ -360,7 +395,10 @@ impl<R: Read + Seek> LogReader<R> {
     }
 
     fn entry(&mut self, id: u16, offset: u64) -> Option<Entry<'_>> {
-        let channel = self.channels.get_mut(&id)?;
+        let Known {
+            channel,
+            translation,
+        } = self.channels.get_mut(&id)?;
         channel.messages += 1;
         let (header, bytes) = self.record.split_at_checked(MESSAGE_HEADER)?;
         Some(Entry {
@@ -371,6 +409,7 @@ impl<R: Read + Seek> LogReader<R> {
             bytes,
             path: &self.path,
             written_by: &self.written_by,
+            translation,
         })
     }
 

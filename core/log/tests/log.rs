@@ -1,10 +1,9 @@
 //! What is written is read; what is damaged is counted; nothing panics.
 
-// Helpers of tests may unwrap; clippy only knows #[test] functions themselves.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
-
 use proptest::prelude::*;
-use randt_log::{Compression, DamageKind, Error, LogFile, LogReader, LogWriter, Options, Robot};
+use randt_log::{
+    Channel, Compression, DamageKind, Error, Label, LogFile, LogReader, LogWriter, Options, Robot,
+};
 use randt_messages::{
     ImuSampleTopic, Message, MessageRef, RadarPoints, RadarScan, Return, ScanHead, Topic,
     TruthPose, TruthPoseTopic,
@@ -123,46 +122,56 @@ fn the_same_messages_make_the_same_bytes() {
 }
 
 #[test]
-fn another_layout_is_refused_and_its_writer_named() {
-    /// The scan topic as another build might have it.
-    #[derive(Debug)]
-    struct Other;
-    impl Topic for Other {
-        const NAME: &'static str = RadarScan::NAME;
-        const TYPE_NAME: &'static str = "RadarScan-0123456789abcdef";
-        const MAX_ITEMS: usize = 1;
-        type Head = ScanHead;
-        type Item = Return;
-    }
+fn a_layout_that_nothing_describes_is_refused_and_its_writer_named() {
     let options = Options {
         written_by: "randt 0.0.7".to_owned(),
         ..Options::default()
     };
-    let mut writer = LogWriter::new(Cursor::new(Vec::new()), "t", options).unwrap();
     let scan = scan(0, 1);
-    writer
-        .write(MessageRef::<Other> {
-            head: &scan.head,
-            items: &scan.items,
-        })
-        .unwrap();
-    let bytes = writer.finish().unwrap().into_inner();
-    let mut reader = LogReader::new(Cursor::new(bytes), "old.mcap").unwrap();
-    let error = reader
-        .next_entry()
-        .unwrap()
-        .unwrap()
-        .decode::<RadarScan>()
-        .unwrap_err();
-    let text = error.to_string();
-    assert!(matches!(error, Error::Layout { .. }));
-    for part in [
-        "old.mcap",
-        "randt 0.0.7",
-        "0123456789abcdef",
-        RadarScan::TYPE_NAME,
+    let mut bytes = Vec::new();
+    scan.as_ref().write_bytes(&mut bytes);
+    let known = Channel::of::<RadarScan>();
+    for (encoding, schema) in [
+        ("protobuf", "message"),
+        (&known.schema_encoding, "message: ScanHead\n"),
+        (
+            &known.schema_encoding,
+            "message: A\nstruct A, 8 bytes\n  4 8 header u64\n",
+        ),
+        (
+            &known.schema_encoding,
+            "message: A\nstruct A, 8 bytes\n  0 8 header A\n",
+        ),
+        (
+            &known.schema_encoding,
+            "message: A\nstruct A, 0 bytes\n  0 0 header [u8; 0]\n",
+        ),
     ] {
-        assert!(text.contains(part), "{text}");
+        let channel = Channel {
+            type_name: "RadarScan-0123456789abcdef".to_owned(),
+            schema_encoding: encoding.to_owned(),
+            schema: schema.as_bytes().to_vec(),
+            ..known.clone()
+        };
+        let cursor = Cursor::new(Vec::new());
+        let mut writer = LogWriter::new(cursor, "t", options.clone()).unwrap();
+        let id = writer.declare(&channel).unwrap();
+        let label = Label::of(&scan.head.header);
+        writer.write_bytes(id, label, &bytes).unwrap();
+        let log = writer.finish().unwrap().into_inner();
+        let mut reader = LogReader::new(Cursor::new(log), "old.mcap").unwrap();
+        let entry = reader.next_entry().unwrap().unwrap();
+        let error = entry.decode::<RadarScan>().unwrap_err();
+        let text = error.to_string();
+        assert!(matches!(error, Error::Layout { .. }), "{schema}: {text}");
+        for part in [
+            "old.mcap",
+            "randt 0.0.7",
+            "0123456789abcdef",
+            RadarScan::TYPE_NAME,
+        ] {
+            assert!(text.contains(part), "{text}");
+        }
     }
 }
 

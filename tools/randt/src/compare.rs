@@ -1,5 +1,6 @@
 //! What was published live against what is computed again from the same log.
 
+use crate::output::warn;
 use crate::units::count;
 use anyhow::Context;
 use randt_log::LogReader;
@@ -120,6 +121,7 @@ pub fn published(log: &Path) -> anyhow::Result<Vec<OdometryState>> {
             states.push(*state.head);
         }
     }
+    reader.translated().for_each(|text| warn(&text));
     anyhow::ensure!(
         !states.is_empty(),
         "{}: no pose was recorded in it, so there is nothing to compare with",

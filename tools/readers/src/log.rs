@@ -122,6 +122,10 @@ impl Source for LogSource {
             match step {
                 Step::End => {
                     self.judge_late_metadata()?;
+                    let translated: Vec<String> = self.reader.translated().collect();
+                    let count = translated.len() as u64;
+                    self.tally
+                        .noted("topics_of_another_build", count, || translated.join("; "));
                     return Ok(None);
                 }
                 Step::Other => {}

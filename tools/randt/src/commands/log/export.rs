@@ -9,7 +9,7 @@ mod ros2;
 mod tum;
 
 use crate::exit::Outcome;
-use crate::output::print;
+use crate::output::{print, warn};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use randt_log::{Damage, LogReader};
@@ -82,6 +82,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Format::Foxglove => foxglove::export(&mut reader, &out),
     }?;
     print(&format!("{}: {text}\n", out.display()))?;
+    reader.translated().for_each(|text| warn(&text));
     Ok(outcome(reader.damage()))
 }
 

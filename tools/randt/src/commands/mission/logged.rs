@@ -4,6 +4,7 @@
 //! lost with the power, it computes the scans since the last boot anew: the map takes what comes of that where odometry
 //! makes its last keyframe once more, bit for bit.
 
+use crate::output::warn;
 use crate::remains::Remains;
 use crate::report::Count;
 use crate::results::Results;
@@ -119,6 +120,7 @@ impl Logged {
                 }
             }
         }
+        reader.translated().for_each(|text| warn(&text));
         Ok(())
     }
 

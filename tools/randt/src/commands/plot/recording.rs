@@ -1,5 +1,6 @@
 //! What the pictures show of a log, gathered in one pass.
 
+use crate::output::warn;
 use crate::{job, progress, recorded};
 use anyhow::{bail, ensure};
 use nalgebra::Vector3;
@@ -87,6 +88,7 @@ impl Recording {
             path.display()
         );
         (recording.begin_ns, recording.end_ns) = ends.unwrap_or_default();
+        reader.translated().for_each(|text| warn(&text));
         let damage = reader.damage().iter();
         recording.damage = damage.map(|damage| damage.first.clone()).collect();
         Ok(recording)

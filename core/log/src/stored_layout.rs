@@ -1,0 +1,192 @@
+//! The layout of a topic's messages as a log describes it: that of the build that wrote the log.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// What a topic's messages hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct StoredLayout {
+    /// The fixed part.
+    pub head: Kind,
+    /// One element of what follows it, where something does.
+    pub item: Option<Kind>,
+}
+
+/// How a value is stored, little-endian.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A number.
+    Number(Number),
+    /// So many values of one kind.
+    Array(Box<Kind>, usize),
+    /// Values by name. Shared: a description may use a struct any number of times.
+    Struct(Arc<Struct>),
+}
+
+/// A struct's fields and size.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Struct {
+    /// In their order.
+    pub fields: Vec<Field>,
+    /// Bytes.
+    pub size: usize,
+}
+
+/// A value of a struct.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Its name.
+    pub name: String,
+    /// Where it begins in the struct, bytes.
+    pub offset: usize,
+    /// How it is stored.
+    pub kind: Kind,
+}
+
+/// A kind of number, with its Rust name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[expect(missing_docs, reason = "the names say it")]
+pub enum Number {
+    U8,
+    U16,
+    U32,
+    U64,
+    I8,
+    I16,
+    I32,
+    I64,
+    F32,
+    F64,
+}
+
+impl Number {
+    fn of(name: &str) -> Option<Self> {
+        Some(match name {
+            "u8" => Self::U8,
+            "u16" => Self::U16,
+            "u32" => Self::U32,
+            "u64" => Self::U64,
+            "i8" => Self::I8,
+            "i16" => Self::I16,
+            "i32" => Self::I32,
+            "i64" => Self::I64,
+            "f32" => Self::F32,
+            "f64" => Self::F64,
+            _ => return None,
+        })
+    }
+
+    /// A value in these bytes as text that reads back to it; `None` where they end before it.
+    pub fn text(self, bytes: &[u8]) -> Option<String> {
+        Some(match self {
+            Self::U8 => bytes.first()?.to_string(),
+            Self::U16 => u16::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::U32 => u32::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::U64 => u64::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::I8 => i8::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::I16 => i16::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::I32 => i32::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::I64 => i64::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::F32 => f32::from_le_bytes(*bytes.first_chunk()?).to_string(),
+            Self::F64 => f64::from_le_bytes(*bytes.first_chunk()?).to_string(),
+        })
+    }
+
+    /// Bytes.
+    pub fn size(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+}
+
+impl Kind {
+    /// Bytes.
+    pub fn size(&self) -> usize {
+        match self {
+            Self::Number(number) => number.size(),
+            Self::Array(element, count) => element.size().saturating_mul(*count),
+            Self::Struct(inner) => inner.size,
+        }
+    }
+}
+
+impl StoredLayout {
+    /// Reads a description as [`crate::describe`] writes it; `None` where it makes no sense. Whoever wrote it, no field
+    /// leads out of its struct.
+    pub fn parse(text: &str) -> Option<Self> {
+        let mut parser = Parser::default();
+        text.lines().try_for_each(|line| parser.take(line))?;
+        parser.layout()
+    }
+}
+
+/// What was read so far.
+#[derive(Default)]
+struct Parser<'a> {
+    structs: BTreeMap<&'a str, Arc<Struct>>,
+    /// The struct whose fields come.
+    last: &'a str,
+    head: &'a str,
+    item: Option<&'a str>,
+}
+
+impl<'a> Parser<'a> {
+    /// Takes a line in; `None` where it makes no sense.
+    fn take(&mut self, line: &'a str) -> Option<()> {
+        if let Some(name) = line.strip_prefix("message: ") {
+            self.head = name;
+        } else if let Some(rest) = line.strip_prefix("then: ") {
+            self.item = Some(rest.split_once(" until")?.0);
+        } else if let Some(rest) = line.strip_prefix("struct ") {
+            let (name, size) = rest.split_once(", ")?;
+            let size = size.strip_suffix(" bytes")?.parse().ok()?;
+            let fields = Vec::new();
+            self.structs.insert(name, Arc::new(Struct { fields, size }));
+            self.last = name;
+        } else if let Some(field) = line.strip_prefix("  ") {
+            let mut words = field.splitn(4, ' ');
+            let offset: usize = words.next()?.parse().ok()?;
+            let size: usize = words.next()?.parse().ok()?;
+            let (name, kind) = (words.next()?.to_owned(), words.next()?);
+            let kind = self.kind(kind, size)?;
+            // Nobody shares it before its last field is there.
+            let within = Arc::get_mut(self.structs.get_mut(self.last)?)?;
+            let is_inside = kind.size() == size && offset.checked_add(size)? <= within.size;
+            is_inside.then(|| within.fields.push(Field { name, offset, kind }))?;
+        }
+        Some(())
+    }
+
+    /// A kind by its name; each struct comes after those inside it. Lengths of arrays have names: their size tells them.
+    fn kind(&self, name: &str, size: usize) -> Option<Kind> {
+        let name = name.trim();
+        if let Some(array) = name.strip_prefix('[') {
+            let (element, count) = array.strip_suffix(']')?.rsplit_once(';')?;
+            let known: Option<usize> = count.trim().parse().ok();
+            let element = self.kind(element, size.checked_div(known.unwrap_or(1))?)?;
+            let count = size.checked_div(element.size())?;
+            return Some(Kind::Array(Box::new(element), count));
+        }
+        if let Some(number) = Number::of(name) {
+            return Some(Kind::Number(number));
+        }
+        let own = name.rsplit("::").next()?;
+        self.structs.get(own).cloned().map(Kind::Struct)
+    }
+
+    fn layout(&self) -> Option<StoredLayout> {
+        let head = Arc::clone(self.structs.get(self.head)?);
+        let item = match self.item {
+            Some(name) => Some(self.kind(name, 0)?),
+            None => None,
+        };
+        Some(StoredLayout {
+            head: Kind::Struct(head),
+            item,
+        })
+    }
+}
