@@ -28,7 +28,7 @@ const BEAMS_MIN: usize = 215;
 /// They are there within this time, s.
 const BACK_MAX_S: f64 = 2.0;
 /// Trials side by side: they sleep most of the time.
-const THREADS: usize = 8;
+const THREADS: usize = 10;
 
 /// What a drive's messages are known by: a beam by its bins, a sample by its rates.
 fn known(log: &Path) -> (BTreeSet<Vec<u16>>, BTreeSet<Vec<u8>>) {

@@ -7,9 +7,16 @@ use randt_device::{Count, Interruptions, Link};
 /// and a stranger that sends now and then makes no line of the journal each time.
 const WARNED_NS: i64 = 5_000_000_000;
 
+/// Beams without a sweep for so many turns are no radar's.
+const PATIENCE_TURNS: i64 = 3;
+/// A turn is believed to take at most so long, ns: what `sensor.period_s` may be.
+const TURN_MAX_NS: i64 = 10_000_000_000;
+
 /// Sweeps as they come, beside what the source says of its beams.
 #[derive(Debug, Default)]
 pub(crate) struct Condition {
+    /// What the configuration allows, and what holds: more for a radar that turns more slowly than it says.
+    least_ns: i64,
     patience_ns: i64,
     link: Link,
     interruptions: Interruptions,
@@ -22,18 +29,28 @@ pub(crate) struct Condition {
 }
 
 impl Condition {
-    /// Beams without a sweep for so long are no radar.
-    pub fn new(patience_ns: i64) -> Self {
+    /// Of a radar that is silent after `silence_ns`, and whose turn should take `turn_ns`.
+    pub fn new(silence_ns: i64, turn_ns: i64) -> Self {
+        let patience_ns = silence_ns.max(PATIENCE_TURNS * turn_ns);
         Self {
+            least_ns: patience_ns,
             patience_ns,
             ..Self::default()
         }
+    }
+
+    /// Beams without a sweep for so long are no radar.
+    pub fn patience_ns(&self) -> i64 {
+        self.patience_ns
     }
 
     /// A sweep came.
     pub fn came(&mut self, sweep: &Sweep, now_ns: i64) {
         self.since_ns = Some(now_ns);
         (self.came, self.fruitless) = (true, false);
+        let (begin_ns, end_ns) = sweep.span_ns();
+        let turn_ns = end_ns.saturating_sub(begin_ns).clamp(0, TURN_MAX_NS);
+        self.patience_ns = self.least_ns.max(PATIENCE_TURNS * turn_ns);
         if sweep.is_contested() {
             self.contested_ns = Some(now_ns);
         }
@@ -57,6 +74,9 @@ impl Condition {
                     self.fruitless = true;
                     self.link = Link::Trouble(self.no_sweep(streams));
                 }
+                // It may turn so slowly that beginning anew is what keeps its sweep from being whole.
+                let longest_ns = self.least_ns.max(PATIENCE_TURNS * TURN_MAX_NS);
+                self.patience_ns = (2 * self.patience_ns).min(longest_ns);
             } else if self.fruitless {
                 // It has been said.
             } else if !self.came {
@@ -118,4 +138,43 @@ fn two_senders(streams: &Streams) -> String {
         None => taken.unlike(&taken),
     };
     format!("{TWO_SENDERS}, {told}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND_NS: i64 = 1_000_000_000;
+
+    /// Beams come all along, polled a hundred times a second; gives when it was to begin anew, in tenths of a second.
+    fn anew(condition: &mut Condition, seconds: i64) -> Vec<i64> {
+        let streams = Streams::new(SECOND_NS / 5, SECOND_NS);
+        (0..seconds * 100)
+            .map(|at| at * SECOND_NS / 100)
+            .filter(|now_ns| condition.judge(*now_ns, &Link::Streaming, &streams))
+            .map(|now_ns| now_ns * 10 / SECOND_NS)
+            .collect()
+    }
+
+    #[test]
+    fn beams_without_sweeps_are_trouble_ever_more_patiently() {
+        let mut condition = Condition::new(SECOND_NS, SECOND_NS / 5);
+        let streams = Streams::new(SECOND_NS / 5, SECOND_NS);
+        condition.judge(0, &Link::Streaming, &streams);
+        assert_eq!(*condition.link(), Link::Starting);
+        assert_eq!(anew(&mut condition, 40), [10, 30, 70, 150, 310]);
+        let told = condition.link().text();
+        assert!(told.contains("no whole sweep for more than 1 s"), "{told}");
+        // A sweep is what ends it.
+        condition.judge(41 * SECOND_NS, &Link::Streaming, &streams);
+        assert!(!condition.link().streams());
+        condition.came(&Sweep::default(), 42 * SECOND_NS);
+        condition.judge(42 * SECOND_NS, &Link::Streaming, &streams);
+        assert_eq!(*condition.link(), Link::Streaming);
+        assert_eq!(condition.patience_ns(), SECOND_NS);
+        condition.judge(43 * SECOND_NS, &Link::Trouble("gone".to_owned()), &streams);
+        condition.judge(44 * SECOND_NS, &Link::Streaming, &streams);
+        assert_eq!(condition.link().text(), "gone", "until a sweep comes");
+        assert_eq!(condition.count().value, 1);
+    }
 }

@@ -12,9 +12,6 @@ use std::os::fd::BorrowedFd;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Beams without a sweep for so many turns are no radar's.
-const PATIENCE_TURNS: i64 = 3;
-
 /// A spinning radar. It is never an error that it is not there: [`Radar::link`] says so, and it is tried for ever.
 ///
 /// ```no_run
@@ -75,8 +72,7 @@ impl Radar {
         let poller = Arc::new(Poller::new()?);
         let silence_ns = nanoseconds(config.radar.silence_s);
         let turn_ns = nanoseconds(config.sensor.period_s);
-        // The first whole turn may begin a turn after the first beam, and take its time.
-        let patience_ns = silence_ns.max(PATIENCE_TURNS * turn_ns);
+        let condition = Condition::new(silence_ns, turn_ns);
         let keep_power = config.sensor.keep_power as f32;
         let mut recorder = None;
         let source: Box<dyn Source> = match config.radar.source {
@@ -105,9 +101,9 @@ impl Radar {
         Ok(Self {
             poller,
             source,
-            streams: Streams::new(turn_ns, patience_ns),
+            streams: Streams::new(turn_ns, condition.patience_ns()),
             recorder,
-            condition: Condition::new(patience_ns),
+            condition,
         })
     }
 
