@@ -97,7 +97,9 @@ impl TrustJudge {
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
         let [weakest, _] = position_information(solution);
         let is_weak = weakest < WEAK_MAX * wall_information(solution.fit, config);
-        if !is_supported || is_weak || self.poor_fits.count_ones() >= POOR_FITS {
+        // Whose beams these are nobody knows where two senders send them.
+        let is_contested = scan.scan.head.sweep.is_contested();
+        if !is_supported || is_weak || is_contested || self.poor_fits.count_ones() >= POOR_FITS {
             self.doubted_ns = Some(stamp_ns);
         }
         match self.doubted_ns {

@@ -4,6 +4,7 @@ use crate::Rule::{Graduation, LossShape};
 use crate::rule::within;
 use crate::section::section;
 use crate::value::choice;
+use crate::{DevicePin, SenderPin};
 
 section! {
     /// Beam-wise cluster filter (paper, III-A).
@@ -294,6 +295,12 @@ section! {
         pub address: String = "0.0.0.0:6320".to_owned(),
         /// beam-udp from a multicast group: this host's address on the radar's network; empty leaves it to the kernel.
         pub interface: String = String::new(),
+        /// beam-udp: the radar's device number; what has another one is left out and counted. "any" takes the first
+        /// device that sends whole sweeps, and doubts them while another one sends too.
+        pub device: DevicePin = DevicePin::default(),
+        /// beam-udp: the IP that the radar's datagrams come from, with or without its port, likewise. Set it wherever
+        /// anybody else can reach radar.address: whoever can, can send sweeps.
+        pub sender: SenderPin = SenderPin::default(),
         /// navtech: order of bytes in the stamps of azimuths: auto, le or be.
         pub byte_order: ByteOrder = ByteOrder::Auto,
         /// Receive buffer that is asked of the kernel, bytes: a second of an iSDR-C's beams, so that a busy moment of the

@@ -8,7 +8,8 @@ use crate::{Header, plain, topic};
 pub enum Trust {
     /// The estimate has no support in the data; the next scan opens a new odom frame.
     Lost = 0,
-    /// Some direction is held by the motion model or IMU alone, or the scans fit their map poorly.
+    /// Some direction is held by the motion model or IMU alone, the scans fit their map poorly, or beams of two senders
+    /// came.
     Degraded = 1,
     /// The scan fixes the pose in every direction.
     Good = 2,

@@ -7,6 +7,10 @@ pub const MAX_BEAMS: usize = 1024;
 /// Most returns in a sweep.
 pub const MAX_RETURNS: usize = 65_536;
 
+/// Set in [`SweepHead::sensor`] where a sweep's beams may not all be the radar's: another sender's came meanwhile. Above
+/// all codes, so that logs from before it read as what they are, not contested.
+const CONTESTED: u32 = 1 << 31;
+
 /// The sensor that made a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
@@ -75,7 +79,8 @@ plain! {
         pub begin_ns: i64,
         /// Last instant of the sweep; the header's stamp.
         pub end_ns: i64,
-        /// A [`SensorKind`] as its code.
+        /// A [`SensorKind`] as its code; the highest bit says whether the sweep is contested. See
+        /// [`SweepHead::sensor_kind`] and [`SweepHead::is_contested`].
         pub sensor: u32,
         /// Beams in the table.
         pub beam_count: u32,
@@ -115,6 +120,21 @@ plain! {
 }
 
 impl SweepHead {
+    /// The sensor that made it.
+    pub fn sensor_kind(&self) -> SensorKind {
+        SensorKind::from_code(self.sensor & !CONTESTED)
+    }
+
+    /// Whether its beams may not all be the radar's: beams of another sender came meanwhile, or copies of a beam differed.
+    pub fn is_contested(&self) -> bool {
+        self.sensor & CONTESTED != 0
+    }
+
+    /// Says who made it, and whether it is contested.
+    pub fn set_sensor(&mut self, kind: SensorKind, contested: bool) {
+        self.sensor = kind as u32 | if contested { CONTESTED } else { 0 };
+    }
+
     /// The beams that are there.
     pub fn beams(&self) -> &[Beam] {
         let count = (self.beam_count as usize).min(MAX_BEAMS);

@@ -3,6 +3,11 @@
 /// Standard gravity, m/s^2: devices that give g mean this.
 pub const STANDARD_GRAVITY_M_S2: f64 = 9.806_65;
 
+/// No gyro of a robot's measures more, rad/s: 5,700 degrees a second. Odometry takes no more either.
+const RATE_MAX_RAD_S: f64 = 100.0;
+/// No accelerometer of a robot's measures more, m/s^2: 200 g.
+const ACCELERATION_MAX_M_S2: f64 = 2000.0;
+
 /// One reading of a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reading {
@@ -19,10 +24,12 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Whether every value is a number: a device may send others when it is not ready.
+    /// Whether every value is one that can be measured: a device may send others when it is not ready, and libphidget22
+    /// says 1e300 for "unknown".
     pub fn known(&self) -> bool {
-        // 1e300 is how libphidget22 says "unknown"; no gyro and no accelerometer measures a thousandth of it.
-        let known = |value: &f64| value.abs() < 1e6;
-        self.rate_rad_s.iter().all(known) && self.acceleration_m_s2.iter().all(known)
+        // NaN compares false.
+        let below = |values: &[f64], most: f64| values.iter().all(|value| value.abs() <= most);
+        below(&self.rate_rad_s, RATE_MAX_RAD_S)
+            && below(&self.acceleration_m_s2, ACCELERATION_MAX_M_S2)
     }
 }

@@ -3,38 +3,18 @@
 //! Responsible for which beam belongs to which sweep, for what is lost, doubled and late, and for when a sweep is whole.
 //! Pure. Not responsible for a beam's bytes, nor for where sweeps go.
 
+mod counters;
+
 use crate::sweep::{Sweep, TURN};
 use crate::timing::{TimedBy, Timing};
-use crate::{Place, RawBeam};
+use crate::{BeamLayout, Place, RawBeam};
+use counters::{Counters, Doubts};
 use randt_device::{Count, DeviceClock};
 
-/// Sweeps by which a number may go back before the sender must have begun anew.
-const LATE_MAX: i64 = 2;
-/// Sweeps by which a number may leap forward before the sender must have begun anew: minutes.
-const LEAP_MAX: i64 = 1000;
 /// Beams by which a running counter may go back: TCP keeps the order.
 const BACK_MAX: i64 = 2;
 /// Steps in one sense, less those in the other, after which a radar is believed to turn that way.
 const TURNED: i64 = 4;
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Counters {
-    beams: u64,
-    sweeps: u64,
-    partial: u64,
-    lost: u64,
-    late: u64,
-    doubled: u64,
-    reordered: u64,
-    discarded: u64,
-    before: u64,
-    below_floor: u64,
-    over_limit: u64,
-    by_arrival: u64,
-    by_period: u64,
-    anew: u64,
-    pauses: u64,
-}
 
 /// A sweep that is collected.
 #[derive(Debug)]
@@ -84,6 +64,7 @@ pub struct Assembler {
     beams: u16,
     /// Beams below this number are in a sweep or counted as lost.
     accounted: i64,
+    doubts: Doubts,
     counters: Counters,
 }
 
@@ -106,13 +87,49 @@ impl Assembler {
             azimuth: None,
             beams: 0,
             accounted: 0,
+            doubts: Doubts::default(),
             counters: Counters::default(),
         }
+    }
+
+    /// A beam of another sender came, which the next sweep is to say.
+    pub(crate) fn heard_stranger(&mut self) {
+        self.doubts.strangers += 1;
+    }
+
+    /// Begins with nothing, for another sender; keeps its memory.
+    pub(crate) fn clear(&mut self) {
+        let sweeps = [self.current.take(), self.next.take()];
+        self.spare
+            .extend(sweeps.into_iter().flatten().map(|open| open.sweep));
+        self.finished.begin(BeamLayout::default());
+        let spare = std::mem::take(&mut self.spare);
+        let finished = std::mem::take(&mut self.finished);
+        *self = Self {
+            spare,
+            finished,
+            ..Self::new(self.turn_ns)
+        };
+    }
+
+    /// Ends with the last beams that it has. They are not contested by whom they make way for.
+    pub(crate) fn end(&mut self, whole: &mut dyn FnMut(&Sweep)) {
+        self.doubts.strangers = 0;
+        self.restart(whole);
+    }
+
+    /// Goes on counting where the one before it ended.
+    pub(crate) fn succeed(&mut self, before: &Self) {
+        self.counters.add(&before.counters);
+        self.counters.clock_restarts += before.clock.restarts();
+        self.counters.anew += 1;
     }
 
     /// Takes a beam; hands out the sweep that it makes whole.
     pub fn push(&mut self, beam: &RawBeam, whole: &mut dyn FnMut(&Sweep)) {
         self.counters.beams += 1;
+        self.doubts.contradicted += u64::from(beam.contradicted);
+        self.counters.contradicted += u64::from(beam.contradicted);
         if beam.layout.beams != self.beams {
             self.restart(whole);
             self.beams = beam.layout.beams;
@@ -121,7 +138,7 @@ impl Assembler {
             self.restart(whole);
         }
         let (mut id, mut number) = self.locate(beam);
-        if self.begins_anew(id, number) {
+        if self.begins_anew(number) {
             self.counters.anew += 1;
             self.restart(whole);
             (id, number) = self.locate(beam);
@@ -161,29 +178,7 @@ impl Assembler {
 
     /// Tells all counters.
     pub fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        let counters = &self.counters;
-        tell(Count::event("sweeps", counters.sweeps));
-        tell(Count::event("sweeps_partial", counters.partial));
-        tell(Count::event("beams", counters.beams));
-        tell(Count::loss("beams_lost", counters.lost));
-        tell(Count::loss("beams_late", counters.late));
-        tell(Count::event("beams_doubled", counters.doubled));
-        tell(Count::event("beams_reordered", counters.reordered));
-        tell(Count::loss(
-            "beams_of_less_than_half_a_sweep",
-            counters.discarded,
-        ));
-        tell(Count::event(
-            "beams_before_the_first_sweep",
-            counters.before,
-        ));
-        tell(Count::event("sequence_anew", counters.anew));
-        tell(Count::event("pauses", counters.pauses));
-        tell(Count::event("clock_restarts", self.clock.restarts()));
-        tell(Count::event("sweeps_timed_by_arrival", counters.by_arrival));
-        tell(Count::event("sweeps_timed_by_period", counters.by_period));
-        tell(Count::event("returns_below_floor", counters.below_floor));
-        tell(Count::loss("returns_over_limit", counters.over_limit));
+        self.counters.tell(self.clock.restarts(), tell);
     }
 
     /// How far a beam of a running counter lies behind the border between two sweeps. That is half a step before the
@@ -210,7 +205,11 @@ impl Assembler {
     fn locate(&self, beam: &RawBeam) -> (i64, i64) {
         match beam.place {
             Place::Numbered { sweep, beam } => {
-                let id = i64::from(sweep);
+                // Numbers go on at 0 after 2^32.
+                let id = self.last.map_or(i64::from(sweep), |last| {
+                    let last = last.number.div_euclid(i64::from(self.beams.max(1)));
+                    last + i64::from(sweep.wrapping_sub(last as u32).cast_signed())
+                });
                 (id, id * i64::from(self.beams) + i64::from(beam))
             }
             Place::Running(counter) => {
@@ -230,13 +229,11 @@ impl Assembler {
         }
     }
 
-    /// Whether numbers leap as only those of a sender that was started anew do.
-    fn begins_anew(&self, id: i64, number: i64) -> bool {
-        match (self.running, self.done.or(self.cut)) {
-            (Some(last), _) => number < last.number - BACK_MAX,
-            (None, Some(done)) => !(done - LATE_MAX..=done + LEAP_MAX).contains(&id),
-            (None, None) => false,
-        }
+    /// Whether a running counter leaps as only that of a sender that was started anew does. Numbered beams that do not
+    /// follow are another stream's.
+    fn begins_anew(&self, number: i64) -> bool {
+        self.running
+            .is_some_and(|last| number < last.number - BACK_MAX)
     }
 
     /// Whether the radar has stood still for a turn or more although it counts on: what it saw before is another sweep.
@@ -283,13 +280,13 @@ impl Assembler {
         loop {
             let current = self.current.as_ref().map(|open| open.id);
             if self.done.is_some_and(|done| id <= done) || current.is_some_and(|now| id < now) {
-                let doubled = self.finished.has(number);
-                let counter = if doubled {
-                    &mut self.counters.doubled
-                } else {
-                    &mut self.counters.late
-                };
-                *counter += 1;
+                match self.finished.copy_of(number) {
+                    Some(copy) => self.doubled(beam, copy),
+                    None => {
+                        self.counters.late += 1;
+                        self.doubts.late += 1;
+                    }
+                }
                 return;
             }
             match current {
@@ -323,12 +320,21 @@ impl Assembler {
 
     fn add(&mut self, sweep: &mut Sweep, beam: &RawBeam, number: i64) {
         let reordered = sweep.is_past(number);
-        if sweep.has(number) {
-            self.counters.doubled += 1;
+        if let Some(copy) = sweep.copy_of(number) {
+            self.doubled(beam, copy);
         } else if !sweep.add(beam, number) {
             self.counters.lost += 1;
         } else if reordered {
             self.counters.reordered += 1;
+        }
+    }
+
+    /// A beam came once more. A network makes copies, but no other ones.
+    fn doubled(&mut self, beam: &RawBeam, copy: u32) {
+        self.counters.doubled += 1;
+        if beam.fingerprint != copy {
+            self.counters.contradicted += 1;
+            self.doubts.contradicted += 1;
         }
     }
 
@@ -386,6 +392,9 @@ impl Assembler {
         let turn_ns = sweep.layout().turn_ns.unwrap_or(self.turn_ns);
         let timing = Timing::of(sweep.slots(), self.beams, turn_ns, &mut self.clock);
         sweep.timed(timing);
+        let doubts = std::mem::take(&mut self.doubts);
+        sweep.contest(doubts.are_grave(self.beams));
+        counters.contested += u64::from(sweep.is_contested());
         counters.sweeps += 1;
         counters.partial += u64::from(sweep.beams_lost() > 0);
         counters.by_arrival += u64::from(timing.by == TimedBy::Arrival);

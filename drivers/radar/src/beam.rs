@@ -1,5 +1,7 @@
 //! A decoded beam, before anything is known of its sweep.
 
+use crate::Sender;
+
 /// What a decoder knows of a beam's place in the stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -48,6 +50,12 @@ pub struct Echo {
 /// One beam as it came. Decoders use one over and over, so that nothing is allocated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawBeam {
+    /// Whose it is.
+    pub sender: Sender,
+    /// Of all its bytes: copies of a beam have the same. 0 where the connection makes no copies.
+    pub fingerprint: u32,
+    /// Copies of a part of it differed.
+    pub contradicted: bool,
     /// Its place in the stream.
     pub place: Place,
     /// Direction as the radar counts it; 2^32 are one turn.
@@ -69,6 +77,9 @@ pub struct RawBeam {
 impl Default for RawBeam {
     fn default() -> Self {
         Self {
+            sender: Sender::default(),
+            fingerprint: 0,
+            contradicted: false,
             place: Place::Running(0),
             azimuth: 0,
             device_ns: None,

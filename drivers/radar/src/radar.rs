@@ -1,11 +1,12 @@
 //! A radar as the configuration says: from its socket to whole sweeps.
 
 use crate::beam_udp::{BeamUdpDecoder, BeamUdpSocket, Listening};
+use crate::condition::Condition;
 use crate::navtech::{NavtechClient, NavtechDecoder};
 use crate::recorder::Recorder;
-use crate::{Assembler, Error, Poller, RawBeam, Sink, Source, Sweep};
+use crate::{Error, Poller, RawBeam, Sink, Source, Streams, Sweep};
 use randt_config::{Config, RadarSource};
-use randt_device::{Count, Interruptions, Link};
+use randt_device::{Count, Link};
 use std::net::{Ipv4Addr, SocketAddr};
 use std::os::fd::BorrowedFd;
 use std::path::Path;
@@ -23,24 +24,28 @@ use std::sync::Arc;
 pub struct Radar {
     poller: Arc<Poller>,
     source: Box<dyn Source>,
-    assembler: Assembler,
+    streams: Streams,
     recorder: Option<Recorder>,
-    interruptions: Interruptions,
+    condition: Condition,
 }
 
 /// Beams on their way into sweeps.
 struct Joining<'a> {
-    assembler: &'a mut Assembler,
+    now_ns: i64,
+    streams: &'a mut Streams,
+    condition: &'a mut Condition,
     recorder: Option<&'a mut Recorder>,
     whole: &'a mut dyn FnMut(&Sweep),
 }
 
 impl Joining<'_> {
-    fn join(&mut self, join: impl FnOnce(&mut Assembler, &mut dyn FnMut(&Sweep))) {
+    fn join(&mut self, join: impl FnOnce(&mut Streams, &mut dyn FnMut(&Sweep))) {
         let (recorder, whole) = (&mut self.recorder, &mut self.whole);
-        join(self.assembler, &mut |sweep| {
+        let (condition, now_ns) = (&mut self.condition, self.now_ns);
+        join(self.streams, &mut |sweep| {
             // Who waits for the sweep goes first.
             whole(sweep);
+            condition.came(sweep, now_ns);
             if let Some(recorder) = recorder {
                 recorder.sweep(sweep);
             }
@@ -53,11 +58,11 @@ impl Sink for Joining<'_> {
         if let Some(recorder) = &mut self.recorder {
             recorder.beam(beam);
         }
-        self.join(|assembler, whole| assembler.push(beam, whole));
+        self.join(|streams, whole| streams.push(beam, whole));
     }
 
     fn restarted(&mut self) {
-        self.join(Assembler::restart);
+        self.join(Streams::restart);
     }
 }
 
@@ -66,6 +71,8 @@ impl Radar {
     pub fn new(config: &Config) -> Result<Self, Error> {
         let poller = Arc::new(Poller::new()?);
         let silence_ns = nanoseconds(config.radar.silence_s);
+        let turn_ns = nanoseconds(config.sensor.period_s);
+        let condition = Condition::new(silence_ns, turn_ns);
         let keep_power = config.sensor.keep_power as f32;
         let mut recorder = None;
         let source: Box<dyn Source> = match config.radar.source {
@@ -85,7 +92,8 @@ impl Radar {
                     interface(&config.radar.interface)?,
                     config.radar.receive_buffer_bytes as usize,
                 )?;
-                let decoder = BeamUdpDecoder::new(keep_power);
+                let mut decoder = BeamUdpDecoder::new(keep_power);
+                decoder.pin(&config.radar);
                 let poller = Arc::clone(&poller);
                 Box::new(BeamUdpSocket::new(listening, silence_ns, decoder, poller))
             }
@@ -93,9 +101,9 @@ impl Radar {
         Ok(Self {
             poller,
             source,
-            assembler: Assembler::new(nanoseconds(config.sensor.period_s)),
+            streams: Streams::new(turn_ns, condition.patience_ns()),
             recorder,
-            interruptions: Interruptions::default(),
+            condition,
         })
     }
 
@@ -106,24 +114,29 @@ impl Radar {
 
     /// When [`Radar::poll`] is due even if nothing comes, ns.
     pub fn due_ns(&self) -> i64 {
-        self.source.due_ns()
+        self.source.due_ns().min(self.condition.due_ns())
     }
 
     /// Takes what has come and does what is due; hands out the sweeps that became whole. `now_ns` is of the clock that
     /// sweeps are to be stamped in.
     pub fn poll(&mut self, now_ns: i64, whole: &mut dyn FnMut(&Sweep)) {
         let mut joining = Joining {
-            assembler: &mut self.assembler,
+            now_ns,
+            streams: &mut self.streams,
+            condition: &mut self.condition,
             recorder: self.recorder.as_mut(),
             whole,
         };
         self.source.poll(now_ns, &mut joining);
-        self.interruptions.see(self.source.link());
+        let beams = self.source.link();
+        if joining.condition.judge(now_ns, beams, joining.streams) {
+            self.source.begin_anew(now_ns, &mut joining);
+        }
     }
 
-    /// How it stands to the radar.
+    /// How it stands to the radar: it streams when its sweeps come.
     pub fn link(&self) -> &Link {
-        self.source.link()
+        self.condition.link()
     }
 
     /// What is known of the radar, for people.
@@ -133,9 +146,9 @@ impl Radar {
 
     /// Tells all counters.
     pub fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        tell(self.interruptions.count());
+        tell(self.condition.count());
         self.source.counts(tell);
-        self.assembler.counts(tell);
+        self.streams.counts(tell);
         if let Some(recorder) = &self.recorder {
             recorder.counts(tell);
         }

@@ -20,7 +20,10 @@ pub trait Source {
     /// When [`Source::poll`] is to be called again even if nothing comes, ns.
     fn due_ns(&self) -> i64;
 
-    /// How it stands to the radar.
+    /// Its beams make no sweeps, however long: begins anew with the radar, as far as it can.
+    fn begin_anew(&mut self, now_ns: i64, sink: &mut dyn Sink);
+
+    /// How it stands to the radar: whether beams come.
     fn link(&self) -> &Link;
 
     /// What is known of the radar, for people, such as its model.

@@ -20,6 +20,8 @@ pub(crate) struct Slot {
     pub unwrapped: i64,
     pub device_ns: Option<i64>,
     pub arrival_ns: i64,
+    /// Of all its bytes.
+    fingerprint: u32,
     /// Its place in the order of arrival, by which its returns are known.
     place: u16,
 }
@@ -36,6 +38,7 @@ pub struct Sweep {
     layout: BeamLayout,
     timing: Timing,
     lost: u32,
+    contested: bool,
 }
 
 impl Sweep {
@@ -47,6 +50,7 @@ impl Sweep {
         self.below_floor = 0;
         self.layout = layout;
         self.lost = 0;
+        self.contested = false;
     }
 
     /// Whether a later beam is here already.
@@ -59,8 +63,13 @@ impl Sweep {
         self.newest
     }
 
-    pub(crate) fn has(&self, number: i64) -> bool {
-        number <= self.newest && self.slots.iter().rev().any(|slot| slot.number == number)
+    /// The fingerprint of a beam that is here already.
+    pub(crate) fn copy_of(&self, number: i64) -> Option<u32> {
+        if number > self.newest {
+            return None;
+        }
+        let copy = self.slots.iter().rev().find(|slot| slot.number == number);
+        copy.map(|slot| slot.fingerprint)
     }
 
     /// Takes a beam; `false` where there is no room.
@@ -75,6 +84,7 @@ impl Sweep {
             unwrapped: 0,
             device_ns: beam.device_ns,
             arrival_ns: beam.arrival_ns,
+            fingerprint: beam.fingerprint,
             place,
         });
         self.newest = self.newest.max(number);
@@ -114,6 +124,10 @@ impl Sweep {
         self.timing = timing;
     }
 
+    pub(crate) fn contest(&mut self, contested: bool) {
+        self.contested = contested;
+    }
+
     /// How the beams lie.
     pub fn layout(&self) -> BeamLayout {
         self.layout
@@ -137,6 +151,11 @@ impl Sweep {
     /// Whether nothing was above the floor.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Whether beams of another sender came meanwhile, so that not all of it may be the radar's.
+    pub fn is_contested(&self) -> bool {
+        self.contested
     }
 
     /// Returns at or below the floor, left out.
@@ -175,7 +194,7 @@ impl Sweep {
         let sweep = &mut head.sweep;
         sweep.begin_ns = self.timing.begin_ns;
         sweep.end_ns = self.timing.end_ns;
-        sweep.sensor = sensor as u32;
+        sweep.set_sensor(sensor, self.contested);
         sweep.beam_count = self.slots.len() as u32;
         sweep.beams_lost = self.lost;
         sweep.returns_dropped = self.below_floor.saturating_add(self.over_limit());

@@ -4,7 +4,7 @@
 use randt_messages::{Message, RadarScan, Return, SensorKind};
 use randt_radar::beam_udp::BeamUdpDecoder;
 use randt_radar::beam_udp::packet::{Format, Packet};
-use randt_radar::{Assembler, BeamDecoder};
+use randt_radar::{BeamDecoder, Streams};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -68,7 +68,7 @@ fn nothing_is_allocated_in_steady_state() {
     };
     let datagrams: Vec<Vec<u8>> = (0..220 * 200).map(|n| datagram(n, returns(n))).collect();
     let mut decoder = BeamUdpDecoder::new(0.0);
-    let mut assembler = Assembler::new(200_000_000);
+    let mut streams = Streams::new(200_000_000, 1_000_000_000);
     let mut message = Message::<RadarScan>::default();
     message
         .items
@@ -82,7 +82,7 @@ fn nothing_is_allocated_in_steady_state() {
         }
         let arrival_ns = 2_000_000_000 + number as i64 * 909_091;
         decoder.decode(datagram, arrival_ns, &mut |beam| {
-            assembler.push(beam, &mut |sweep| {
+            streams.push(beam, &mut |sweep| {
                 sweep.write_head(SensorKind::IsdrC, &mut message.head);
                 sweep.write_items(&mut message.items);
                 sweeps += 1;

@@ -4,7 +4,7 @@ use super::*;
 use crate::{Odometry, Sink};
 use nalgebra::{Matrix3, Vector3};
 use randt_filter::ClusterFilter;
-use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints};
+use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, SensorKind};
 use randt_ndt::ScanCell;
 use randt_saved::{Reader, Saved, Writer};
 use randt_simulator::{Event, Robot, Simulation, World};
@@ -217,6 +217,22 @@ fn a_weak_direction_is_told_by_cell_weight_and_slack() {
         assert_eq!(judge(1.01 * limit, change), Trust::Good, "{limit}");
         assert_eq!(judge(0.99 * limit, change), Trust::Degraded, "{limit}");
     }
+}
+
+#[test]
+fn a_sweep_of_two_senders_is_doubted_for_a_second() {
+    let (mut judge, config) = (TrustJudge::default(), Config::default());
+    let trust: Vec<Trust> = (0..20)
+        .map(|number| {
+            let mut scan = scan(number);
+            let sweep = &mut scan.scan.head.sweep;
+            sweep.set_sensor(SensorKind::IsdrC, number == 7);
+            judge.judge(&solution(0.8, 9000.0), &scan, &config)
+        })
+        .collect();
+    let doubted = (0..).zip(&trust).filter(|(_, t)| **t == Trust::Degraded);
+    let doubted: Vec<usize> = doubted.map(|(scan, _)| scan).collect();
+    assert_eq!(doubted, Vec::from_iter(7..=11));
 }
 
 #[test]

@@ -45,6 +45,8 @@ kinds! {
     Version = "version",
     /// Each tenth message claims to be longer than any can be.
     Oversize = "oversize",
+    /// Before each tenth message comes another one, well-formed and with wrong content.
+    Wrong = "wrong",
     /// Each twentieth beam or sample is not sent.
     Lost = "lost",
     /// Each twentieth beam is sent twice.
@@ -80,6 +82,7 @@ impl FaultKind {
         Self::Checksum,
         Self::Cut,
         Self::Oversize,
+        Self::Wrong,
     ];
 }
 
@@ -126,18 +129,35 @@ impl FromStr for Fault {
 
 /// All faults of a run.
 #[derive(Clone, Debug, Default)]
-pub struct Faults(Vec<Fault>);
+pub struct Faults {
+    list: Vec<Fault>,
+    seed: u64,
+}
 
 impl Faults {
     /// These.
     pub fn new(faults: Vec<Fault>) -> Self {
-        Self(faults)
+        Self {
+            list: faults,
+            seed: 1,
+        }
+    }
+
+    /// Draws what is random in them by a seed.
+    pub fn seeded(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// What draws what is random in them.
+    pub fn seed(&self) -> u64 {
+        self.seed
     }
 
     /// Refuses faults that a protocol cannot have: nothing would happen, in silence.
     pub fn check(&self, protocol: &'static str, cannot: &[FaultKind]) -> Result<(), Error> {
         let can = |kind: &&FaultKind| !cannot.contains(kind);
-        match self.0.iter().find(|fault| !can(&&fault.kind)) {
+        match self.list.iter().find(|fault| !can(&&fault.kind)) {
             None => Ok(()),
             Some(fault) => {
                 let names = FaultKind::ALL.iter().filter(can).map(|kind| kind.name());
@@ -152,7 +172,7 @@ impl Faults {
 
     /// Whether something goes wrong at a time, s since the beginning.
     pub fn is_on(&self, kind: FaultKind, at_s: f64) -> bool {
-        self.0
+        self.list
             .iter()
             .any(|fault| fault.kind == kind && fault.begin_s <= at_s && at_s < fault.end_s)
     }
@@ -160,7 +180,7 @@ impl Faults {
     /// How many faults of a kind have begun until a time, s: for those that happen once.
     pub fn begun(&self, kind: FaultKind, at_s: f64) -> usize {
         let begun = |fault: &&Fault| fault.kind == kind && fault.begin_s <= at_s;
-        self.0.iter().filter(begun).count()
+        self.list.iter().filter(begun).count()
     }
 }
 

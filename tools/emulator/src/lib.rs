@@ -10,6 +10,7 @@ pub mod imu;
 mod pace;
 pub mod radar;
 mod recording;
+mod wrong;
 
 pub use error::Error;
 pub use fault::{Fault, FaultKind, Faults};

@@ -34,6 +34,10 @@ pub mod command {
 
 /// Measurements a second where the device does not say: what the 3DM-CV7 and GX5 have.
 const BASE_HZ: u16 = 1000;
+/// Base rates that are believed: one wrong answer must not make the device send what nobody asked for.
+const BASE_HZ_MIN: u16 = 100;
+/// The most of them.
+const BASE_HZ_MAX: u16 = 10_000;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Step {
@@ -96,6 +100,7 @@ impl MipSetup {
     /// From the beginning.
     pub fn restart(&mut self) {
         self.talk = Conversation::at(Step::Idle);
+        self.base_hz = BASE_HZ;
         self.complaint.clear();
     }
 
@@ -153,7 +158,10 @@ impl MipSetup {
             match (field, data) {
                 // It stands behind its acknowledgement, in the same packet.
                 (command::BASE_RATE_REPLY, [SENSOR_DATA, h, l]) => {
-                    self.base_hz = u16::from_be_bytes([*h, *l]).max(1);
+                    let base_hz = u16::from_be_bytes([*h, *l]);
+                    if (BASE_HZ_MIN..=BASE_HZ_MAX).contains(&base_hz) {
+                        self.base_hz = base_hz;
+                    }
                 }
                 (command::ACK, [echo, error]) if *echo == descriptor => {
                     if *error != 0 && self.talk.step() != Step::Format {
@@ -223,6 +231,19 @@ mod tests {
         assert_eq!(resume, [0x75, 0x65, 0x01, 0x02, 0x02, 0x06, 0xE5, 0xCB]);
         assert!(answer(&mut setup, &ack(1, 6, 0)).is_empty());
         assert_eq!((setup.due_ns(), setup.complaint()), (None, ""));
+    }
+
+    #[test]
+    fn a_base_rate_that_no_device_has_is_not_believed() {
+        for wrong_hz in [0_u16, 1, 99, 10_001, u16::MAX] {
+            let mut setup = MipSetup::new(250.0);
+            setup.send(0).unwrap();
+            answer(&mut setup, &ack(1, 2, 0));
+            let [high, low] = wrong_hz.to_be_bytes();
+            let fields: [(u8, &[u8]); 2] = [(0xF1, &[0x0E, 0]), (0x8E, &[0x80, high, low])];
+            answer(&mut setup, &Packet::encode(0x0C, &fields));
+            assert_eq!(setup.interval_ns(), 4_000_000, "{wrong_hz} Hz");
+        }
     }
 
     #[test]

@@ -31,7 +31,7 @@ fn beam(index: i64) -> RawBeam {
             intensity: 10.0,
         }],
         dropped: 1,
-        powers: Vec::new(),
+        ..RawBeam::default()
     }
 }
 
@@ -248,19 +248,31 @@ fn sweeps_that_are_missing_altogether_are_lost_beams() {
 }
 
 #[test]
-fn a_sender_that_begins_anew_is_followed() {
-    for kind in [beam, running] {
-        let mut assembler = Assembler::new(TURN_NS);
-        let again = (0..440).map(|index| {
-            let mut beam = kind(index);
-            beam.arrival_ns += 2_000_000_000;
-            beam
-        });
-        let out = sweeps(&mut assembler, (0..2200).map(kind).chain(again));
-        assert_eq!(out.len(), 12);
-        assert_eq!(count(&assembler, "sequence_anew"), 1);
-        assert_eq!(count(&assembler, "clock_restarts"), 1);
-    }
+fn a_running_counter_that_begins_anew_is_followed() {
+    let mut assembler = Assembler::new(TURN_NS);
+    let again = (0..440).map(|index| {
+        let mut beam = running(index);
+        beam.arrival_ns += 2_000_000_000;
+        beam
+    });
+    let out = sweeps(&mut assembler, (0..2200).map(running).chain(again));
+    assert_eq!(out.len(), 12);
+    assert_eq!(count(&assembler, "sequence_anew"), 1);
+    assert_eq!(count(&assembler, "clock_restarts"), 1);
+}
+
+#[test]
+fn numbers_of_sweeps_go_on_at_zero() {
+    let mut assembler = Assembler::new(TURN_NS);
+    let beams = (0..220 * 4).map(|index| {
+        let mut beam = beam(index);
+        if let Place::Numbered { sweep, .. } = &mut beam.place {
+            *sweep = sweep.wrapping_sub(2);
+        }
+        beam
+    });
+    assert_eq!(sweeps(&mut assembler, beams).len(), 4);
+    assert_eq!(count(&assembler, "beams_lost"), 0);
 }
 
 #[test]

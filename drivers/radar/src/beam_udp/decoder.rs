@@ -1,12 +1,16 @@
 //! Datagrams of beam-udp to beams: fragments are joined.
 
 use super::packet::{CLOCKWISE, Packet, Refusal};
-use crate::{BeamDecoder, BeamLayout, Place, RawBeam};
+use crate::{BeamDecoder, BeamLayout, Place, RawBeam, Sender};
+use randt_config::{DevicePin, RadarDriver, SenderPin};
 use randt_device::Count;
 use randt_messages::MAX_BEAMS;
+use std::net::SocketAddr;
 
-/// Beams that are being joined at a time: datagrams may change places within one beam.
-const JOINED: usize = 2;
+/// Beams of one sender that are being joined at a time: datagrams may change places within one beam.
+const JOINED_OF_ONE: usize = 2;
+/// Beams of all senders that are being joined: what one sender leaves incomplete takes no room from another.
+const JOINED: usize = 8;
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Counters {
@@ -16,6 +20,7 @@ struct Counters {
     damaged: u64,
     senseless: u64,
     devices: u64,
+    senders: u64,
     incomplete: u64,
     fragments_doubled: u64,
 }
@@ -23,111 +28,160 @@ struct Counters {
 /// A beam that lacks fragments.
 #[derive(Debug, Default)]
 struct Joined {
-    /// Sweep, beam, fragments; `None`: free.
-    of: Option<(u32, u16, u8)>,
-    seen: [u64; 4],
-    count: u8,
+    /// `None`: free.
+    of: Option<Joining>,
+    /// Number and checksum of the fragments that are here.
+    fragments: Vec<(u8, u32)>,
     beam: RawBeam,
 }
 
-/// beam-udp to beams, of one radar: the first one that is heard.
+/// What the fragments of a beam have in common.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Joining {
+    sender: Sender,
+    sweep: u32,
+    beam: u16,
+    fragments: u8,
+}
+
+/// beam-udp to beams: of all senders, or of those that the configuration pins.
 #[derive(Debug)]
 pub struct BeamUdpDecoder {
     keep_power: f32,
-    device: Option<u32>,
+    device: DevicePin,
+    sender: SenderPin,
+    from: Option<SocketAddr>,
+    /// Of the last beam.
+    heard: Option<(Sender, BeamLayout)>,
     joined: [Joined; JOINED],
     beam: RawBeam,
     counters: Counters,
 }
 
 impl BeamUdpDecoder {
-    /// Returns must be above `keep_power`.
+    /// Returns must be above `keep_power`. Takes every sender's.
     pub fn new(keep_power: f32) -> Self {
         Self {
             keep_power,
-            device: None,
+            device: DevicePin::default(),
+            sender: SenderPin::default(),
+            from: None,
+            heard: None,
             joined: Default::default(),
             beam: RawBeam::default(),
             counters: Counters::default(),
         }
     }
 
+    /// Takes only what `radar.device` and `radar.sender` say.
+    pub fn pin(&mut self, radar: &RadarDriver) {
+        (self.device, self.sender) = (radar.device, radar.sender);
+    }
+
+    /// Where the datagrams come from that are decoded from now on.
+    pub fn sent_from(&mut self, address: Option<SocketAddr>) {
+        self.from = address;
+    }
+
     /// The radar and its beams, for people.
     pub fn about(&self) -> String {
-        match self.device {
+        match self.heard {
             None => "nothing heard yet".to_owned(),
-            Some(device) => format!(
-                "device {device}, {} beams of {:.4} m bins, {}clockwise",
-                self.beam.layout.beams,
-                self.beam.layout.bin_m,
-                if self.beam.layout.clockwise {
-                    ""
-                } else {
-                    "counter-"
-                },
+            Some((sender, layout)) => format!(
+                "{sender}, {} beams of {:.4} m bins, {}clockwise",
+                layout.beams,
+                layout.bin_m,
+                if layout.clockwise { "" } else { "counter-" },
             ),
         }
     }
 
-    fn take(&mut self, packet: &Packet<'_>, arrival_ns: i64, beams: &mut dyn FnMut(&RawBeam)) {
+    /// What is listened for, for people: empty where it is everybody.
+    pub fn pinned(&self) -> String {
+        match (self.device.0, self.sender.ip) {
+            (None, None) => String::new(),
+            (Some(device), None) => format!(" of device {device} (radar.device)"),
+            (None, Some(_)) => format!(" from {} (radar.sender)", self.sender),
+            (Some(device), Some(_)) => format!(" of device {device} from {}", self.sender),
+        }
+    }
+
+    fn take(
+        &mut self,
+        packet: &Packet<'_>,
+        checksum: u32,
+        arrival_ns: i64,
+        beams: &mut dyn FnMut(&RawBeam),
+    ) {
+        let sender = Sender {
+            device: packet.device,
+            address: self.from,
+        };
         if packet.fragments == 1 {
-            begin(packet, arrival_ns, &mut self.beam);
+            begin(packet, sender, arrival_ns, &mut self.beam);
+            self.beam.fingerprint = checksum;
             add(packet, self.keep_power, &mut self.beam);
+            self.heard = Some((sender, self.beam.layout));
             beams(&self.beam);
             return;
         }
-        let of = Some((packet.sweep, packet.beam, packet.fragments));
-        let known = self.joined.iter().position(|joined| joined.of == of);
-        let Some(joined) = known
-            .or_else(|| self.free(packet))
-            .and_then(|at| self.joined.get_mut(at))
-        else {
+        let of = Joining {
+            sender,
+            sweep: packet.sweep,
+            beam: packet.beam,
+            fragments: packet.fragments,
+        };
+        let known = self.joined.iter().position(|joined| joined.of == Some(of));
+        let at = known.unwrap_or_else(|| self.free(&of));
+        let Some(joined) = self.joined.get_mut(at) else {
             return;
         };
-        if joined.of != of {
-            *joined = Joined {
-                of,
-                beam: std::mem::take(&mut joined.beam),
-                ..Joined::default()
-            };
-            begin(packet, arrival_ns, &mut joined.beam);
+        if joined.of != Some(of) {
+            joined.of = Some(of);
+            joined.fragments.clear();
+            begin(packet, sender, arrival_ns, &mut joined.beam);
         }
-        let bit = 1_u64 << (packet.fragment % 64);
-        let seen = joined.seen.get_mut(usize::from(packet.fragment / 64));
-        if seen.is_some_and(|seen| std::mem::replace(seen, *seen | bit) & bit != 0) {
+        let mut here = joined.fragments.iter();
+        if let Some((_, copy)) = here.find(|(fragment, _)| *fragment == packet.fragment) {
+            joined.beam.contradicted |= *copy != checksum;
             self.counters.fragments_doubled += 1;
             return;
         }
-        joined.count += 1;
+        joined.fragments.push((packet.fragment, checksum));
+        joined.beam.fingerprint = joined.beam.fingerprint.wrapping_add(checksum);
         add(packet, self.keep_power, &mut joined.beam);
-        if joined.count == packet.fragments {
+        if joined.fragments.len() == usize::from(packet.fragments) {
             joined.of = None;
             // Fragments that changed places.
             joined.beam.echoes.sort_unstable_by_key(|echo| echo.bin);
-            self.beam.layout = joined.beam.layout;
+            self.heard = Some((sender, joined.beam.layout));
             beams(&joined.beam);
         }
     }
 
-    /// A place for a new beam: a free one, or that of the older beam, which is given up.
-    fn free(&mut self, packet: &Packet<'_>) -> Option<usize> {
-        if let Some(free) = self.joined.iter().position(|joined| joined.of.is_none()) {
-            return Some(free);
-        }
-        self.counters.incomplete += 1;
-        let age = |joined: &Joined| {
-            let (sweep, beam, _) = joined.of.unwrap_or_default();
-            (
-                packet.sweep.wrapping_sub(sweep),
-                packet.beam.wrapping_sub(beam),
-            )
+    /// A place for a new beam: a free one, as long as its sender has no more than its share; or that of an older beam,
+    /// which is given up.
+    fn free(&mut self, new: &Joining) -> usize {
+        let of_sender = |joined: &Joined| joined.of.is_some_and(|of| of.sender == new.sender);
+        let all = self.joined.iter().enumerate();
+        let own = all.clone().filter(|(_, joined)| of_sender(joined));
+        let oldest = |(_, joined): &(usize, &Joined)| joined.beam.arrival_ns;
+        let given_up = if own.clone().count() >= JOINED_OF_ONE {
+            own.min_by_key(oldest)
+        } else if let Some((at, _)) = all.clone().find(|(_, joined)| joined.of.is_none()) {
+            return at;
+        } else {
+            all.min_by_key(oldest)
         };
-        (0..JOINED).max_by_key(|at| self.joined.get(*at).map(age))
+        self.counters.incomplete += 1;
+        given_up.map_or(0, |(at, _)| at)
     }
 }
 
 /// What a beam's first fragment says.
-fn begin(packet: &Packet<'_>, arrival_ns: i64, beam: &mut RawBeam) {
+fn begin(packet: &Packet<'_>, sender: Sender, arrival_ns: i64, beam: &mut RawBeam) {
+    beam.sender = sender;
+    (beam.fingerprint, beam.contradicted) = (0, false);
     let bin_m = f64::from(packet.resolution_um) * 1e-6;
     beam.place = Place::Numbered {
         sweep: packet.sweep,
@@ -154,14 +208,19 @@ fn add(packet: &Packet<'_>, keep_power: f32, beam: &mut RawBeam) {
 impl BeamDecoder for BeamUdpDecoder {
     fn decode(&mut self, bytes: &[u8], arrival_ns: i64, beams: &mut dyn FnMut(&RawBeam)) {
         self.counters.datagrams += 1;
+        if self.from.is_some_and(|from| !self.sender.allows(from)) {
+            self.counters.senders += 1;
+            return;
+        }
         match Packet::decode(bytes) {
             Ok(packet) if !(3..=MAX_BEAMS as u16).contains(&packet.beams) => {
                 self.counters.senseless += 1;
             }
-            Ok(packet) if *self.device.get_or_insert(packet.device) != packet.device => {
-                self.counters.devices += 1;
+            Ok(packet) if !self.device.allows(packet.device) => self.counters.devices += 1,
+            Ok(packet) => {
+                let checksum = bytes.last_chunk().copied().map_or(0, u32::from_le_bytes);
+                self.take(&packet, checksum, arrival_ns, beams);
             }
-            Ok(packet) => self.take(&packet, arrival_ns, beams),
             Err(Refusal::Foreign) => self.counters.foreign += 1,
             Err(Refusal::Version) => self.counters.versions += 1,
             Err(Refusal::Damaged) => self.counters.damaged += 1,
@@ -170,7 +229,7 @@ impl BeamDecoder for BeamUdpDecoder {
     }
 
     fn restart(&mut self) {
-        self.device = None;
+        self.heard = None;
         for joined in &mut self.joined {
             joined.of = None;
         }
@@ -190,6 +249,10 @@ impl BeamDecoder for BeamUdpDecoder {
         tell(Count::event("datagrams_damaged", counters.damaged));
         tell(Count::event("datagrams_senseless", counters.senseless));
         tell(Count::event("datagrams_of_another_radar", counters.devices));
+        tell(Count::event(
+            "datagrams_of_another_sender",
+            counters.senders,
+        ));
         tell(Count::event("beams_incomplete", counters.incomplete));
         tell(Count::event(
             "fragments_doubled",
@@ -276,17 +339,63 @@ mod tests {
         assert_eq!(count(&decoder, "beams_incomplete"), 1);
     }
 
+    /// A datagram of another device.
+    fn other(mut datagram: Vec<u8>) -> Vec<u8> {
+        datagram[8] = 2;
+        let end = datagram.len() - 4;
+        let crc = crate::beam_udp::crc::crc32c(&datagram[..end]);
+        datagram[end..].copy_from_slice(&crc.to_le_bytes());
+        datagram
+    }
+
     #[test]
-    fn another_radar_on_the_same_address_is_not_mixed_in() {
+    fn what_is_pinned_is_all_that_is_heard() {
         let mut decoder = BeamUdpDecoder::new(0.0);
-        let mut other = datagram(1, 0, 1, 0);
-        other[8] = 2;
-        let end = other.len() - 4;
-        let crc = crate::beam_udp::crc::crc32c(&other[..end]);
-        other[end..].copy_from_slice(&crc.to_le_bytes());
-        let datagrams = [datagram(0, 0, 1, 0), other, b"hello".to_vec()];
+        decoder.pin(&RadarDriver {
+            device: DevicePin(Some(1)),
+            sender: SenderPin {
+                ip: Some([10, 0, 0, 5].into()),
+                port: None,
+            },
+            ..RadarDriver::default()
+        });
+        let ours = datagram(0, 0, 1, 0);
+        decoder.sent_from(Some(([10, 0, 0, 5], 1).into()));
+        let datagrams = [ours.clone(), other(ours.clone()), b"hello".to_vec()];
         assert_eq!(beams(&mut decoder, &datagrams).len(), 1);
-        assert_eq!(count(&decoder, "datagrams_of_another_radar"), 1);
-        assert_eq!(count(&decoder, "datagrams_of_another_protocol"), 1);
+        decoder.sent_from(Some(([10, 0, 0, 6], 1).into()));
+        assert_eq!(beams(&mut decoder, &datagrams).len(), 0);
+        for (name, value) in [
+            ("datagrams_of_another_radar", 1),
+            ("datagrams_of_another_sender", 3),
+            ("datagrams_of_another_protocol", 1),
+        ] {
+            assert_eq!(count(&decoder, name), value, "{name}");
+        }
+    }
+
+    #[test]
+    fn fragments_of_a_stranger_neither_join_a_beam_nor_take_its_place() {
+        let mut decoder = BeamUdpDecoder::new(5.0);
+        // A fragment of the same beam by another device, and others that stay incomplete.
+        let ours = [datagram(0, 0, 2, 0), datagram(0, 1, 2, 2)];
+        assert_eq!(beams(&mut decoder, &ours[..1]).len(), 0);
+        for port in 0..3 {
+            decoder.sent_from(Some(([10, 0, 0, 6], port).into()));
+            let strange = [other(datagram(0, 1, 2, 2)), datagram(port, 0, 2, 0)];
+            assert_eq!(beams(&mut decoder, &strange).len(), 0);
+        }
+        decoder.sent_from(None);
+        let out = beams(&mut decoder, &ours[1..]);
+        assert_eq!((out.len(), out[0].contradicted), (1, false));
+        // Copies of a fragment that differ are told.
+        let mut louder = datagram(1, 0, 2, 0);
+        let end = louder.len() - 4;
+        louder[end - 1] ^= 1;
+        let crc = crate::beam_udp::crc::crc32c(&louder[..end]);
+        louder[end..].copy_from_slice(&crc.to_le_bytes());
+        let copies = [datagram(1, 0, 2, 0), louder, datagram(1, 1, 2, 2)];
+        let out = beams(&mut decoder, &copies);
+        assert_eq!((out.len(), out[0].contradicted), (1, true));
     }
 }

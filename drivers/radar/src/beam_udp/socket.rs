@@ -2,7 +2,9 @@
 
 use super::decoder::BeamUdpDecoder;
 use crate::{BeamDecoder, Error, Poller, Sink, Source};
-use nix::sys::socket::{ControlMessageOwned, MsgFlags, recvmsg, setsockopt, sockopt as kernel};
+use nix::sys::socket::{
+    ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt, sockopt as kernel,
+};
 use randt_device::{Backoff, Count, Link};
 use rustix::net::{self, AddressFamily, SocketFlags, SocketType, sockopt};
 use rustix::time::{ClockId, clock_gettime};
@@ -162,13 +164,17 @@ impl BeamUdpSocket {
         for _ in 0..BATCH {
             let mut room = [IoSliceMut::new(&mut self.datagram)];
             let control = Some(self.control.as_mut_slice());
-            let message =
-                match recvmsg::<()>(socket.as_raw_fd(), &mut room, control, MsgFlags::empty()) {
-                    Ok(message) => message,
-                    Err(nix::Error::EAGAIN) => return Ok(()),
-                    Err(nix::Error::EINTR) => continue,
-                    Err(errno) => return Err(errno),
-                };
+            let message = match recvmsg::<SockaddrStorage>(
+                socket.as_raw_fd(),
+                &mut room,
+                control,
+                MsgFlags::empty(),
+            ) {
+                Ok(message) => message,
+                Err(nix::Error::EAGAIN) => return Ok(()),
+                Err(nix::Error::EINTR) => continue,
+                Err(errno) => return Err(errno),
+            };
             let mut arrival_ns = now_ns;
             for control in message.cmsgs()? {
                 match control {
@@ -188,6 +194,7 @@ impl BeamUdpSocket {
                     _ => {}
                 }
             }
+            self.decoder.sent_from(message.address.and_then(address_of));
             let count = message.bytes;
             let bytes = self.datagram.get(..count).unwrap_or_default();
             let (beam_ns, came) = (&mut self.beam_ns, &mut self.came);
@@ -214,11 +221,12 @@ impl BeamUdpSocket {
             return;
         }
         if self.link.streams() {
-            // Another radar may take its place.
+            // What is half joined will not be joined any more.
             self.decoder.restart();
         }
         let text = if now_ns - self.datagram_ns <= self.silence_ns {
-            format!("datagrams on {address}, but no beam of beam-udp for more than {silence_s} s")
+            let pinned = self.decoder.pinned();
+            format!("datagrams on {address}, but no beam{pinned} for more than {silence_s} s")
         } else {
             format!("no datagram on {address} for more than {silence_s} s")
         };
@@ -238,6 +246,14 @@ impl BeamUdpSocket {
             self.backoff.failed(now_ns);
         }
     }
+}
+
+/// Where a datagram came from.
+fn address_of(address: SockaddrStorage) -> Option<SocketAddr> {
+    let v4 = address.as_sockaddr_in().copied();
+    let v6 = address.as_sockaddr_in6().copied();
+    v4.map(|v4| SocketAddr::V4(v4.into()))
+        .or(v6.map(|v6| SocketAddr::V6(v6.into())))
 }
 
 /// The date: the kernel's stamps are of its clock.
@@ -271,6 +287,10 @@ impl Source for BeamUdpSocket {
             (Some(_), Link::Trouble(_)) => i64::MAX,
             (Some(_), _) => self.beam_ns.saturating_add(self.silence_ns + 1),
         }
+    }
+
+    fn begin_anew(&mut self, _: i64, _: &mut dyn Sink) {
+        self.decoder.restart();
     }
 
     fn link(&self) -> &Link {

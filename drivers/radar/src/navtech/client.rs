@@ -50,6 +50,7 @@ pub struct NavtechClient {
     /// Since when there is no beam, for which the radar was asked once more, ns.
     asked_ns: i64,
     started: u64,
+    doubts: u64,
     connects: u64,
     piece: Vec<u8>,
     outgoing: Vec<u8>,
@@ -74,6 +75,7 @@ impl NavtechClient {
             beam_ns: None,
             asked_ns: 0,
             started: 0,
+            doubts: 0,
             connects: 0,
             piece: vec![0; PIECE],
             outgoing: Vec::new(),
@@ -177,6 +179,11 @@ impl NavtechClient {
             self.asked_ns = now_ns;
             Self::send(socket, version, kind::START_FFT, &mut self.outgoing)?;
         }
+        if self.doubts != self.decoder.doubts() {
+            self.doubts = self.decoder.doubts();
+            let kind = kind::CONFIGURATION_REQUEST;
+            Self::send(socket, version, kind, &mut self.outgoing)?;
+        }
         if now_ns >= *keep_alive_ns {
             *keep_alive_ns = now_ns + KEEP_ALIVE_NS;
             Self::send(socket, version, kind::KEEP_ALIVE, &mut self.outgoing)?;
@@ -256,6 +263,16 @@ impl Source for NavtechClient {
                 (*keep_alive_ns).min(heard_ns + self.silence_ns + 1)
             }
         }
+    }
+
+    fn begin_anew(&mut self, now_ns: i64, sink: &mut dyn Sink) {
+        // A new connection begins with the radar's configuration: what is believed of it may be wrong.
+        let address = self.address;
+        self.lost(
+            format!("beams from {address}, but no whole sweep; connecting anew"),
+            now_ns,
+            sink,
+        );
     }
 
     fn link(&self) -> &Link {

@@ -5,6 +5,11 @@
 
 use crate::bytes::Bytes;
 
+/// Gains of the range that are believed: the vendor's is 1, and a calibration changes per cents of it.
+const GAINS: core::ops::RangeInclusive<f32> = 0.5..=2.0;
+/// Longest offset of the range that is believed, m: a calibration's are below a few bins.
+const OFFSET_MAX_M: f32 = 50.0;
+
 /// A radar's configuration.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Configuration {
@@ -58,8 +63,8 @@ impl Configuration {
         };
         let sensible = configuration.encoder_size > 0
             && configuration.bin_m() > 0.0
-            && configuration.range_gain.is_finite()
-            && configuration.range_offset_m.is_finite();
+            && GAINS.contains(&configuration.range_gain)
+            && configuration.range_offset_m.abs() <= OFFSET_MAX_M;
         sensible.then_some(configuration)
     }
 
@@ -258,7 +263,7 @@ mod tests {
         #[test]
         fn round_trip(
             numbers in any::<[u16; 6]>(),
-            gain in -2.0..2.0_f32,
+            gain in 0.5..2.0_f32,
             offset in -9.0..9.0_f32,
             model in "[A-Z0-9]{0,200}",
             width in prop::option::of(any::<u64>()),

@@ -32,6 +32,9 @@ struct State {
     stamps: Stamps,
     configuration: Option<Configuration>,
     configurations: u64,
+    /// One that contradicts it, until the radar says it once more.
+    doubted: Option<Configuration>,
+    doubts: u64,
     sixteen: bool,
     version: u8,
     beam: RawBeam,
@@ -49,6 +52,8 @@ impl NavtechDecoder {
                 stamps: Stamps::new(byte_order),
                 configuration: None,
                 configurations: 0,
+                doubted: None,
+                doubts: 0,
                 sixteen: false,
                 version: VERSION,
                 beam: RawBeam::default(),
@@ -71,6 +76,11 @@ impl NavtechDecoder {
     /// How many configurations came in all: the radar begins anew with one.
     pub fn configurations(&self) -> u64 {
         self.state.configurations
+    }
+
+    /// How many configurations contradicted the one in force: each is to be asked for once more.
+    pub fn doubts(&self) -> u64 {
+        self.state.doubts
     }
 
     /// The version of the radar's last message, which it is answered in.
@@ -112,7 +122,7 @@ impl BeamDecoder for NavtechDecoder {
     fn restart(&mut self) {
         self.parser.restart();
         self.state.stamps.restart();
-        self.state.configuration = None;
+        (self.state.configuration, self.state.doubted) = (None, None);
         self.state.version = VERSION;
     }
 
@@ -125,6 +135,10 @@ impl BeamDecoder for NavtechDecoder {
         tell(Count::event(
             "messages_damaged",
             counters.damaged + faults.cut,
+        ));
+        tell(Count::event(
+            "configurations_contradicted",
+            self.state.doubts,
         ));
         tell(Count::event(
             "beams_before_configuration",
@@ -143,8 +157,7 @@ impl State {
         match frame.kind {
             kind::CONFIGURATION => match Configuration::decode(frame.payload) {
                 Some(configuration) if (3..=MAX_BEAMS as u16).contains(&configuration.azimuths) => {
-                    self.configuration = Some(configuration);
-                    self.configurations += 1;
+                    self.configure(configuration);
                 }
                 _ => self.counters.damaged += 1,
             },
@@ -153,6 +166,23 @@ impl State {
             kind::HEALTH => self.counters.health += 1,
             _ => self.counters.unknown += 1,
         }
+    }
+
+    /// In a connection a radar changes its configuration seldom, and one wrong message would make all beams wrong that
+    /// follow: another one is believed when it comes twice.
+    fn configure(&mut self, configuration: Configuration) {
+        let is_other = self
+            .configuration
+            .as_ref()
+            .is_some_and(|current| *current != configuration);
+        if is_other && self.doubted.as_ref() != Some(&configuration) {
+            self.doubted = Some(configuration);
+            self.doubts += 1;
+            return;
+        }
+        self.doubted = None;
+        self.configuration = Some(configuration);
+        self.configurations += 1;
     }
 
     fn take_beam(&mut self, frame: &Frame<'_>, arrival_ns: i64, beams: &mut dyn FnMut(&RawBeam)) {
@@ -198,5 +228,55 @@ fn layout(configuration: &Configuration) -> BeamLayout {
         bin_m,
         first_m: 0.5 * bin_m + f64::from(configuration.range_offset_m),
         turn_ns: (mhz > 0).then(|| 1_000_000_000_000 / mhz),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::navtech::configuration::Details;
+
+    fn message(azimuths: u16, range_gain: f32) -> Vec<u8> {
+        let configuration = Configuration {
+            azimuths,
+            bin_size_01mm: 438,
+            bins: 3768,
+            encoder_size: 5600,
+            rotation_mhz: 4000,
+            packets_per_s: 1600,
+            range_gain,
+            range_offset_m: 0.0,
+            details: Details::default(),
+        };
+        let (mut payload, mut bytes) = (Vec::new(), Vec::new());
+        configuration.encode(&mut payload);
+        Frame {
+            version: 1,
+            kind: kind::CONFIGURATION,
+            payload: &payload,
+        }
+        .encode(&mut bytes);
+        bytes
+    }
+
+    #[test]
+    fn one_wrong_configuration_is_asked_for_once_more() {
+        let mut decoder = NavtechDecoder::new(0.0, ByteOrder::Auto);
+        let mut come = |bytes: &[u8]| {
+            decoder.decode(bytes, 0, &mut |_| {});
+            let azimuths = decoder.configuration().map(|known| known.azimuths);
+            (azimuths, decoder.configurations(), decoder.doubts())
+        };
+        assert_eq!(come(&message(400, 1.0)), (Some(400), 1, 0));
+        // Another number of beams, another gain: neither moves what is believed, and the answer is the radar's.
+        assert_eq!(come(&message(900, 1.0)), (Some(400), 1, 1));
+        assert_eq!(come(&message(400, 1.5)), (Some(400), 1, 2));
+        assert_eq!(come(&message(400, 1.0)), (Some(400), 2, 2));
+        // A radar that was set anew says so twice.
+        assert_eq!(come(&message(800, 1.0)), (Some(400), 2, 3));
+        assert_eq!(come(&message(800, 1.0)), (Some(800), 3, 3));
+        // What no radar has is none at all.
+        assert_eq!(come(&message(800, f32::NAN)), (Some(800), 3, 3));
+        assert_eq!(come(&message(800, -1.0)), (Some(800), 3, 3));
     }
 }

@@ -116,8 +116,10 @@ impl FrameParser {
             } else if length > PAYLOAD_MAX {
                 self.faults.oversize += 1;
             } else {
-                let payload = header.0.get(..length)?;
-                let Some(next) = find_signature(payload) else {
+                // What has come of it says it too: a wrong length must not swallow a second of beams first.
+                let payload = header.0.get(..length);
+                let Some(next) = find_signature(payload.unwrap_or(header.0)) else {
+                    payload?;
                     break (version, kind, length);
                 };
                 self.faults.cut += 1;
@@ -279,6 +281,19 @@ mod tests {
         assert_eq!(all(&mut parser), [(kind::FFT_16, vec![7; 100])]);
         let faults = parser.faults();
         assert_eq!((faults.cut, faults.junk_bytes), (1, 60));
+    }
+
+    #[test]
+    fn a_length_that_is_wrong_costs_no_more_than_its_own_message() {
+        let mut parser = FrameParser::default();
+        let mut bytes = SIGNATURE.to_vec();
+        // A mebibyte, which never comes.
+        bytes.extend_from_slice(&[1, kind::FFT_8, 0, 0x10, 0, 0]);
+        bytes.extend_from_slice(&[7; 50]);
+        parser.push(&bytes);
+        assert_eq!(parser.next(), None);
+        parser.push(&VENDOR_HEADER_ONLY);
+        assert_eq!(all(&mut parser), [(kind::CONFIGURATION, vec![0xCA, 0xFE])]);
     }
 
     proptest! {

@@ -1,6 +1,7 @@
 //! What a serial device does in its protocol.
 
 use super::Moment;
+use crate::wrong::Wrong;
 
 /// A device without its port: commands in, answers and measurements out. Switched on it is idle: it streams only what
 /// it was told to.
@@ -10,6 +11,9 @@ pub(super) trait Device: Send {
 
     /// A measurement as a message; none where it is not to be sent.
     fn message(&self, moment: &Moment, interval_ns: i64) -> Option<Vec<u8>>;
+
+    /// A message of its own accord, well-formed and with wrong content.
+    fn wrong(&self, moment: &Moment, wrong: &mut Wrong) -> Vec<u8>;
 
     /// The beginning of a message that claims to be longer than any.
     fn oversize(&self) -> &'static [u8];

@@ -2,6 +2,7 @@
 
 use super::Moment;
 use super::device::{Device, is_asked_for};
+use crate::wrong::Wrong;
 use randt_imu::STANDARD_GRAVITY_M_S2;
 use randt_imu::frames::Frames;
 use randt_imu::mip::{Field, MipFraming, Packet, SENSOR_DATA, command};
@@ -79,25 +80,56 @@ impl Device for MipDevice {
         if !self.state.streams || !is_asked_for(moment, interval_ns, asked_ns) {
             return None;
         }
-        let acceleration = moment
-            .acceleration_m_s2
-            .map(|value| (value / STANDARD_GRAVITY_M_S2) as f32);
-        let fields = [
-            Field::ReferenceTime(moment.device_ns.unsigned_abs()),
-            Field::Acceleration(acceleration),
-            Field::Rate(moment.rate_rad_s.map(|value| value as f32)),
-        ];
-        let fields: Vec<(u8, Vec<u8>)> = fields
-            .iter()
-            .map(Field::encode)
+        let fields: Vec<(u8, Vec<u8>)> = measured(moment)
+            .into_iter()
             .filter(|(descriptor, _)| self.state.fields.contains(descriptor))
             .collect();
         Some(encode(SENSOR_DATA, &fields))
     }
 
+    fn wrong(&self, moment: &Moment, wrong: &mut Wrong) -> Vec<u8> {
+        if wrong.below(3) > 0 {
+            let mut fields = measured(moment).to_vec();
+            let at = wrong.below(fields.len() as u64) as usize;
+            if let Some((_, data)) = fields.get_mut(at) {
+                wrong.change(data);
+            }
+            return encode(SENSOR_DATA, &fields);
+        }
+        // An answer that nobody asked for.
+        let set = [command::BASE, command::DM][wrong.below(2) as usize];
+        let echoes = [
+            command::IDLE,
+            command::RESUME,
+            command::BASE_RATE,
+            command::MESSAGE_FORMAT,
+            command::STREAM,
+        ];
+        let echo = echoes[wrong.below(echoes.len() as u64) as usize];
+        let (high, low) = (wrong.below(256) as u8, wrong.below(256) as u8);
+        let fields = [
+            (command::ACK, vec![echo, wrong.below(4) as u8]),
+            (command::BASE_RATE_REPLY, vec![SENSOR_DATA, high, low]),
+        ];
+        encode(set, &fields)
+    }
+
     fn oversize(&self) -> &'static [u8] {
         &[0x75, 0x65, SENSOR_DATA, 0xFF]
     }
+}
+
+/// All that is measured, as fields.
+fn measured(moment: &Moment) -> [(u8, Vec<u8>); 3] {
+    let acceleration = moment
+        .acceleration_m_s2
+        .map(|value| (value / STANDARD_GRAVITY_M_S2) as f32);
+    let fields = [
+        Field::ReferenceTime(moment.device_ns.unsigned_abs()),
+        Field::Acceleration(acceleration),
+        Field::Rate(moment.rate_rad_s.map(|value| value as f32)),
+    ];
+    fields.map(|field| field.encode())
 }
 
 fn encode(set: u8, fields: &[(u8, Vec<u8>)]) -> Vec<u8> {

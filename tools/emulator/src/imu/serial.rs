@@ -8,6 +8,7 @@ use super::mip::MipDevice;
 use super::terminal::{Terminal, link};
 use super::xsens::XsensDevice;
 use super::{Moment, Moments};
+use crate::wrong::Wrong;
 use crate::{Error, FaultKind};
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -110,10 +111,12 @@ impl SerialImu {
     /// Plays all moments, or until the end is asked for.
     pub fn run(&mut self, moments: &mut Moments, ends: &dyn Fn() -> bool) -> Result<(), Error> {
         let mut closed = 0;
+        let mut wrong = Wrong::new(moments.faults().seed());
         while let Some(moment) = moments.next_moment()? {
             let at_s = moments.at_s(moment.stamp_ns);
             let on = |kind| moments.faults().is_on(kind, at_s);
             let (unplugged, silent) = (on(FaultKind::Unplug), on(FaultKind::Silence));
+            let is_wrong = on(FaultKind::Wrong);
             let close = moments.faults().begun(FaultKind::Close, at_s) > closed;
             if !self.wait(moments.pace().due(moment.stamp_ns), silent, ends) {
                 break;
@@ -125,6 +128,13 @@ impl SerialImu {
             if self.plugged.is_none() {
                 self.plug()?;
                 moments.begin_clock(moment.stamp_ns);
+            }
+            if is_wrong
+                && moment.number.is_multiple_of(SPOILT)
+                && let Some(plugged) = &mut self.plugged
+            {
+                let message = plugged.device.wrong(&moment, &mut wrong);
+                plugged.terminal.write(&message);
             }
             if close {
                 closed += 1;

@@ -2,6 +2,7 @@
 
 use super::Moment;
 use super::device::{Device, is_asked_for};
+use crate::wrong::Wrong;
 use randt_imu::frames::Frames;
 use randt_imu::xsens::{Item, Message, XsensFraming, id};
 
@@ -53,19 +54,44 @@ impl Device for XsensDevice {
         if !self.measures || !is_asked_for(moment, interval_ns, asked_ns) {
             return None;
         }
-        let mut data = Vec::new();
-        for item in [
-            Item::PacketCounter(moment.number as u16),
-            Item::SampleTimeFine((moment.device_ns / TICK_NS) as u32),
-            Item::Acceleration(moment.acceleration_m_s2.map(|value| value as f32)),
-            Item::RateOfTurn(moment.rate_rad_s.map(|value| value as f32)),
-        ] {
-            item.encode(&mut data);
+        Some(Message::encode(id::MT_DATA2, &measured(moment)))
+    }
+
+    fn wrong(&self, moment: &Moment, wrong: &mut Wrong) -> Vec<u8> {
+        let mut data = measured(moment);
+        if wrong.below(3) > 0 {
+            wrong.change(&mut data);
+            return Message::encode(id::MT_DATA2, &data);
         }
-        Some(Message::encode(id::MT_DATA2, &data))
+        // An answer that nobody asked for.
+        let asked = [
+            id::GO_TO_CONFIG,
+            id::OUTPUT_CONFIGURATION,
+            id::GO_TO_MEASUREMENT,
+        ];
+        let answer = match asked.get(wrong.below(4) as usize) {
+            Some(asked) => id::ack(*asked),
+            None => id::ERROR,
+        };
+        data.truncate(wrong.below(12) as usize);
+        wrong.change(&mut data);
+        Message::encode(answer, &data)
     }
 
     fn oversize(&self) -> &'static [u8] {
         &[0xFA, 0xFF, id::MT_DATA2, 0xFF, 0xFF, 0xFF]
     }
+}
+/// All that is measured, as items.
+fn measured(moment: &Moment) -> Vec<u8> {
+    let mut data = Vec::new();
+    for item in [
+        Item::PacketCounter(moment.number as u16),
+        Item::SampleTimeFine((moment.device_ns / TICK_NS) as u32),
+        Item::Acceleration(moment.acceleration_m_s2.map(|value| value as f32)),
+        Item::RateOfTurn(moment.rate_rad_s.map(|value| value as f32)),
+    ] {
+        item.encode(&mut data);
+    }
+    data
 }

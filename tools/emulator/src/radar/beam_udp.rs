@@ -2,15 +2,21 @@
 
 use super::mishap::Spoil;
 use super::{Format, Sending, Sent, Wire, play};
+use crate::wrong::Wrong;
 use crate::{Error, Faults, Pace, Recording};
 use randt_messages::RadarScan;
 use randt_radar::Echo;
-use randt_radar::beam_udp::packet::{DATAGRAM_MAX, Packet, encode_value};
+use randt_radar::beam_udp::packet::{DATAGRAM_MAX, HEADER_BYTES, Packet, crc32c, encode_value};
 use std::f64::consts::TAU;
 use std::net::{SocketAddr, UdpSocket};
 
 /// The radar's number, if anybody asks.
 const DEVICE: u32 = 1;
+
+/// Where a datagram's content begins: behind magic and version.
+const CONTENT: usize = 5;
+/// At a datagram's end.
+const CHECKSUM_BYTES: usize = 4;
 
 /// Sends a recording to an address, unicast or multicast.
 pub struct BeamUdpSender {
@@ -123,6 +129,23 @@ impl Wire for BeamUdpSender {
 
     fn send(&mut self, message: &[u8]) -> bool {
         self.socket.send_to(message, self.to).is_ok()
+    }
+
+    fn wrong(&self, message: &[u8], wrong: &mut Wrong) -> Vec<u8> {
+        let mut message = message.to_vec();
+        let end = message.len().saturating_sub(CHECKSUM_BYTES);
+        // The header behind magic and version; at times the values.
+        let to = if wrong.below(4) == 0 {
+            end
+        } else {
+            HEADER_BYTES
+        };
+        if let Some(content) = message.get_mut(CONTENT..to) {
+            wrong.change(content);
+        }
+        message.truncate(end);
+        message.extend_from_slice(&crc32c(&message).to_le_bytes());
+        message
     }
 
     fn spoil(&self, spoil: Spoil, message: &mut Vec<u8>) {

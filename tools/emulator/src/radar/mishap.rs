@@ -1,6 +1,7 @@
 //! What goes wrong with a radar's messages, each at its time.
 
 use super::Wire;
+use crate::wrong::Wrong;
 use crate::{FaultKind, Faults};
 
 /// Of so many messages one is spoilt.
@@ -38,6 +39,7 @@ pub(crate) struct Now {
 pub(crate) struct Mishaps {
     faults: Faults,
     random: u64,
+    wrong: Wrong,
     count: u64,
     closes: usize,
     held: Vec<Vec<u8>>,
@@ -48,6 +50,7 @@ impl Mishaps {
         Self {
             faults,
             random: seed | 1,
+            wrong: Wrong::new(seed),
             count: 0,
             closes: 0,
             held: Vec::new(),
@@ -82,6 +85,12 @@ impl Mishaps {
         if closes > self.closes {
             self.closes = closes;
             messages.iter().for_each(|message| wire.close(message));
+        }
+        if on(FaultKind::Wrong) && every(SPOILT) {
+            for message in messages.iter() {
+                let message = wire.wrong(message, &mut self.wrong);
+                wire.send(&message);
+            }
         }
         let gone = on(FaultKind::Silence) || on(FaultKind::Unplug);
         let lost = on(FaultKind::Lost) && every(ASTRAY) || on(FaultKind::Rate) && every(2);

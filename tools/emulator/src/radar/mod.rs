@@ -12,6 +12,7 @@ pub use navtech::NavtechServer;
 pub use randt_radar::beam_udp::packet::Format;
 pub use randt_radar::navtech::order::Order;
 
+use crate::wrong::Wrong;
 use crate::{Error, Faults, Pace, Recording};
 use device_time::DeviceTime;
 use mishap::Mishaps;
@@ -47,6 +48,8 @@ trait Wire {
     fn close(&mut self, _message: &[u8]) {}
     /// The device is gone, or back.
     fn unplug(&mut self, _gone: bool) {}
+    /// A message like this one, well-formed and with wrong content.
+    fn wrong(&self, message: &[u8], wrong: &mut Wrong) -> Vec<u8>;
     /// Spoils a message as only this protocol can be.
     fn spoil(&self, spoil: mishap::Spoil, message: &mut Vec<u8>);
 }

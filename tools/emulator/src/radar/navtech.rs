@@ -4,16 +4,20 @@ use super::mishap::Spoil;
 use super::server::Server;
 use super::turns::Turn;
 use super::{Order, Sending, Sent, Wire, play};
+use crate::wrong::Wrong;
 use crate::{Error, Faults, Pace, Recording};
 use randt_messages::RadarScan;
 use randt_radar::navtech::configuration::{Configuration, Details};
-use randt_radar::navtech::fft::{Bins, Fft, STEP_16};
-use randt_radar::navtech::frame::{Frame, VERSION, kind};
+use randt_radar::navtech::fft::{Bins, DATA_OFFSET, Fft, STEP_16};
+use randt_radar::navtech::frame::{Frame, HEADER_BYTES, VERSION, kind};
 use std::f64::consts::TAU;
 use std::net::SocketAddr;
 
 /// Counts of the encoder in a turn, as all Navtechs have them.
 const ENCODER_SIZE: u16 = 5600;
+
+/// The fixed part of a configuration.
+const CONFIGURATION_BYTES: usize = 20;
 
 /// Serves a recording to up to three clients.
 pub struct NavtechServer {
@@ -140,6 +144,30 @@ impl Wire for NavtechServer {
             kind::FFT_8
         };
         messages.push(message(kind, &self.body));
+    }
+
+    fn wrong(&self, beam: &[u8], wrong: &mut Wrong) -> Vec<u8> {
+        // Another configuration, a beam with another head, or another type of message.
+        match wrong.below(3) {
+            0 => {
+                let mut payload = self.configuration.clone();
+                let fixed = payload.len().min(CONFIGURATION_BYTES);
+                wrong.change(payload.get_mut(..fixed).unwrap_or_default());
+                message(kind::CONFIGURATION, &payload)
+            }
+            1 => {
+                let mut beam = beam.to_vec();
+                let head = HEADER_BYTES..HEADER_BYTES + usize::from(DATA_OFFSET);
+                wrong.change(beam.get_mut(head).unwrap_or_default());
+                beam
+            }
+            _ => {
+                let payload = beam.get(HEADER_BYTES..).unwrap_or_default();
+                let length = wrong.below(payload.len() as u64 + 1) as usize;
+                let kind = wrong.below(256) as u8;
+                message(kind, payload.get(..length).unwrap_or_default())
+            }
+        }
     }
 
     fn send(&mut self, message: &[u8]) -> bool {

@@ -54,7 +54,7 @@ impl Common {
             randt_stage::end_with(parent);
         }
         crate::job::catch_interrupts();
-        Faults::new(self.faults.clone())
+        Faults::new(self.faults.clone()).seeded(self.seed)
     }
 }
 
