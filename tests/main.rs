@@ -55,4 +55,5 @@ mod systemd;
 mod top;
 mod trust;
 mod view;
+mod view_access;
 mod worlds;
