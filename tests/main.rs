@@ -41,6 +41,7 @@ mod operate;
 mod package;
 mod pipeline;
 mod plot;
+mod ports;
 mod power_cut;
 mod recorder;
 mod replay;
