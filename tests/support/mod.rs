@@ -9,6 +9,7 @@
 pub mod bag;
 pub mod blows;
 pub mod boot;
+pub mod browser;
 pub mod calls;
 pub mod cgroup;
 pub mod directives;

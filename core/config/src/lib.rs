@@ -20,6 +20,7 @@ mod builtin;
 mod config;
 mod error;
 mod extent;
+mod host;
 mod input;
 mod layer;
 mod load;
@@ -30,11 +31,14 @@ mod section;
 mod sections;
 mod show;
 mod value;
+mod web_access;
+mod web_origin;
 
 #[cfg(feature = "clap")]
 pub use arguments::SelectionArguments;
 pub use config::{Config, Section};
 pub use error::Error;
+pub use host::Host;
 pub use input::{InputGeometry, check_input};
 pub use layer::Origins;
 pub use load::{DEFAULT_PROFILE, Loaded, Selection, check_file};
@@ -46,3 +50,5 @@ pub use sections::{
     Attitude, ByteOrder, Filter, Grid, ImuDriver, ImuSource, Keyframe, Loops, Ndt, Odometry,
     RadarDriver, RadarSource, Record, Robot, Sensor, Submap, View,
 };
+pub use web_access::{HostNames, WebOrigins};
+pub use web_origin::{NotAnOrigin, WebOrigin};

@@ -4,7 +4,7 @@ use crate::Rule::{Graduation, LossShape};
 use crate::rule::within;
 use crate::section::section;
 use crate::value::choice;
-use crate::{DevicePin, SenderPin};
+use crate::{DevicePin, HostNames, SenderPin, WebOrigins};
 
 section! {
     /// Beam-wise cluster filter (paper, III-A).
@@ -376,7 +376,17 @@ section! {
         /// Address with port that viewers connect to; 8765 is what they try by themselves. Nobody is asked who he is: so only
         /// this machine, and others through ssh. "0.0.0.0:8765" lets everybody in the network watch.
         pub listen: String = "127.0.0.1:8765".to_owned(),
+        /// Origins of web pages that may watch, separated by blanks, such as "https://viewer.example:8443". Lichtblick and
+        /// Foxglove may without, and so may pages of the viewer's own machine and of this robot's address.
+        pub origins: WebOrigins = WebOrigins::default(),
+        /// Names of this robot, separated by blanks, such as "robot.example.com", where viewers use others than its addresses,
+        /// localhost, its host name and HOSTNAME.local. A name that leads here and is not known is refused.
+        pub host_names: HostNames = HostNames::default(),
         /// Viewers at once; one more is turned away. Each costs a few per cent of a core at most.
         pub clients_max: u32 = 8 => within(1.0, 64.0, "one viewer at least; each has buffers of its own"),
+        /// Viewers at once from one address (IPv6: one /64 network), so that nobody takes all places. On loopback, where all
+        /// come out of ssh, it does not count.
+        pub clients_max_per_address: u32 = 4
+            => within(1.0, 64.0, "one viewer at least; as many as there are at all"),
     }
 }

@@ -5,7 +5,7 @@ mod inputs;
 use clap::Parser;
 use inputs::Inputs;
 use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, go_behind, parse};
-use randt_view::{Board, Server, check_address};
+use randt_view::{AccessPolicy, Board, Server, ViewerLimits, check_address};
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -34,7 +34,13 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let (key, found) = (("view", "listen"), &config.view.listen);
         randt_config::Error::value(&loaded.origins, key, found, expected.to_owned())
     })?;
-    let listen = arguments.listen.as_ref().unwrap_or(&config.view.listen);
+    let view = &config.view;
+    let policy = AccessPolicy::new(&view.origins, &view.host_names);
+    let limits = ViewerLimits {
+        total: view.clients_max as usize,
+        per_address: view.clients_max_per_address as usize,
+    };
+    let listen = arguments.listen.as_ref().unwrap_or(&view.listen).clone();
     go_behind();
     let mut stage = arguments.stage.open("view")?;
     let selection = &arguments.stage.selection;
@@ -42,7 +48,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let clock = stage.clock();
     let mut inputs = Inputs::open(&mut stage)?;
     let mut board = Board::new(config.robot);
-    let mut server = Server::new(listen, config.view.clients_max as usize, stage.epoch());
+    let mut server = Server::new(&listen, policy, limits, stage.epoch());
     stage.running()?;
     loop {
         inputs.drain(&mut board)?;

@@ -1,10 +1,14 @@
-//! Who watches: the listening socket, and all viewers' connections.
+//! The listening socket, and all clients' connections.
 
-use crate::Board;
+use crate::client_log::{ClientLog, Event};
 use crate::connection::Connection;
+use crate::handshake::{Handshake, Progress};
+use crate::limits::{HANDSHAKES_MAX, ViewerLimits, to_evict};
+use crate::{AccessPolicy, Board, Refusal};
 use std::io::ErrorKind;
-use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::net::{TcpListener, ToSocketAddrs};
 use std::os::fd::{AsFd, BorrowedFd};
+use std::rc::Rc;
 use std::time::Duration;
 
 /// An address that cannot be had is tried again so often, ns.
@@ -17,16 +21,26 @@ const PAUSE_FULL: Duration = Duration::from_millis(20);
 const PAUSE_ALONE: Duration = Duration::from_secs(1);
 /// Frames that a viewer misses until it is told of, a second.
 const BEHIND: u64 = 1;
+/// Clients accepted before it is the viewers' turn, so that a crowd does not keep viewers waiting.
+const ACCEPTED_MAX: usize = 2 * HANDSHAKES_MAX;
+/// This machine's host name, which may change while it runs.
+const OWN_NAME: &str = "/proc/sys/kernel/hostname";
 
-/// All viewers.
+/// All viewers, and clients that may become one.
 pub struct Server {
     listen: String,
-    clients_max: usize,
     session: String,
+    policy: Rc<AccessPolicy>,
+    limits: ViewerLimits,
     listener: Option<TcpListener>,
     again_ns: i64,
+    /// No client is accepted until then, ns; `None` where accepting works.
+    rests_until_ns: Option<i64>,
     trouble: String,
-    connections: Vec<Connection>,
+    /// The oldest first.
+    handshakes: Vec<Handshake>,
+    viewers: Vec<Connection>,
+    log: ClientLog,
 }
 
 /// Refuses what can never be an address with a port; a name that nobody knows yet may be known later.
@@ -41,29 +55,37 @@ pub fn check_address(text: &str) -> Result<String, &'static str> {
 
 impl Server {
     /// One that will listen at an address. `session` is another one for every process.
-    pub fn new(listen: &str, clients_max: usize, session: u64) -> Self {
+    pub fn new(listen: &str, policy: AccessPolicy, limits: ViewerLimits, session: u64) -> Self {
         Self {
             listen: listen.to_owned(),
-            clients_max,
             session: session.to_string(),
+            policy: Rc::new(policy),
+            limits,
             listener: None,
             again_ns: i64::MIN,
+            rests_until_ns: None,
             trouble: String::new(),
-            connections: Vec::new(),
+            handshakes: Vec::new(),
+            viewers: Vec::new(),
+            log: ClientLog::default(),
         }
     }
 
-    /// Lets viewers in, hears them, sends them what may go. `say` gets a line for the journal.
+    /// Lets clients in, hears them, sends viewers what may go. `say` gets a line for the journal.
     pub fn turn(&mut self, board: &Board, now_ns: i64, say: &mut dyn FnMut(&str)) {
         self.listen(now_ns, say);
         self.let_in(now_ns, say);
-        self.connections.retain_mut(|connection| {
-            let turn = connection.turn(board, now_ns);
+        self.shake_hands(now_ns, say);
+        let log = &mut self.log;
+        self.viewers.retain_mut(|viewer| {
+            let turn = viewer.turn(board, now_ns);
             if let Err(why) = &turn {
-                say(&format!("{} is gone: {why}", connection.address));
+                let text = format!("{} is gone: {why}", viewer.address);
+                log.record(Event::Gone, &text, now_ns, say);
             }
             turn.is_ok()
         });
+        self.log.catch_up(now_ns, say);
     }
 
     fn listen(&mut self, now_ns: i64, say: &mut dyn FnMut(&str)) {
@@ -86,38 +108,78 @@ impl Server {
     }
 
     fn let_in(&mut self, now_ns: i64, say: &mut dyn FnMut(&str)) {
-        while let Some(listener) = &self.listener {
-            match listener.accept() {
-                Ok((stream, address)) => self.welcome(stream, address, now_ns, say),
+        if self.rests_until_ns.is_some_and(|until| now_ns < until) {
+            return;
+        }
+        self.rests_until_ns = None;
+        let mut own_name: Option<Rc<str>> = None;
+        for _ in 0..ACCEPTED_MAX {
+            let accepted = match &self.listener {
+                Some(listener) => listener.accept(),
+                None => return,
+            };
+            let made = accepted.and_then(|(stream, address)| {
+                let own_name = own_name.get_or_insert_with(read_own_name);
+                Handshake::new(stream, address, &self.policy, own_name, now_ns)
+            });
+            match made {
+                Ok(handshake) => self.make_room(handshake, now_ns, say),
                 Err(cause) if cause.kind() == ErrorKind::WouldBlock => return,
                 Err(cause) => {
-                    say(&format!("a viewer could not come in: {cause}"));
+                    // Such as too many open files: trying again at once would take the whole loop.
+                    self.rests_until_ns = Some(now_ns.saturating_add(AGAIN_NS));
+                    let text = format!("a client could not come in: {cause}");
+                    self.log.record(Event::Accept, &text, now_ns, say);
                     return;
                 }
             }
         }
     }
 
-    fn welcome(
-        &mut self,
-        stream: TcpStream,
-        address: SocketAddr,
-        now_ns: i64,
-        say: &mut dyn FnMut(&str),
-    ) {
-        if self.connections.len() >= self.clients_max {
-            say(&format!(
-                "{address} is turned away: {} watch",
-                self.connections.len()
-            ));
-            return;
+    fn make_room(&mut self, newcomer: Handshake, now_ns: i64, say: &mut dyn FnMut(&str)) {
+        if self.handshakes.len() >= HANDSHAKES_MAX {
+            // A handshake that can be finished now is not evicted.
+            self.shake_hands(now_ns, say);
         }
-        match Connection::new(stream, address, &self.session, now_ns) {
-            Ok(connection) => {
-                say(&format!("{address} watches"));
-                self.connections.push(connection);
+        if self.handshakes.len() >= HANDSHAKES_MAX {
+            let waiting: Vec<_> = self.handshakes.iter().map(|h| h.address.ip()).collect();
+            if let Some(place) = to_evict(&waiting) {
+                let address = self.handshakes.remove(place).address;
+                let text = format!("{address} had to make room: too many that are no viewers yet");
+                self.log.record(Event::Crowd, &text, now_ns, say);
             }
-            Err(cause) => say(&format!("{address}: {cause}")),
+        }
+        self.handshakes.push(newcomer);
+    }
+
+    fn shake_hands(&mut self, now_ns: i64, say: &mut dyn FnMut(&str)) {
+        for handshake in std::mem::take(&mut self.handshakes) {
+            let address = handshake.address;
+            let (event, why) = match handshake.turn(&self.session, now_ns) {
+                Progress::Waits(handshake) => {
+                    self.handshakes.push(*handshake);
+                    continue;
+                }
+                Progress::Done(connection) => {
+                    let watching = self.viewers.iter().map(|viewer| viewer.address.ip());
+                    match self.limits.check(address.ip(), watching) {
+                        Ok(()) => {
+                            let text = format!("{address} watches");
+                            self.log.record(Event::Watches, &text, now_ns, say);
+                            self.viewers.push(*connection);
+                            continue;
+                        }
+                        Err(why) => {
+                            connection.turn_away(&why);
+                            (Event::Crowd, why)
+                        }
+                    }
+                }
+                Progress::Refused(refusal) => (event_of(&refusal), refusal.to_string()),
+                Progress::Failed(why) => (Event::Handshake, why),
+            };
+            let text = format!("{address} is turned away: {why}");
+            self.log.record(event, &text, now_ns, say);
         }
     }
 
@@ -128,12 +190,12 @@ impl Server {
 
     /// Who watches and how well.
     pub fn remark(&self, now_ns: i64) -> String {
-        let mut words = match self.connections.len() {
+        let mut words = match self.viewers.len() {
             0 => "nobody watches".to_owned(),
             1 => "1 viewer".to_owned(),
             count => format!("{count} viewers"),
         };
-        let slowest = self.connections.iter().max_by_key(|c| c.client.dropped);
+        let slowest = self.viewers.iter().max_by_key(|c| c.client.dropped);
         if let Some(slowest) = slowest.filter(|slowest| slowest.client.dropped >= BEHIND) {
             words.push_str(&format!(
                 "; {}: {} dropped frames, link {:.1} s",
@@ -142,65 +204,56 @@ impl Server {
                 slowest.flow.round_trip_s(now_ns)
             ));
         }
+        let refused = self.log.refused();
+        if !refused.is_empty() {
+            words.push_str(&format!("; refused: {refused}"));
+        }
         words
     }
 
     /// What to watch for something to read.
     pub fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
-        let doors = self.listener.iter().map(AsFd::as_fd);
-        doors.chain(self.connections.iter().map(Connection::descriptor))
+        // A client that cannot be accepted now would end every sleep at once.
+        let is_open = self.rests_until_ns.is_none();
+        let listener = self
+            .listener
+            .iter()
+            .filter(move |_| is_open)
+            .map(AsFd::as_fd);
+        let waiting = self
+            .handshakes
+            .iter()
+            .map(|handshake| handshake.descriptor());
+        let viewers = self.viewers.iter().map(Connection::descriptor);
+        listener.chain(waiting).chain(viewers)
     }
 
     /// How long to sleep at most.
     pub fn pause(&self) -> Duration {
-        match self.connections.as_slice() {
-            [] => PAUSE_ALONE,
-            some if some.iter().any(|connection| connection.is_full) => PAUSE_FULL,
-            _ => PAUSE,
+        let is_alone = self.viewers.is_empty() && self.handshakes.is_empty();
+        if is_alone {
+            PAUSE_ALONE
+        } else if self.viewers.iter().any(|viewer| viewer.is_full) {
+            PAUSE_FULL
+        } else {
+            PAUSE
         }
     }
+}
+
+fn event_of(refusal: &Refusal) -> Event {
+    match refusal {
+        Refusal::Origin(_) => Event::Origin,
+        Refusal::Host(_) => Event::Host,
+        Refusal::Request(_) | Refusal::Protocol(_) => Event::Request,
+    }
+}
+
+/// This machine's host name; empty, which is no name, where it cannot be read.
+fn read_own_name() -> Rc<str> {
+    let name = std::fs::read_to_string(OWN_NAME).unwrap_or_default();
+    Rc::from(name.trim())
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_no_address_is_refused() {
-        for text in ["bad", "", "127.0.0.1", "127.0.0.1:99999", ":x"] {
-            assert!(check_address(text).is_err(), "{text:?}");
-        }
-        for text in ["127.0.0.1:0", "[::1]:8765", "0.0.0.0:1"] {
-            assert!(check_address(text).is_ok(), "{text:?}");
-        }
-    }
-
-    #[test]
-    fn an_address_that_is_taken_is_tried_again() {
-        let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = taken.local_addr().unwrap().to_string();
-        let mut server = Server::new(&address, 2, 1);
-        let board = Board::default();
-        let mut said = Vec::new();
-        let mut turn = |server: &mut Server, now_ns| {
-            server.turn(&board, now_ns, &mut |line| said.push(line.to_owned()));
-        };
-        turn(&mut server, 0);
-        assert!(server.trouble().contains(&address), "{}", server.trouble());
-        drop(taken);
-        turn(&mut server, AGAIN_NS / 2);
-        assert!(!server.trouble().is_empty());
-        turn(&mut server, AGAIN_NS);
-        assert_eq!((server.trouble(), server.descriptors().count()), ("", 1));
-        // One more than it has room for.
-        let viewers: Vec<_> = (0..3)
-            .map(|_| TcpStream::connect(&address).unwrap())
-            .collect();
-        turn(&mut server, AGAIN_NS);
-        assert_eq!(server.remark(0), "2 viewers");
-        drop(viewers);
-        turn(&mut server, AGAIN_NS);
-        assert_eq!(server.remark(0), "nobody watches");
-        assert!(said[0].starts_with("ws://127.0.0.1:"));
-    }
-}
+mod tests;
