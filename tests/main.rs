@@ -38,6 +38,7 @@ mod machines;
 mod map;
 mod mission;
 mod operate;
+mod owner;
 mod package;
 mod pipeline;
 mod plot;

@@ -6,7 +6,7 @@ use super::journal::HeldJournal;
 use super::launch::{self, PLAY};
 use super::program::Program;
 use super::watch::{STAGES, Watch};
-use crate::output::{warn, write_whole};
+use crate::output::{warn, write_private};
 use crate::report::Count;
 use crate::{job, progress};
 use anyhow::{bail, ensure};
@@ -222,7 +222,7 @@ impl Processes {
             stage.running()?;
             // The run folder may be another one now.
             let (profile, text) = &self.profile;
-            write_whole(profile, text.as_bytes())?;
+            write_private(profile, text.as_bytes())?;
             Ok(stage)
         });
         // Why not was said when it began.
