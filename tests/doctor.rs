@@ -145,6 +145,7 @@ fn the_run_folder_is_the_sessions_where_that_is_the_users_alone() {
         said.lines().next().unwrap().to_owned()
     };
     let path = session.path().to_str().unwrap();
+    fs::set_permissions(path, Permissions::from_mode(0o700)).unwrap();
     assert_eq!(title(path), format!("realm session in {path}/randt"));
     let usual = title("");
     assert!(!usual.contains(path), "{usual}");

@@ -7,6 +7,7 @@ use std::io::{BufRead, BufReader};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, lchown, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
 /// The stages' user, who may be anybody's.
 const USER: u32 = 65534;
@@ -14,6 +15,8 @@ const USER: u32 = 65534;
 const SECRET: &str = "what root alone may read";
 /// After so many commands what has become of it is looked at.
 const ROUND: usize = 50;
+/// So long a link stands where it was put: short beside a command, long beside a step of it.
+const HELD: Duration = Duration::from_micros(30);
 /// Tells this program that it is the attacker, and where.
 const ATTACKS: &str = "RANDT_TEST_ATTACKS";
 
@@ -305,43 +308,34 @@ fn attacks() {
     let Some(folder) = std::env::var_os(ATTACKS).map(PathBuf::from) else {
         return;
     };
-    let (root, victims) = (
+    let (root, secret, victim) = (
         folder.join("missions"),
-        ["secret", "victim", "victim/state/keep"],
+        folder.join("secret"),
+        folder.join("victim"),
     );
-    let victims = victims.map(|name| folder.join(name));
     let mut swaps = 0_usize;
     println!("begins");
     loop {
-        let mut targets = vec![root.join(".current.part"), root.join("current")];
-        for mission in fs::read_dir(root.join("missions"))
-            .into_iter()
-            .flatten()
-            .flatten()
-        {
-            let names = [
-                "mission.json",
-                "mission.json.part",
-                "logs",
-                "report",
-                "report.part",
-                "state",
-                "config.toml",
-                "note.txt",
-            ];
-            targets.extend(names.map(|name| mission.path().join(name)));
-            targets.push(mission.path());
-        }
-        for target in targets {
+        // What is written, and what is walked through: of the mission that is the current one at this moment.
+        let current = root.join(fs::read_link(root.join("current")).unwrap_or_default());
+        let targets = [
+            (current.join("mission.json.part"), &secret),
+            (current.join("logs"), &victim),
+            (current.join("note.txt"), &secret),
+            (current.join("mission.json.part"), &secret),
+            (current.join("report"), &victim),
+            (current.join("mission.json"), &secret),
+            (current.clone(), &victim),
+            (root.join(".current.part"), &victim),
+            (root.join("current"), &victim),
+        ];
+        for (target, to) in targets {
             swaps += 1;
             let aside = root.join(format!(".aside-{}", swaps % 7));
-            let victim = &victims[swaps % victims.len()];
             // Best effort, all of it: the command works on the same files.
             let _ = fs::rename(&target, &aside);
-            let _ = symlink(victim, &target);
-            if swaps % 3 == 0 {
-                std::thread::yield_now();
-            }
+            let _ = symlink(to, &target);
+            std::thread::sleep(HELD);
             let _ = fs::remove_file(&target);
             let _ = fs::rename(&aside, &target);
             let _ = fs::remove_dir_all(&aside);

@@ -49,6 +49,10 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         return sensors::run(&arguments);
     }
     let realm = arguments.realm.realm()?;
+    if let Some(finding) = owner::open_to_all(&realm) {
+        // Nothing in it is opened: anybody may have made it.
+        return conclude(&title(&realm), &[finding]);
+    }
     // Root's looks and cleans with the rights of the realm's owner, who may have put links in it.
     let owner = Identity::of_way_to(&realm.folder())?;
     owner.run(|| examine(realm, &arguments))
@@ -70,9 +74,11 @@ fn examine(realm: Realm, arguments: &Arguments) -> anyhow::Result<Outcome> {
     findings.push(shared_memory::check(&scene));
     findings.push(slots::check(&scene));
     findings.push(leftovers::check(&scene));
-    let realm = &scene.realm;
-    let title = format!("realm {} in {}", realm.prefix(), realm.run().display());
-    conclude(&title, &findings.concat())
+    conclude(&title(&scene.realm), &findings.concat())
+}
+
+fn title(realm: &Realm) -> String {
+    format!("realm {} in {}", realm.prefix(), realm.run().display())
 }
 
 /// Prints what was found.
