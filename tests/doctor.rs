@@ -76,6 +76,7 @@ fn a_good_realm_is_called_good() {
     for about in [
         "user",
         "rights",
+        "exposed",
         "memory",
         "run folder",
         "clock",
@@ -90,23 +91,68 @@ fn a_good_realm_is_called_good() {
 
 #[test]
 fn another_users_realm_is_told_with_whose_it_is() {
-    let pipeline = Pipeline::new("whose");
-    pipeline.realm().make().unwrap();
-    if rustix::process::geteuid().is_root() {
-        std::os::unix::fs::chown(pipeline.realm().folder(), Some(65534), None).unwrap();
-        let other = pipeline.randt(&["doctor"]);
-        assert_bad(
-            &other,
-            "belongs to user 65534, this process is user 0",
-            "sudo -u '#65534' randt doctor",
-        );
-        let clean = pipeline.randt(&["doctor", "--clean"]);
-        assert_eq!(clean.code, Some(1));
-        assert!(clean.says("belongs to user 65534"), "{}", clean.stderr);
-    } else {
+    if !rustix::process::geteuid().is_root() {
         // A folder that is surely there and not this user's.
         let other = ended(randt(&["doctor", "--run", "/", "--prefix", "usr"]));
         assert_bad(&other, "belongs to user 0", "sudo -u '#0' randt doctor");
+        return;
+    }
+    // Root looks and cleans with the rights of whoever has it.
+    let pipeline = Pipeline::new("whose");
+    pipeline.realm().make().unwrap();
+    let realm = pipeline.realm();
+    for folder in [realm.run(), &realm.folder(), &realm.root(), &realm.state()] {
+        std::os::unix::fs::chown(folder, Some(65534), None).unwrap();
+    }
+    let other = pipeline.randt(&["doctor"]);
+    assert_eq!(other.code, Some(0), "{}{}", other.stdout, other.stderr);
+    assert_says(&other, "ok", "this process are user 65534");
+    let clean = pipeline.randt(&["doctor", "--clean"]);
+    assert_eq!(clean.code, Some(0), "{}", clean.stderr);
+}
+
+#[test]
+fn a_file_that_others_may_write_to_is_found_and_closed() {
+    let mut pipeline = Pipeline::new("open");
+    pipeline.stage("filter");
+    let count = pipeline.segments().into_iter();
+    let mut count = count.filter(|name| name.ends_with("global_mgmt"));
+    let count = Path::new("/dev/shm").join(count.next().unwrap());
+    let mode = || fs::metadata(&count).unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode(), 0o600, "whatever iceoryx2 makes of it");
+    fs::set_permissions(&count, Permissions::from_mode(0o666)).unwrap();
+    assert_bad(
+        &pipeline.randt(&["doctor"]),
+        "1 file that other users may read or write, such as /dev/shm/open-",
+        "randt doctor --clean --prefix open-",
+    );
+    let clean = pipeline.randt(&["doctor", "--clean"]);
+    assert_eq!(clean.code, Some(0), "{}", clean.stderr);
+    assert_eq!(mode(), 0o600);
+    assert_says(&pipeline.randt(&["doctor"]), "ok", "for their owner alone");
+}
+
+#[test]
+fn the_run_folder_is_the_sessions_where_that_is_the_users_alone() {
+    if Path::new("/run/randt").is_dir() {
+        return println!("not run: this machine has /run/randt");
+    }
+    let session = tempfile::tempdir().unwrap();
+    let title = |said: &str| {
+        let mut doctor = randt(&["doctor", "--prefix", "session"]);
+        doctor.env("XDG_RUNTIME_DIR", said);
+        let said = ended(doctor).stdout;
+        said.lines().next().unwrap().to_owned()
+    };
+    let path = session.path().to_str().unwrap();
+    fs::set_permissions(path, Permissions::from_mode(0o700)).unwrap();
+    assert_eq!(title(path), format!("realm session in {path}/randt"));
+    let usual = title("");
+    assert!(!usual.contains(path), "{usual}");
+    // What others may look into is no session's, nor is what is not there, or no absolute path.
+    fs::set_permissions(path, Permissions::from_mode(0o755)).unwrap();
+    for other in [path, "/nowhere", "."] {
+        assert_eq!(title(other), usual, "{other}");
     }
 }
 

@@ -40,6 +40,7 @@ mod machines;
 mod map;
 mod mission;
 mod operate;
+mod owner;
 mod package;
 mod pipeline;
 mod plot;

@@ -292,7 +292,7 @@ fn it_is_installed_upgraded_and_purged() {
         begin.elapsed().as_secs_f64()
     );
 
-    // Removed: nothing runs, what was recorded and configured stays. Purged: nothing stays.
+    // Removed: nothing runs, what was recorded and configured stays. Purged: the missions stay, and what is not ours.
     machine.good(&["systemctl", "stop", "emulate-radar", "emulate-imu"]);
     machine.good(&["dpkg", "--remove", "randt"]);
     assert_eq!(
@@ -300,14 +300,68 @@ fn it_is_installed_upgraded_and_purged() {
         ""
     );
     assert!(robot.exists() && machine.path("/var/lib/randt/current").exists());
-    machine.good(&["dpkg", "--purge", "randt"]);
+    // Another user's pipeline, and links that the stages' user has left.
+    let plant =
+        "mkdir /dev/shm/randt-1000 /root/victim && touch /dev/shm/randt-1000/keep /root/victim/keep
+        for at in /run/randt/link /dev/shm/randt-link /var/lib/randt/link; do
+            ln -s /root/victim $at && chown -h randt:randt $at
+        done";
+    machine.good(&["sh", "-c", plant]);
+    let missions = machine.good(&["find", "/var/lib/randt/missions"]);
+    let said = machine.good(&["dpkg", "--purge", "randt"]);
+    assert!(
+        said.contains("the missions stay in /var/lib/randt"),
+        "{said}"
+    );
+    assert_eq!(machine.good(&["find", "/var/lib/randt/missions"]), missions);
+    assert!(missions.contains("map.journal"), "{missions}");
+    assert_eq!(
+        machine.good(&["find", "/root/victim", "-type", "f"]),
+        "/root/victim/keep\n"
+    );
     let places = ["/etc", "/usr", "/var/lib", "/run", "/dev/shm"];
     let mut find = vec!["find"];
     find.extend(places);
     find.extend(["-xdev", "-name", "*randt*"]);
     let left = machine.run(&find).stdout;
-    assert_eq!(left, "");
+    assert_eq!(left, "/var/lib/randt\n/dev/shm/randt-1000\n");
+    // The missions of a robot that never drove are nothing.
+    machine.good(&["sh", "-c", "rm -r /var/lib/randt"]);
+    machine.good(&["dpkg", "--install", "/opt/0.1.0.deb"]);
+    machine.good(&["runuser", "-u", "randt", "--", "randt", "mission", "list"]);
+    machine.good(&["dpkg", "--purge", "randt"]);
+    let left = machine.run(&find).stdout;
+    assert_eq!(left, "/dev/shm/randt-1000\n");
     println!("{:.1} s: purged", begin.elapsed().as_secs_f64());
+}
+
+/// Rules name our devices, by their products where a maker has others, and FTDI's by those that are Xsens'.
+#[test]
+fn rules_touch_our_devices_only() {
+    let rules = include_str!("../systemd/udev/60-randt.rules");
+    let rules: Vec<&str> = rules
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .collect();
+    // Makers of nothing but sensors, or whose hubs have sensors behind them.
+    let makers = ["06c2", "2639"];
+    assert_eq!(rules.len(), 4, "{rules:?}");
+    for rule in rules {
+        let value = |key: &str| {
+            let (_, rest) = rule.split_once(&format!("{{{key}}}==\""))?;
+            rest.split('"').next()
+        };
+        let vendor = value("idVendor").unwrap();
+        let product = value("idProduct");
+        assert!(product.is_some() || makers.contains(&vendor), "{rule}");
+        match vendor {
+            // Of thousands of products with FTDI's number, the kernel knows these as Xsens'.
+            "0403" => assert_eq!(product, Some("d38[89a-f]")),
+            "199b" => assert_eq!(product, Some("3065")),
+            _ => assert!(makers.contains(&vendor), "{rule}"),
+        }
+        assert!(rule.ends_with("GROUP=\"randt\", MODE=\"0660\""), "{rule}");
+    }
 }
 
 /// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test --test programs package:: -- --ignored`.

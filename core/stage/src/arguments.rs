@@ -11,7 +11,8 @@ pub struct RealmArguments {
     /// Name of the pipeline: programs with the same one see each other, others do not
     #[arg(long, value_name = "NAME", default_value = "randt")]
     pub prefix: String,
-    /// Folder in memory for what must survive a stage; /run/randt where that is, else /dev/shm/randt-UID
+    /// Folder in memory for what must survive a stage, in which nobody else can write; /run/randt where that is, else
+    /// $XDG_RUNTIME_DIR/randt, else /dev/shm/randt-UID
     #[arg(long, value_name = "DIR")]
     pub run: Option<PathBuf>,
 }

@@ -1,10 +1,15 @@
 //! The one clock that all stages share.
 
 use crate::{Error, Realm};
+use rustix::fs::{Mode, OFlags, open};
 use rustix::time::{ClockId, clock_gettime};
-use std::fs;
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
+
+/// More than the longest number.
+const TEXT_MAX: u64 = 32;
 
 /// Time since the boot plus an anchor: reads like the date, never steps, and is the same in every stage, restarted ones
 /// too. The anchor is taken once per boot and kept in the run folder, which does not survive one.
@@ -25,7 +30,14 @@ impl Clock {
         let own = realm
             .run()
             .join(format!("clock-anchor.{}", std::process::id()));
-        let written = fs::File::create(&own).and_then(|mut file| write!(file, "{anchor_ns}"));
+        // One of a process of this number that was killed. The new one is nobody else's, whatever was there.
+        let _ = fs::remove_file(&own);
+        let made = File::options()
+            .write(true)
+            .create_new(true)
+            .mode(0o600)
+            .open(&own);
+        let written = made.and_then(|mut file| write!(file, "{anchor_ns}"));
         let linked = written.and_then(|()| fs::hard_link(&own, &path));
         // Best effort: what counts is what the link leads to.
         let _ = fs::remove_file(&own);
@@ -55,7 +67,11 @@ impl Clock {
 }
 
 fn read(path: &Path) -> Option<i64> {
-    fs::read_to_string(path).ok()?.trim().parse().ok()
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let file = File::from(open(path, flags, Mode::empty()).ok()?);
+    let mut text = String::new();
+    file.take(TEXT_MAX).read_to_string(&mut text).ok()?;
+    text.trim().parse().ok()
 }
 
 fn nanoseconds(clock: ClockId) -> i64 {
@@ -66,6 +82,8 @@ fn nanoseconds(clock: ClockId) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rustix::fs::{CWD, FileType, mknodat};
+    use std::os::unix::fs::symlink;
 
     #[test]
     fn two_stages_share_one_clock_that_reads_like_the_date() {
@@ -77,5 +95,30 @@ mod tests {
         let off_ns = first.now_ns() - nanoseconds(ClockId::Realtime);
         assert!(off_ns.abs() < 1_000_000_000);
         assert!(first.now_ns() <= second.now_ns());
+    }
+
+    #[test]
+    fn an_anchor_is_not_made_through_a_link_nor_read_through_one() {
+        let run = tempfile::tempdir().unwrap();
+        let path = |name: &str| run.path().join(name);
+        let realm = Realm::new("clock", Some(run.path())).unwrap();
+        fs::write(path("victim"), "7").unwrap();
+        let own = path(&format!("clock-anchor.{}", std::process::id()));
+        symlink(path("victim"), &own).unwrap();
+        let clock = Clock::of(&realm).unwrap();
+        assert_eq!(fs::read_to_string(path("victim")).unwrap(), "7");
+        assert!(fs::symlink_metadata(&own).is_err(), "it is taken away");
+        // Another file of the same name, and what can be opened only by who waits.
+        fs::write(&own, "of a process that was killed").unwrap();
+        fs::remove_file(path("clock-anchor")).unwrap();
+        assert!(Clock::of(&realm).is_ok());
+        fs::remove_file(path("clock-anchor")).unwrap();
+        symlink("victim", path("clock-anchor")).unwrap();
+        assert!(Clock::of(&realm).is_err_and(|error| error.to_string().contains("clock-anchor")));
+        fs::remove_file(path("clock-anchor")).unwrap();
+        let mode = Mode::from_raw_mode(0o600);
+        mknodat(CWD, path("clock-anchor"), FileType::Fifo, mode, 0).unwrap();
+        assert!(Clock::of(&realm).is_err());
+        assert_ne!(clock.anchor_ns(), 7);
     }
 }

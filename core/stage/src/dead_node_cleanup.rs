@@ -13,14 +13,14 @@
 //! was left by a dead one.
 
 use crate::node_files::NodeFiles;
-use crate::service_slots::{Service, Slot, Slots, owner_of, segments, services};
-use crate::{Error, Realm, bus, realm::SHARED_MEMORY};
+use crate::service_slots::{Service, Slot, Slots, is_own_file, owner_of, segments, services};
+use crate::{Error, Realm, bus, node_count, realm::SHARED_MEMORY, rights};
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::prelude::ipc;
 use iceoryx2::service::{internal::ServiceInternal, service_hash::ServiceHash};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, Metadata};
-use std::os::unix::fs::PermissionsExt;
+use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -35,9 +35,6 @@ const WHOLE: u32 = 0o400;
 /// who start.
 const CONNECTION: &str = "connection";
 const MADE_WITHIN: Duration = Duration::from_secs(1);
-/// The count of nodes, and its bytes: a version, a counter, and what fills up eight bytes.
-const NODE_COUNT: &str = "global_mgmt";
-const NODE_COUNT_BYTES: u64 = 16;
 /// A service that nobody can join and whose last stage is just removing it is gone after this
 /// time.
 const REMOVED_WITHIN: Duration = Duration::from_millis(100);
@@ -64,6 +61,8 @@ pub fn clean_up(realm: &Realm) -> Result<CleanUp, Error> {
 pub(crate) fn clean_up_before_start(realm: &Realm) -> Result<CleanUp, Error> {
     remove_half_made(realm);
     remove_half_made_memory(realm);
+    rights::close_to_others(realm)?;
+    node_count::prepare(realm)?;
     let mut done = CleanUp::default();
     let files = NodeFiles::of(realm, None);
     for _ in 0..ROUNDS {
@@ -268,9 +267,7 @@ fn remove_half_made_memory(realm: &Realm) {
         let kind = path.extension().unwrap_or_default();
         let age = found.modified().ok().and_then(|made| made.elapsed().ok());
         let may_be_in_the_making = kind == CONNECTION && age.is_none_or(|age| age < MADE_WITHIN);
-        let is_whole = found.permissions().mode() & WHOLE != 0
-            && found.len() > 0
-            && (kind != NODE_COUNT || is_node_count(&path, &found));
+        let is_whole = found.permissions().mode() & WHOLE != 0 && found.len() > 0;
         if !is_whole && !may_be_in_the_making {
             // Best effort, as with nodes.
             let _ = fs::remove_file(path);
@@ -278,21 +275,15 @@ fn remove_half_made_memory(realm: &Realm) {
     }
 }
 
-/// Whether the count of nodes can be opened; without its version everybody would wait for it.
-fn is_node_count(path: &Path, found: &Metadata) -> bool {
-    let bytes = fs::read(path).unwrap_or_default();
-    let version = bytes.get(..size_of::<u64>()).unwrap_or_default();
-    found.len() >= NODE_COUNT_BYTES && version.iter().any(|byte| *byte != 0)
-}
-
-/// The realm's files in a folder.
+/// The realm's files in a folder: this user's, because anybody can make one in /dev/shm.
 fn files_of(realm: &Realm, folder: &Path) -> impl Iterator<Item = (PathBuf, Metadata)> {
     let prefix = realm.segment_prefix();
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(move |entry| {
         let found = entry.metadata().ok()?;
         let is_ours = entry.file_name().to_string_lossy().starts_with(&prefix);
-        (is_ours && !found.is_dir()).then(|| (entry.path(), found))
+        let is_memory = is_own_file(&found) || found.file_type().is_socket();
+        (is_ours && is_memory).then(|| (entry.path(), found))
     })
 }
 

@@ -2,7 +2,7 @@
 
 use crate::{Error, Realm};
 use std::fs::{self, File, TryLockError};
-use std::os::unix::fs::{FileExt, MetadataExt};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -131,6 +131,7 @@ impl Realm {
 fn open_lock(path: &Path) -> Result<File, Error> {
     File::options()
         .create(true)
+        .mode(0o600)
         .truncate(false)
         .write(true)
         .open(path)

@@ -40,6 +40,24 @@ pub enum Error {
         /// Ours.
         user: u32,
     },
+    /// Somebody else could change what is in a folder.
+    #[error("{}: mode {mode:o}: other users may write to it and put anything in the place of what is there; see what is in it, then chmod go-w it, or give --run another folder", path.display())]
+    OpenToOthers {
+        /// The folder.
+        path: PathBuf,
+        /// Its mode.
+        mode: u32,
+    },
+    /// Another user made a file of shared memory by the name that this realm's has.
+    #[error("{}: belongs to user {owner}, this process is user {user}: stages would share memory with that user; remove it (sudo rm {}), or give all stages another --prefix", path.display(), path.display())]
+    OtherUsersMemory {
+        /// The file.
+        path: PathBuf,
+        /// Its owner.
+        owner: u32,
+        /// Ours.
+        user: u32,
+    },
     /// The same stage runs already.
     #[error("randt-{stage} runs already as process {pid} in {}: stop it first (kill {pid}), or give this one another --prefix", run.display())]
     RunsAlready {

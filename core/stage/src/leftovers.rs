@@ -1,6 +1,6 @@
 //! What dead stages leave behind, and how all of it is taken away when none lives.
 
-use crate::{Error, Realm, realm::SHARED_MEMORY};
+use crate::{Error, Realm, realm::SHARED_MEMORY, realm::user};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -31,14 +31,14 @@ pub fn leftovers(realm: &Realm) -> Vec<Leftover> {
 
 fn add(path: PathBuf, found: &mut Vec<Leftover>) {
     // Blocks, not length: segments are full of holes.
-    let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.blocks() * 512);
+    let bytes = fs::symlink_metadata(&path).map_or(0, |metadata| metadata.blocks() * 512);
     found.push(Leftover { path, bytes });
 }
 
 fn add_below(folder: &Path, found: &mut Vec<Leftover>) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
-        if path.is_dir() {
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             add_below(&path, found);
         } else {
             add(path, found);
@@ -67,11 +67,20 @@ pub fn wipe(realm: &Realm, state: bool) -> Result<Option<Vec<Leftover>>, Error> 
     Ok(Some(removed))
 }
 
+fn is_others(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|found| found.uid() != user())
+}
+
 /// Removes every file of iceoryx2. Only for whoever is alone.
 pub(crate) fn remove_all(realm: &Realm) -> Result<(), Error> {
     for leftover in leftovers(realm) {
         let path = leftover.path;
-        fs::remove_file(&path).map_err(Error::file(path, "cannot be removed"))?;
+        match fs::remove_file(&path) {
+            // Anybody can make a file of such a name in /dev/shm. What is not this user's is not
+            // opened either.
+            Err(_) if is_others(&path) => {}
+            removed => removed.map_err(Error::file(path, "cannot be removed"))?,
+        }
     }
     let root = realm.root();
     if root.is_dir() {

@@ -4,7 +4,7 @@
 use crate::Error;
 use memmap2::{Mmap, MmapMut, MmapOptions};
 use std::fs::File;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
 /// Bits of a file's mode by which its group and everybody may write to it.
@@ -23,6 +23,7 @@ impl Mapped {
     pub(crate) fn open(path: &Path, bytes: usize, exclusive: bool) -> Result<Self, Error> {
         let file = File::options()
             .create(true)
+            .mode(0o600)
             .truncate(false)
             .read(true)
             .write(true)

@@ -1,11 +1,10 @@
 //! Realm: the world that the stages of one pipeline share, and that no other pipeline sees.
 
-use crate::Error;
+use crate::{Error, private_folder};
 use randt_messages::layout::{FNV_SEED, hash_bytes};
-use rustix::fs::Access;
+use rustix::fs::{Access, AtFlags, CWD, accessat};
 use std::fs;
-use std::io::ErrorKind;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// Where the run folder is on a robot: systemd makes it.
@@ -27,8 +26,7 @@ pub struct Realm {
 }
 
 impl Realm {
-    /// The realm of a prefix. `run`: the run folder, on a file system in memory; if not given, /run/randt where that is,
-    /// else /dev/shm/randt-UID.
+    /// The realm of a prefix. `run`: the run folder, on a file system in memory; if not given, [`Self::default_run`].
     pub fn new(prefix: &str, run: Option<&Path>) -> Result<Self, Error> {
         let good = |c: char| c.is_ascii_alphanumeric() || c == '-';
         if prefix.is_empty() || prefix.len() > 24 || !prefix.chars().all(good) {
@@ -39,8 +37,7 @@ impl Realm {
         let run = match run {
             // Two stages that name it from different folders mean the same one.
             Some(run) => std::path::absolute(run).map_err(Error::file(run, "cannot be found"))?,
-            None if Path::new(SYSTEM_RUN).is_dir() => PathBuf::from(SYSTEM_RUN),
-            None => Path::new(SHARED_MEMORY).join(format!("randt-{}", user())),
+            None => Self::default_run(user()),
         };
         let realm = Self {
             prefix: prefix.to_owned(),
@@ -54,6 +51,23 @@ impl Realm {
                 over,
             }),
         }
+    }
+
+    /// The run folder of programs that were given none: /run/randt where that is, else the folder `randt` of the user's
+    /// session, else /dev/shm/randt-UID.
+    pub fn default_run(user: u32) -> PathBuf {
+        if Path::new(SYSTEM_RUN).is_dir() {
+            return PathBuf::from(SYSTEM_RUN);
+        }
+        match session_folder(user) {
+            Some(session) => session.join("randt"),
+            None => Self::shared_run(user),
+        }
+    }
+
+    /// The run folder of a user who has no session.
+    pub fn shared_run(user: u32) -> PathBuf {
+        Path::new(SHARED_MEMORY).join(format!("randt-{user}"))
     }
 
     /// The prefix.
@@ -89,53 +103,62 @@ impl Realm {
         format!("{}-{:04x}_", self.prefix, hash as u16)
     }
 
-    /// Makes the folders; refuses those of another user.
+    /// Makes the folders; refuses those in which somebody else could change anything.
     pub fn make(&self) -> Result<(), Error> {
-        for path in [self.run.clone(), self.folder(), self.root(), self.state()] {
-            let made = fs::DirBuilder::new()
-                .recursive(true)
-                .mode(0o700)
-                .create(&path);
-            if let Err(cause) = made {
-                // In another user's folder nothing can be made, nor can what is there be seen.
+        private_folder::check_way_to(&self.run, true)?;
+        private_folder::check_trusted(&self.run)?;
+        for path in [self.folder(), self.root(), self.state()] {
+            if let Err(error) = private_folder::make(&path) {
+                // Nothing can be made in another user's folder.
                 self.check_owner()?;
-                return Err(Error::file(path, "cannot be made")(cause));
+                return Err(error);
             }
+            private_folder::take_for_own(&path)?;
         }
-        self.check_owner()
+        Ok(())
     }
 
-    /// Refuses a realm that another user made, or a run folder in which only another user may make one.
+    /// Refuses a realm that another user made, or a run folder in which somebody else could make or change one.
     pub fn check_owner(&self) -> Result<(), Error> {
-        for path in [self.folder(), self.run.clone()] {
-            let found = match fs::metadata(&path) {
-                Ok(found) => found,
-                Err(error) if is_hidden(&error) => continue,
-                Err(cause) => return Err(Error::file(path, "cannot be read")(cause)),
-            };
-            // A realm of our own in somebody's folder is ours.
-            if found.uid() == user() {
-                return Ok(());
-            }
-            let is_open = path == self.run && rustix::fs::access(&path, Access::WRITE_OK).is_ok();
-            if !is_open {
-                return Err(Error::OtherUser {
-                    path,
-                    owner: found.uid(),
-                    user: user(),
-                });
-            }
+        private_folder::check_way_to(&self.run, false)?;
+        let owner = match fs::symlink_metadata(&self.run) {
+            Ok(found) => found.uid(),
+            Err(error) if private_folder::is_hidden(&error) => return Ok(()),
+            Err(cause) => return Err(Error::file(&self.run, "cannot be read")(cause)),
+        };
+        private_folder::check_trusted(&self.run)?;
+        let folder = self.folder();
+        if fs::symlink_metadata(&folder).is_ok() {
+            private_folder::check_own(&folder)?;
+        } else if owner != user() && !is_writable(&self.run) {
+            return Err(Error::OtherUser {
+                path: self.run.clone(),
+                owner,
+                user: user(),
+            });
         }
         Ok(())
     }
 }
 
-/// Not there, or not to be seen by this user.
-fn is_hidden(error: &std::io::Error) -> bool {
-    matches!(
-        error.kind(),
-        ErrorKind::NotFound | ErrorKind::PermissionDenied
-    )
+/// The folder in memory of a user's session: $XDG_RUNTIME_DIR, or what logind makes where that is not said, so that a
+/// program that cron or sudo starts finds the same one. One that is not that user's alone is none.
+fn session_folder(user: u32) -> Option<PathBuf> {
+    let said = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    let usual = PathBuf::from(format!("/run/user/{user}"));
+    let is_own = |path: &PathBuf| {
+        let found = fs::symlink_metadata(path);
+        path.is_absolute()
+            && found.is_ok_and(|found| {
+                found.is_dir() && found.uid() == user && found.mode() & 0o777 == 0o700
+            })
+    };
+    said.into_iter().chain([usual]).find(is_own)
+}
+
+/// Whether this user may make something in a folder.
+fn is_writable(folder: &Path) -> bool {
+    accessat(CWD, folder, Access::WRITE_OK, AtFlags::EACCESS).is_ok()
 }
 
 /// The user that this process is.

@@ -4,7 +4,7 @@ use crate::{Error, Realm};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::Read;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -54,6 +54,7 @@ impl Registry {
         let path = folder.join(format!("{name}.json"));
         let mut file = File::options()
             .create(true)
+            .mode(0o600)
             .truncate(false)
             .read(true)
             .write(true)

@@ -6,18 +6,19 @@
 //! lays them out. A test compares what is read with what iceoryx2 says; a segment that another
 //! version made is damaged to this build, as it is to iceoryx2.
 
-use crate::{Realm, realm::SHARED_MEMORY};
+use crate::{Realm, realm::SHARED_MEMORY, realm::user};
 use iceoryx2::service::dynamic_config::{
     event::{ListenerDetails, NotifierDetails},
     publish_subscribe::{PublisherDetails, SubscriberDetails},
 };
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, Metadata};
 use std::mem::offset_of;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 /// The version that a whole segment begins with: major, minor and patch, 16 bits each.
-const VERSION: u64 = 10 << 16;
+pub(crate) const VERSION: u64 = 10 << 16;
 /// Where the number of the messaging pattern is, and what it is for topics and for notices.
 const PATTERN: usize = 8;
 const TOPIC: u32 = 1;
@@ -100,7 +101,8 @@ pub(crate) fn services(realm: &Realm) -> Vec<Service> {
     services
 }
 
-/// Segments of services by the services' numbers, the last part of their names.
+/// Segments of services by the services' numbers, the last part of their names. Anybody can make
+/// files of such names in /dev/shm: those of others are none.
 pub(crate) fn segments(prefix: &str) -> BTreeMap<u128, PathBuf> {
     let files = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     let number = |path: &Path| {
@@ -109,10 +111,16 @@ pub(crate) fn segments(prefix: &str) -> BTreeMap<u128, PathBuf> {
         let (_, number) = stem.rsplit_once('_')?;
         (kind == SEGMENT).then(|| number.parse().ok())?
     };
-    let paths = files.map(|file| file.path());
+    let is_own = |file: &fs::DirEntry| file.metadata().is_ok_and(|found| is_own_file(&found));
+    let paths = files.filter(is_own).map(|file| file.path());
     paths
         .filter_map(|path| Some((number(&path)?, path)))
         .collect()
+}
+
+/// Whether a file is plain and this user's.
+pub(crate) fn is_own_file(found: &Metadata) -> bool {
+    found.is_file() && found.uid() == user()
 }
 
 /// The name that a definition gives to its service.

@@ -13,4 +13,6 @@ mod history;
 mod layout;
 mod loan;
 #[cfg(target_os = "linux")]
+mod strangers;
+#[cfg(target_os = "linux")]
 mod user;

@@ -8,9 +8,10 @@ mod record;
 use crate::date::Now;
 use crate::earlier::JOURNAL;
 use crate::output::{warn, write_whole};
+use crate::plain_file;
 use anyhow::{Context, ensure};
 use randt_odometry::process::RECORDS;
-use std::fs::{self, File};
+use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
@@ -135,7 +136,7 @@ impl Mission {
 
     /// Whether a mapper writes its map at this moment.
     pub fn is_written(&self) -> bool {
-        let lock = File::open(self.folder.join(format!("{JOURNAL}.lock")));
+        let lock = plain_file::open(&self.folder.join(format!("{JOURNAL}.lock")));
         lock.is_ok_and(|lock| lock.try_lock().is_err())
     }
 
@@ -229,7 +230,10 @@ impl Mission {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
             found => found.with_context(|| folder.display().to_string())?,
         };
-        let mut files: Vec<PathBuf> = found.flatten().map(|entry| entry.path()).collect();
+        // Plain ones: of a pipe it would be waited for a writer.
+        let is_plain = |entry: &fs::DirEntry| entry.file_type().is_ok_and(|kind| kind.is_file());
+        let plain = found.flatten().filter(is_plain);
+        let mut files: Vec<PathBuf> = plain.map(|entry| entry.path()).collect();
         files.retain(|path| {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             name.contains(".mcap")

@@ -7,9 +7,10 @@ use crate::mission::Mission;
 use crate::output::warn;
 use anyhow::{Context, bail, ensure};
 use randt_log::name_of_date;
+use rustix::fs::{Mode, OFlags};
 use std::fs;
 use std::io::ErrorKind;
-use std::os::unix::fs::{MetadataExt, lchown, symlink};
+use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
 /// Where a robot keeps them.
@@ -37,12 +38,10 @@ impl Missions {
         let folder = missions.folder();
         match fs::create_dir(&folder) {
             Err(error) if error.kind() != ErrorKind::AlreadyExists => {
-                return Err(error).with_context(|| format!("{}: cannot be made", folder.display()));
+                Err(error).with_context(|| format!("{}: cannot be made", folder.display()))
             }
-            Err(_) => {}
-            Ok(()) => missions.hand_over(&folder)?,
+            _ => Ok(missions),
         }
-        Ok(missions)
     }
 
     fn folder(&self) -> PathBuf {
@@ -57,7 +56,9 @@ impl Missions {
     /// Waits until no other command begins or ends a mission, and keeps others from it.
     pub fn lock(&self) -> anyhow::Result<fs::File> {
         let path = self.folder();
-        let folder = fs::File::open(&path).with_context(|| path.display().to_string())?;
+        // Of a pipe it would be waited for a writer.
+        let folder = rustix::fs::open(&path, OFlags::DIRECTORY | OFlags::CLOEXEC, Mode::empty());
+        let folder = fs::File::from(folder.with_context(|| path.display().to_string())?);
         if folder.try_lock().is_err() {
             warn("another command works on the missions; it is waited for");
             let locked = folder.lock();
@@ -157,7 +158,6 @@ impl Missions {
             None => self.free_folder(date_ns)?,
         };
         let mission = Mission::begin(&folder, number, date_ns, now)?;
-        self.hand_over(mission.folder())?;
         self.point_to(&mission)?;
         Ok(mission)
     }
@@ -187,23 +187,6 @@ impl Missions {
         fs::File::open(&self.root)
             .and_then(|folder| folder.sync_all())
             .with_context(said)
-    }
-
-    /// Gives a folder and what is in it to the user whose the root is: an administrator's commands leave nothing that
-    /// the stages cannot write.
-    pub fn hand_over(&self, path: &Path) -> anyhow::Result<()> {
-        let said = || format!("{}: cannot be given to the stages' user", path.display());
-        let root = fs::metadata(&self.root).with_context(said)?;
-        let found = fs::symlink_metadata(path).with_context(said)?;
-        if (found.uid(), found.gid()) != (root.uid(), root.gid()) {
-            lchown(path, Some(root.uid()), Some(root.gid())).with_context(said)?;
-        }
-        if found.is_dir() {
-            for entry in fs::read_dir(path).with_context(said)? {
-                self.hand_over(&entry.with_context(said)?.path())?;
-            }
-        }
-        Ok(())
     }
 }
 

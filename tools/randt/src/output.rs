@@ -3,7 +3,12 @@
 use anyhow::Context;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+
+/// Who may read and write a file: everybody as far as the umask lets them, or its owner.
+const FOR_ALL: u32 = 0o666;
+const PRIVATE: u32 = 0o600;
 
 /// Refuses a file that exists unless it may be replaced, and anything that is no plain file whatever may be.
 pub fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
@@ -18,8 +23,22 @@ pub fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
 
 /// Writes a file whole or not at all: under a temporary name in the same folder, then renamed.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    write_with_mode(path, bytes, FOR_ALL)
+}
+
+/// The same of a file that is this user's alone.
+pub fn write_private(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
+    write_with_mode(path, bytes, PRIVATE)
+}
+
+fn write_with_mode(path: &Path, bytes: &[u8], mode: u32) -> anyhow::Result<()> {
     let temporary = temporary_name(path);
-    let written = File::create(&temporary)
+    // What a kill left there, or somebody else put there: nothing is written through a link.
+    let _ = fs::remove_file(&temporary);
+    let mut options = File::options();
+    let options = options.write(true).create_new(true).mode(mode);
+    let written = options
+        .open(&temporary)
         .and_then(|mut file| {
             file.write_all(bytes)?;
             // A name must not become durable before its content.
@@ -74,6 +93,15 @@ mod tests {
         let absent = folder.path().join("no-such-folder").join("report.json");
         let text = format!("{:#}", write_whole(&absent, b"three").unwrap_err());
         assert!(text.contains("report.json: cannot be written"), "{text}");
+
+        // A link in the way of the temporary name leads to somebody else's file.
+        let theirs = folder.path().join("theirs");
+        fs::write(&theirs, b"theirs").unwrap();
+        std::os::unix::fs::symlink(&theirs, folder.path().join("report.json.part")).unwrap();
+        write_whole(&path, b"three").unwrap();
+        assert_eq!(fs::read(&theirs).unwrap(), b"theirs");
+        assert_eq!(fs::read(&path).unwrap(), b"three");
+        fs::remove_file(&theirs).unwrap();
 
         // The final name is taken by a folder: nothing is left lying about.
         let taken = folder.path().join("taken");

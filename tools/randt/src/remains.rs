@@ -5,6 +5,7 @@
 
 use crate::earlier::JOURNAL;
 use crate::pipeline::Pipeline;
+use crate::plain_file;
 use crate::report::Count;
 use randt_config::Config;
 use randt_mapper::Mapper;
@@ -14,7 +15,6 @@ use randt_odometry::process::{LeftBehind, Past};
 use randt_stage::KeyframeRing;
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::ErrorKind;
 use std::path::Path;
 
 /// A drive as its processes left it.
@@ -83,9 +83,9 @@ fn read_journal(
     path: &Path,
     counters: &mut BTreeMap<&'static str, Count>,
 ) -> Mapper {
-    let restored = match fs::read(path) {
+    let restored = match plain_file::read(path) {
         Ok(bytes) => Mapper::restore(config, &bytes).map_err(|error| error.to_string()),
-        Err(error) if error.kind() == ErrorKind::NotFound => Err("it is not there".to_owned()),
+        Err(_) if !path.exists() => Err("it is not there".to_owned()),
         Err(error) => Err(error.to_string()),
     };
     let (mapper, damage) = match restored {

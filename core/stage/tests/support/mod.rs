@@ -7,6 +7,7 @@
 )]
 
 use std::io::{BufRead, BufReader, Read};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -29,6 +30,39 @@ pub fn command(program: &Path, test: &str, run: &Path) -> Command {
     command.args([test, "--exact", "--nocapture"]);
     command.env(RUN, run);
     command
+}
+
+/// The same as another user, who may run any program that everybody may run.
+pub fn command_as(user: u32, program: &Path, test: &str, run: &Path) -> Command {
+    let other = command(program, test, run);
+    let mut command = Command::new("setpriv");
+    let id = user.to_string();
+    command.args(["--reuid", &id, "--regid", &id, "--clear-groups"]);
+    command.arg(other.get_program()).args(other.get_args());
+    let set = other.get_envs();
+    command.envs(set.filter_map(|(key, value)| Some((key, value?))));
+    command
+}
+
+/// A copy of this program that everybody may run, wherever it lies. None where this user cannot
+/// become another one, which is said.
+pub fn program_for_all(folder: &Path) -> Option<PathBuf> {
+    if !rustix::process::geteuid().is_root() {
+        assert!(std::env::var_os("CI").is_none(), "CI runs this as root");
+        println!("not run: this user is not root");
+        return None;
+    }
+    std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let program = folder.join("program");
+    // By another process: one that any thread of this one starts meanwhile would have the copy open
+    // for writing for a moment, and what is open for writing cannot be started.
+    let mut cp = Command::new("cp");
+    let copied = cp
+        .arg(std::env::current_exe().unwrap())
+        .arg(&program)
+        .status();
+    assert!(copied.unwrap().success());
+    Some(program)
 }
 
 #[allow(dead_code, reason = "not every test needs one that stays")]
@@ -72,4 +106,12 @@ impl Drop for Other {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// A piece of shared memory of a realm.
+pub fn segment(realm: &randt_stage::Realm, kind: &str) -> PathBuf {
+    let all = randt_stage::leftovers(realm).into_iter();
+    let mut all = all.map(|file| file.path);
+    all.find(|path| path.extension().is_some_and(|it| it == kind))
+        .unwrap()
 }

@@ -2,6 +2,7 @@
 
 mod clean;
 mod clock;
+mod exposed;
 mod finding;
 mod leftovers;
 mod memory;
@@ -14,9 +15,9 @@ mod slots;
 mod stages;
 mod worlds;
 
-use crate::{exit::Outcome, output::print};
+use crate::{exit::Outcome, identity::Identity, output::print};
 use finding::{Finding, Grade};
-use randt_stage::RealmArguments;
+use randt_stage::{Realm, RealmArguments};
 use scene::Scene;
 
 /// Arguments of `randt doctor`.
@@ -47,11 +48,23 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     if let Some(Part::Sensors(arguments)) = arguments.part {
         return sensors::run(&arguments);
     }
-    let scene = Scene::of(arguments.realm.realm()?);
+    let realm = arguments.realm.realm()?;
+    if let Some(finding) = owner::open_to_all(&realm) {
+        // Nothing in it is opened: anybody may have made it.
+        return conclude(&title(&realm), &[finding]);
+    }
+    // Root's looks and cleans with the rights of the realm's owner, who may have put links in it.
+    let owner = Identity::of_way_to(&realm.folder())?;
+    owner.run(|| examine(realm, &arguments))
+}
+
+fn examine(realm: Realm, arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let scene = Scene::of(realm);
     if arguments.clean {
         return clean::run(&scene, arguments.state);
     }
     let mut findings = vec![owner::check(&scene), owner::check_rights(&scene)];
+    findings.push(exposed::check(&scene));
     findings.push(worlds::check(&scene, arguments.realm.run.is_none()));
     findings.push(memory::check(&scene));
     findings.push(memory::check_run_folder(&scene));
@@ -61,9 +74,11 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     findings.push(shared_memory::check(&scene));
     findings.push(slots::check(&scene));
     findings.push(leftovers::check(&scene));
-    let realm = &scene.realm;
-    let title = format!("realm {} in {}", realm.prefix(), realm.run().display());
-    conclude(&title, &findings.concat())
+    conclude(&title(&scene.realm), &findings.concat())
+}
+
+fn title(realm: &Realm) -> String {
+    format!("realm {} in {}", realm.prefix(), realm.run().display())
 }
 
 /// Prints what was found.

@@ -1,6 +1,7 @@
 //! `randt mission`: drives of a robot, each with map, logs, configuration and report; one file an action.
 
 mod boot;
+mod copy;
 mod export;
 mod list;
 mod logged;
@@ -13,6 +14,7 @@ mod stop;
 mod target;
 
 use crate::exit::Outcome;
+use crate::identity::Identity;
 use crate::missions::{Missions, ROOT};
 use std::path::PathBuf;
 
@@ -43,8 +45,13 @@ enum Action {
     Recover,
 }
 
-/// Does it.
+/// Does it, as root with the rights of whoever owns the missions.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
+    let owner = Identity::of_way_to(&arguments.root)?;
+    owner.run(|| act(arguments))
+}
+
+fn act(arguments: Arguments) -> anyhow::Result<Outcome> {
     let missions = Missions::open(&arguments.root)?;
     match arguments.action {
         Action::New(arguments) => new::run(&missions, &arguments),

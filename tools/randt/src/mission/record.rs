@@ -1,6 +1,7 @@
 //! What a mission says of itself: `mission.json`.
 
 use crate::date::BootTime;
+use crate::plain_file;
 use anyhow::Context;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -41,7 +42,7 @@ pub struct Record {
 impl Record {
     /// Reads that of a mission's folder.
     pub fn read(folder: &Path) -> anyhow::Result<Self> {
-        let text = fs::read_to_string(folder.join(FILE)).context(FILE)?;
+        let text = plain_file::read_to_string(&folder.join(FILE)).context(FILE)?;
         serde_json::from_str(&text).context(FILE)
     }
 }
@@ -49,7 +50,8 @@ impl Record {
 /// Gives what stands in a record's place another name, the first that is free; gives that name.
 pub fn keep_broken(folder: &Path) -> anyhow::Result<Option<String>> {
     let names = (1_u64..).map(|number| format!("{FILE}.broken-{number}"));
-    let free = { names }.find(|name| !folder.join(name).exists());
+    let is_free = |name: &String| fs::symlink_metadata(folder.join(name)).is_err();
+    let free = { names }.find(is_free);
     let free = free.context("all names are taken")?;
     match fs::rename(folder.join(FILE), folder.join(&free)) {
         Ok(()) => Ok(Some(free)),

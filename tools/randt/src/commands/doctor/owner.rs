@@ -2,10 +2,11 @@
 
 use super::finding::Finding;
 use super::scene::Scene;
-use randt_stage::leftovers;
+use randt_stage::{Realm, leftovers};
 use rustix::fs::Access;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
+use std::path::Path;
 
 /// The realm, its shared memory, its stages and this process are one user's.
 pub fn check(scene: &Scene) -> Vec<Finding> {
@@ -61,6 +62,23 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
     found
 }
 
+/// A realm's folder in which everybody may write.
+pub fn open_to_all(realm: &Realm) -> Option<Finding> {
+    let folder = realm.folder();
+    let found = fs::symlink_metadata(&folder).ok()?;
+    let is_open = found.is_dir() && found.mode() & 0o002 != 0;
+    is_open.then(|| written_by_others(&folder, found.mode() & 0o777))
+}
+
+fn written_by_others(folder: &Path, mode: u32) -> Finding {
+    let shown = folder.display();
+    Finding::bad(
+        "rights",
+        format!("{shown} has mode {mode:03o}: others may write in it"),
+        format!("chmod 700 {shown}"),
+    )
+}
+
 /// The folder is its owner's alone, and can be written.
 pub fn check_rights(scene: &Scene) -> Vec<Finding> {
     const ABOUT: &str = "rights";
@@ -71,17 +89,12 @@ pub fn check_rights(scene: &Scene) -> Vec<Finding> {
     };
     let mode = metadata.mode() & 0o777;
     let mend = format!("chmod 700 {shown}");
-    if mode & 0o700 != 0o700 || mode & 0o022 != 0 {
-        let who = if mode & 0o022 == 0 {
-            "its owner cannot use it"
-        } else {
-            "others may write in it"
-        };
-        return vec![Finding::bad(
-            ABOUT,
-            format!("{shown} has mode {mode:03o}: {who}"),
-            mend,
-        )];
+    if mode & 0o022 != 0 {
+        return vec![written_by_others(&folder, mode)];
+    }
+    if mode & 0o700 != 0o700 {
+        let text = format!("{shown} has mode {mode:03o}: its owner cannot use it");
+        return vec![Finding::bad(ABOUT, text, mend)];
     }
     let writable = rustix::fs::access(&folder, Access::WRITE_OK | Access::EXEC_OK);
     if let Err(cause) = writable

@@ -1,5 +1,6 @@
 //! The processes of all pipelines on this machine, as the kernel shows them: none has to be asked.
 
+use randt_stage::Realm;
 use std::collections::BTreeSet;
 use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
@@ -154,8 +155,7 @@ fn told(proc: &Path, arguments: &[String], user: u32) -> Option<PathBuf> {
             let working = fs::read_link(proc.join("cwd")).unwrap_or_default();
             working.join(run)
         }
-        None if Path::new("/run/randt").is_dir() => PathBuf::from("/run/randt"),
-        None => PathBuf::from(format!("/dev/shm/randt-{user}")),
+        None => Realm::default_run(user),
     };
     Some(run.join(option("--prefix").unwrap_or_else(|| "randt".to_owned())))
 }

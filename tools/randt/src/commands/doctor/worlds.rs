@@ -3,10 +3,11 @@
 use super::finding::Finding;
 use super::processes::Process;
 use super::scene::Scene;
+use randt_stage::Realm;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const ABOUT: &str = "worlds";
 
@@ -92,9 +93,10 @@ fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
     })
 }
 
-/// Without --run a stage takes /run/randt, or where that is not yet there the other folder.
+/// Without --run a stage takes /run/randt or the folder of its user's session, or where neither is there yet the other
+/// folder.
 fn both_folders(scene: &Scene) -> Option<Finding> {
-    let other = PathBuf::from(format!("/dev/shm/randt-{}", scene.user)).join(scene.realm.prefix());
+    let other = Realm::shared_run(scene.user).join(scene.realm.prefix());
     let both = scene.realm.folder() != other && Path::new(&other).is_dir();
     both.then(|| {
         let text = format!(

@@ -1,14 +1,17 @@
 //! `randt mission export`: a mission to take away.
 
+use super::copy::{Copied, copy};
 use super::{recover, report};
 use crate::exit::Outcome;
+use crate::identity::Identity;
 use crate::mission::{Mission, REPORT};
 use crate::missions::Missions;
 use crate::output::{print, warn};
-use crate::progress;
 use crate::units::bytes;
 use anyhow::{Context, ensure};
+use rustix::fs::{Mode, OFlags};
 use std::fs;
+use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `randt mission export`.
@@ -27,76 +30,68 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
         Some(name) => missions.get(name)?,
         None => missions.current()?.context("there is no mission yet")?,
     };
-    let to = arguments.out.join(mission.name());
-    ensure!(!to.exists(), "{}: exists already", to.display());
-    let part = arguments.out.join(format!("{}.part", mission.name()));
+    let reader = Identity::in_force();
+    let writer = Identity::of_way_to(&arguments.out)?;
+    writer.run(|| export(&mission, reader, &arguments.out))
+}
+
+fn export(mission: &Mission, reader: Identity, out: &Path) -> anyhow::Result<Outcome> {
+    let to = out.join(mission.name());
+    ensure!(
+        fs::symlink_metadata(&to).is_err(),
+        "{}: exists already",
+        to.display()
+    );
+    let part = out.join(format!("{}.part", mission.name()));
     // Of an export that was ended.
     let _ = fs::remove_dir_all(&part);
-    let size = match copy(mission.folder(), &part) {
+    fs::create_dir_all(out).with_context(|| out.display().to_string())?;
+    fs::create_dir(&part).with_context(|| part.display().to_string())?;
+    match fill(mission, reader, &part) {
         Err(error) => {
             // Best effort: the first error is what the user needs to see.
             let _ = fs::remove_dir_all(&part);
-            return Err(error);
+            Err(error)
         }
-        Ok(size) => size,
+        Ok((copied, outcome)) => {
+            fs::rename(&part, &to).with_context(|| to.display().to_string())?;
+            print(&format!("{}: {}\n", to.display(), bytes(copied.bytes)))?;
+            Ok(outcome)
+        }
+    }
+}
+
+/// Copies a mission into a folder that was just made.
+fn fill(mission: &Mission, reader: Identity, part: &Path) -> anyhow::Result<(Copied, Outcome)> {
+    let said = || part.display().to_string();
+    // By its descriptor: whatever stands in its place later, nothing is written there.
+    let flags = OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    let folder = rustix::fs::open(part, flags, Mode::empty()).with_context(said)?;
+    let found = rustix::fs::fstat(&folder).with_context(said)?;
+    ensure!(
+        found.st_uid == rustix::process::geteuid().as_raw(),
+        "{}: somebody else has made it",
+        part.display()
+    );
+    let part = PathBuf::from(format!("/proc/self/fd/{}", folder.as_raw_fd()));
+    let copied = copy(reader, mission.folder(), &part)?;
+    let mut outcome = match copied.left_out {
+        0 => Outcome::Good,
+        _ => Outcome::DataLost,
     };
-    let mut copied = Mission::open(&part)?;
-    copied.repair()?;
-    recover::set_aside(&copied)?;
-    recover::mend(&copied)?;
-    let mut outcome = Outcome::Good;
+    let mut copy = Mission::open(&part)?;
+    copy.repair()?;
+    recover::set_aside(&copy)?;
+    recover::mend(&copy)?;
     // One that was stopped has its report: nothing that was known then is there to make a better one.
-    if !copied.has_report() {
-        let state = copied.kept_state();
-        match report::write(
-            &copied,
-            &mission.name(),
-            state.as_deref(),
-            &part.join(REPORT),
-        ) {
+    if !copy.has_report() {
+        let state = copy.kept_state();
+        match report::write(&copy, &mission.name(), state.as_deref(), &part.join(REPORT)) {
             Ok(true) => outcome = Outcome::DataLost,
             Ok(false) => {}
             Err(error) => warn(&format!("{}: no report: {error:#}", mission.name())),
         }
-        copied.drop_state()?;
+        copy.drop_state()?;
     }
-    fs::rename(&part, &to).with_context(|| to.display().to_string())?;
-    print(&format!("{}: {}\n", to.display(), bytes(size)))?;
-    Ok(outcome)
-}
-
-/// Copies a folder; gives its bytes.
-fn copy(from: &Path, to: &Path) -> anyhow::Result<u64> {
-    let files = files_below(from)?;
-    let sizes = files.iter().filter_map(|file| fs::metadata(file).ok());
-    let bar = progress::bar(Some(sizes.map(|found| found.len()).sum()), "bytes");
-    let mut copied = 0;
-    for file in files {
-        let Ok(name) = file.strip_prefix(from) else {
-            continue;
-        };
-        let target = to.join(name);
-        if let Some(folder) = target.parent() {
-            fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        }
-        let size = fs::copy(&file, &target)
-            .with_context(|| format!("{}: cannot be copied", file.display()))?;
-        copied += size;
-        bar.inc(size);
-    }
-    bar.finish_and_clear();
-    Ok(copied)
-}
-
-fn files_below(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder).with_context(|| folder.display().to_string())? {
-        let path = entry?.path();
-        if path.is_dir() {
-            files.extend(files_below(&path)?);
-        } else if path.extension().is_none_or(|ending| ending != "lock") {
-            files.push(path);
-        }
-    }
-    Ok(files)
+    Ok((copied, outcome))
 }

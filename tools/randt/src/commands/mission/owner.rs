@@ -2,9 +2,9 @@
 
 use crate::mission::Mission;
 use crate::missions::Missions;
-use crate::output::{warn, write_whole};
+use crate::output::{warn, write_private};
+use crate::plain_file;
 use randt_stage::{Realm, wipe};
-use std::fs;
 use std::path::PathBuf;
 
 /// In the run folder: the mission's name.
@@ -12,7 +12,8 @@ const OWNER: &str = "mission";
 
 /// Whether the pipeline of a run folder writes into a mission.
 pub fn owns(mission: &Mission, realm: &Realm) -> bool {
-    fs::read_to_string(realm.folder().join(OWNER)).is_ok_and(|owner| owner == mission.name())
+    let owner = plain_file::read_to_string(&realm.folder().join(OWNER));
+    owner.is_ok_and(|owner| owner == mission.name())
 }
 
 /// Gives the run folder to a mission. What stages of another one left there would make this one go on where that was: it
@@ -22,7 +23,7 @@ pub fn hand_to(mission: &Mission, missions: &Missions, realm: &Realm) -> anyhow:
         return Ok(());
     }
     let path = realm.folder().join(OWNER);
-    let before = fs::read_to_string(&path).ok();
+    let before = plain_file::read_to_string(&path).ok();
     if let Some(before) = before.and_then(|name| missions.get(&name).ok())
         && !before.has_report()
         && let Err(error) = before.keep_state(&realm.state())
@@ -31,7 +32,7 @@ pub fn hand_to(mission: &Mission, missions: &Missions, realm: &Realm) -> anyhow:
         warn(&format!("{}: {error:#}", before.name()));
     }
     wipe(realm, true)?;
-    write_whole(&path, mission.name().as_bytes())
+    write_private(&path, mission.name().as_bytes())
 }
 
 /// Where odometry's last state of a mission is, if anywhere.

@@ -5,6 +5,7 @@ use crate::finish_drive::{Drive, finish_drive};
 use crate::latency::Latency;
 use crate::mission::{CONFIGURATION, Mission};
 use crate::pipeline::Pipeline;
+use crate::plain_file;
 use crate::recorded::configuration;
 use crate::remains::Remains;
 use crate::report::{Cost, Count, Input};
@@ -14,7 +15,6 @@ use randt_log::Robot;
 use randt_messages::OdometryState;
 use randt_odometry::process::Past;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
 /// Writes it into a folder; gives whether data were lost. `name`: what it is called there, also while it is being copied;
@@ -80,7 +80,7 @@ fn timing(_: &Pipeline, states: &[OdometryState]) -> BTreeMap<&'static str, Cost
 /// The one in force when the mission began.
 fn configuration_of(mission: &Mission) -> anyhow::Result<Config> {
     let path = mission.folder().join(CONFIGURATION);
-    let text = fs::read_to_string(&path).with_context(|| path.display().to_string())?;
+    let text = plain_file::read_to_string(&path).with_context(|| path.display().to_string())?;
     configuration(Robot::default(), Some(&text)).with_context(|| path.display().to_string())
 }
 

@@ -56,7 +56,6 @@ pub fn end(missions: &Missions, mut mission: Mission, realm: &Realm) -> anyhow::
             Outcome::Good
         }
     };
-    missions.hand_over(mission.folder())?;
     print(&format!("{}: is stopped\n", mission.name()))?;
     Ok(outcome)
 }

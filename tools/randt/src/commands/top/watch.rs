@@ -62,6 +62,8 @@ impl Watch {
 
     /// Looks who is there, reads, and says what is known now.
     pub fn refresh(&mut self) -> anyhow::Result<Snapshot> {
+        // Before anything in it is opened: another user may have put links there.
+        self.realm.check_owner()?;
         let register = Registry::all(&self.realm);
         let living: Vec<Entry> = register
             .iter()

@@ -3,7 +3,7 @@
 use super::Arguments;
 use super::program::Program;
 use super::watch::STAGES;
-use crate::output::write_whole;
+use crate::output::write_private;
 use anyhow::ensure;
 use randt_config::{Config, Loaded, Selection};
 use randt_stage::Realm;
@@ -72,7 +72,7 @@ fn stage(name: &str, realm: &Realm, profile: &Path) -> anyhow::Result<Program> {
 
 /// The configuration for the stages, exactly as it is in force here.
 pub fn write_profile(path: &Path, loaded: &Loaded) -> anyhow::Result<()> {
-    write_whole(path, loaded.to_toml().as_bytes())?;
+    write_private(path, loaded.to_toml().as_bytes())?;
     let read = Config::load(&Selection {
         profile: Some(path.display().to_string()),
         ..Selection::default()

@@ -7,7 +7,7 @@ use super::launch::{self, PLAY};
 use super::program::Program;
 use super::watch::{STAGES, Watch};
 use crate::exit::Refused;
-use crate::output::{warn, write_whole};
+use crate::output::{warn, write_private};
 use crate::report::Count;
 use crate::{job, progress};
 use anyhow::{bail, ensure};
@@ -229,7 +229,7 @@ impl Processes {
             stage.running()?;
             // The run folder may be another one now.
             let (profile, text) = &self.profile;
-            write_whole(profile, text.as_bytes())?;
+            write_private(profile, text.as_bytes())?;
             Ok(stage)
         });
         // Why not was said when it began.
