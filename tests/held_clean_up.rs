@@ -1,7 +1,7 @@
 //! A stage that starts clears the remains of dead ones away. Here it is held at its looks at the nodes, one after the
 //! other, while another stage is killed: whatever it has seen before, no slot stays taken by nobody.
 //!
-//! A tracer holds it, so that it does not depend on chance which look it is.
+//! A tracer stops it at the look, so that it does not depend on chance which one it is.
 
 use crate::support::pipeline::{signal, until};
 use crate::support::stages::{Place, Running, program};
@@ -12,24 +12,24 @@ use std::fs;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// So long a stage is held: finding it and killing another one take a quarter of that.
-const HELD_US: u32 = 400_000;
-/// A call that is only traced stands for microseconds; one that is held still stands after this many looks.
+/// A process that is only traced stands for microseconds at a call; one that is stopped still stands after so many looks.
 const STANDS: u32 = 20;
 const BETWEEN_LOOKS: Duration = Duration::from_millis(4);
 /// A start takes at least so many looks.
 const LOOKS: usize = 8;
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
-fn lives(realm: &Realm, stage: &str) -> bool {
+/// Whether a process is in its loop, or about to enter it.
+fn runs(realm: &Realm, pid: u32) -> bool {
     let all = Registry::all(realm);
+    // What the register has of a stage's name is the dead one's until the new one has written its own.
     all.iter()
-        .any(|(entry, lives)| *lives && entry.name == stage && entry.topics.len() > 1)
+        .any(|(entry, lives)| *lives && entry.pid == u64::from(pid) && entry.topics.len() > 1)
 }
 
 fn start(place: &Place, realm: &Realm, stage: &str) -> Running {
     let started = place.start(stage, Place::command(realm, stage));
-    until(stage, || lives(realm, stage));
+    until(stage, || runs(realm, started.pid()));
     started
 }
 
@@ -49,28 +49,35 @@ fn has_tracer() -> bool {
     found
 }
 
-/// Whether the tracer's process stands.
-fn stands(tracer: &Running) -> bool {
+/// The process that is traced.
+fn traced(tracer: &Running) -> Option<u32> {
     let children = format!("/proc/{0}/task/{0}/children", tracer.pid());
     let children = fs::read_to_string(children).unwrap_or_default();
-    let Some(pid) = children.split_whitespace().next() else {
-        return false;
-    };
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    // The state follows the name in brackets: `t` is stopped by a tracer.
-    stat.rsplit(')')
-        .next()
-        .unwrap_or_default()
-        .trim_start()
-        .starts_with('t')
+    children.split_whitespace().next()?.parse().ok()
+}
+
+/// Whether it stands.
+fn stands(tracer: &Running) -> bool {
+    let stat = traced(tracer).map(|pid| fs::read_to_string(format!("/proc/{pid}/stat")));
+    let stat = stat.and_then(Result::ok).unwrap_or_default();
+    // The state follows the name in brackets: `t` is stopped by a tracer, `T` by a signal.
+    let state = stat.rsplit(')').next().unwrap_or_default();
+    state.trim_start().starts_with(['t', 'T'])
+}
+
+/// Lets it go on, whether it stands or not. It may end in this moment.
+fn go_on(tracer: &Running) {
+    if let Some(pid) = traced(tracer).and_then(|pid| Pid::from_raw(pid as i32)) {
+        let _ = kill_process(pid, Signal::CONT);
+    }
 }
 
 /// Starts the filter, held at one of its looks; gives whether it took so many.
 fn start_held(place: &Place, realm: &Realm, look: usize) -> (Running, bool) {
     let mut command = Command::new("strace");
     let calls = "trace=openat,open";
-    let delay = format!("inject=openat,open:delay_enter={HELD_US}:when={look}");
-    command.args(["-qq", "-o", "/dev/null", "-e", calls, "-e", &delay, "-P"]);
+    let stop = format!("inject=openat,open:signal=SIGSTOP:when={look}");
+    command.args(["-qq", "-o", "/dev/null", "-e", calls, "-e", &stop, "-P"]);
     command.arg(realm.root().join("nodes"));
     command.arg(program("filter"));
     command
@@ -80,7 +87,7 @@ fn start_held(place: &Place, realm: &Realm, look: usize) -> (Running, bool) {
     let begin = Instant::now();
     let mut stood = 0;
     while stood < STANDS {
-        if lives(realm, "filter") {
+        if traced(&tracer).is_some_and(|pid| runs(realm, pid)) {
             return (tracer, false);
         }
         assert!(tracer.ended().is_none(), "{}", tracer.said());
@@ -101,7 +108,10 @@ fn hold(look: usize) -> bool {
     // What the filter has left is cleared away by the next one, and meanwhile odometry dies.
     let (mut filter, is_held) = start_held(&place, &realm, look);
     kill(odometry);
-    until("filter", || lives(&realm, "filter"));
+    until("filter", || {
+        go_on(&filter);
+        traced(&filter).is_some_and(|pid| runs(&realm, pid))
+    });
     let mut odometry = start(&place, &realm, "odometry");
     assert_eq!(
         slots_of_nobody(&realm),
@@ -110,11 +120,7 @@ fn hold(look: usize) -> bool {
     );
     odometry.stop();
     // The tracer ends with what it traces.
-    let all = Registry::all(&realm).into_iter();
-    let traced = all
-        .map(|(entry, _)| entry)
-        .find(|entry| entry.name == "filter");
-    signal(traced.unwrap().pid as u32, Signal::TERM);
+    signal(traced(&filter).unwrap(), Signal::KILL);
     filter.wait(WAIT_MAX);
     drop(mapper);
     is_held
