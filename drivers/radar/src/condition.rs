@@ -20,8 +20,12 @@ pub(crate) struct Condition {
     patience_ns: i64,
     link: Link,
     interruptions: Interruptions,
+    /// The last beam, ns.
+    beam_ns: i64,
     /// The last sweep, or since when beams come without one.
     since_ns: Option<i64>,
+    /// A sweep is overdue, but so is a beam: that is the source's to say.
+    waits: bool,
     /// Whether a sweep came since beams do.
     came: bool,
     fruitless: bool,
@@ -42,6 +46,11 @@ impl Condition {
     /// Beams without a sweep for so long are no radar.
     pub fn patience_ns(&self) -> i64 {
         self.patience_ns
+    }
+
+    /// A beam came.
+    pub fn heard(&mut self, now_ns: i64) {
+        self.beam_ns = now_ns;
     }
 
     /// A sweep came.
@@ -67,7 +76,10 @@ impl Condition {
             let is_warned = self
                 .contested_ns
                 .is_some_and(|at_ns| now_ns.saturating_sub(at_ns) < WARNED_NS);
-            if now_ns.saturating_sub(since_ns) > self.patience_ns {
+            let is_overdue = now_ns.saturating_sub(since_ns) > self.patience_ns;
+            let is_heard = now_ns.saturating_sub(self.beam_ns) <= self.patience_ns / 2;
+            self.waits = is_overdue && !is_heard;
+            if is_overdue && is_heard {
                 is_news = true;
                 self.since_ns = Some(now_ns);
                 if !self.fruitless {
@@ -97,8 +109,10 @@ impl Condition {
 
     /// When to judge although nothing came, ns.
     pub fn due_ns(&self) -> i64 {
-        let due_ns = |since_ns: i64| since_ns.saturating_add(self.patience_ns + 1);
-        self.since_ns.map_or(i64::MAX, due_ns)
+        match self.since_ns {
+            Some(since_ns) if !self.waits => since_ns.saturating_add(self.patience_ns + 1),
+            _ => i64::MAX,
+        }
     }
 
     /// What was found.
@@ -151,7 +165,10 @@ mod tests {
         let streams = Streams::new(SECOND_NS / 5, SECOND_NS);
         (0..seconds * 100)
             .map(|at| at * SECOND_NS / 100)
-            .filter(|now_ns| condition.judge(*now_ns, &Link::Streaming, &streams))
+            .filter(|now_ns| {
+                condition.heard(*now_ns);
+                condition.judge(*now_ns, &Link::Streaming, &streams)
+            })
             .map(|now_ns| now_ns * 10 / SECOND_NS)
             .collect()
     }
@@ -165,15 +182,18 @@ mod tests {
         assert_eq!(anew(&mut condition, 40), [10, 30, 70, 150, 310]);
         let told = condition.link().text();
         assert!(told.contains("no whole sweep for more than 1 s"), "{told}");
+        // Without beams it is the source that has something to say.
+        assert!(!condition.judge(400 * SECOND_NS, &Link::Streaming, &streams));
+        assert_eq!(condition.due_ns(), i64::MAX);
         // A sweep is what ends it.
-        condition.judge(41 * SECOND_NS, &Link::Streaming, &streams);
+        condition.judge(401 * SECOND_NS, &Link::Streaming, &streams);
         assert!(!condition.link().streams());
-        condition.came(&Sweep::default(), 42 * SECOND_NS);
-        condition.judge(42 * SECOND_NS, &Link::Streaming, &streams);
+        condition.came(&Sweep::default(), 402 * SECOND_NS);
+        condition.judge(402 * SECOND_NS, &Link::Streaming, &streams);
         assert_eq!(*condition.link(), Link::Streaming);
         assert_eq!(condition.patience_ns(), SECOND_NS);
-        condition.judge(43 * SECOND_NS, &Link::Trouble("gone".to_owned()), &streams);
-        condition.judge(44 * SECOND_NS, &Link::Streaming, &streams);
+        condition.judge(403 * SECOND_NS, &Link::Trouble("gone".to_owned()), &streams);
+        condition.judge(404 * SECOND_NS, &Link::Streaming, &streams);
         assert_eq!(condition.link().text(), "gone", "until a sweep comes");
         assert_eq!(condition.count().value, 1);
     }

@@ -55,6 +55,7 @@ impl Joining<'_> {
 
 impl Sink for Joining<'_> {
     fn beam(&mut self, beam: &RawBeam) {
+        self.condition.heard(self.now_ns);
         if let Some(recorder) = &mut self.recorder {
             recorder.beam(beam);
         }
