@@ -19,9 +19,10 @@ use tungstenite::Message;
 
 /// A server that needs no pipeline: what it has to say is "no pose yet".
 struct View {
+    // It ends before its place is cleared: fields are dropped in order.
+    running: Running,
     place: Place,
     realm: Realm,
-    running: Running,
     address: SocketAddr,
 }
 
@@ -40,9 +41,9 @@ impl View {
         let running = place.start("view", command);
         until("the server", || TcpStream::connect(address).is_ok());
         Self {
+            running,
             place,
             realm,
-            running,
             address,
         }
     }
