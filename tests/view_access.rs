@@ -19,9 +19,10 @@ use tungstenite::Message;
 
 /// A server that needs no pipeline: what it has to say is "no pose yet".
 struct View {
+    // It ends before its place is cleared: fields are dropped in order.
+    running: Running,
     place: Place,
     realm: Realm,
-    running: Running,
     address: SocketAddr,
 }
 
@@ -40,9 +41,9 @@ impl View {
         let running = place.start("view", command);
         until("the server", || TcpStream::connect(address).is_ok());
         Self {
+            running,
             place,
             realm,
-            running,
             address,
         }
     }
@@ -198,7 +199,7 @@ fn what_everybody_could_say_is_no_configuration() {
     }
 }
 
-/// Clients of all wrong kinds, as fast as they are answered, until the end; gives how many there were.
+/// Clients of all wrong kinds, some hundred a second, until the end; gives how many there were.
 fn crowd(address: SocketAddr, is_over: &AtomicBool) -> u64 {
     let mut silent = VecDeque::new();
     let mut count = 0;
@@ -222,7 +223,7 @@ fn crowd(address: SocketAddr, is_over: &AtomicBool) -> u64 {
                 silent.pop_front();
             }
         }
-        std::thread::sleep(Duration::from_millis(2));
+        std::thread::sleep(Duration::from_millis(10));
     }
     count
 }
@@ -262,16 +263,16 @@ fn a_crowd_of_clients_changes_no_bit_of_odometry() {
     command.args(["--view", "--set", &format!("view.listen={address}")]);
     let is_over = AtomicBool::new(false);
     let crowded = std::thread::scope(|scope| {
-        let crowds = [0, 1].map(|_| scope.spawn(|| crowd(address, &is_over)));
+        let crowd = scope.spawn(|| crowd(address, &is_over));
         for _ in 0..3 {
             scope.spawn(|| deaf(address, &is_over));
         }
         let ended = catch_unwind(AssertUnwindSafe(|| crate::support::ended(command)));
         is_over.store(true, Ordering::Relaxed);
-        let counts = crowds.map(|crowd| crowd.join().unwrap());
-        println!("{counts:?} clients");
+        let count = crowd.join().unwrap();
+        println!("{count} clients");
         let ended = ended.unwrap_or_else(|panic| resume_unwind(panic));
-        assert!(counts.iter().all(|count| *count > 0), "{}", ended.stderr);
+        assert!(count > 0, "{}", ended.stderr);
         ended
     });
     assert_eq!(crowded.code, Some(0), "{}", crowded.stderr);
