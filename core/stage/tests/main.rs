@@ -13,6 +13,8 @@ mod history;
 mod layout;
 mod loan;
 #[cfg(target_os = "linux")]
+mod slots;
+#[cfg(target_os = "linux")]
 mod strangers;
 #[cfg(target_os = "linux")]
 mod user;

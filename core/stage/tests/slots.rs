@@ -1,14 +1,7 @@
 //! Whatever moment a stage is killed at, and whatever moment the one that clears it away: no slot
 //! of a service stays taken by nobody, and the next stage starts.
-#![allow(
-    clippy::unwrap_used,
-    clippy::expect_used,
-    clippy::panic,
-    reason = "a test says by panicking what is wrong"
-)]
 
-mod support;
-
+use crate::support::{Other, told};
 use randt_messages::{ImuSampleTopic, RadarScan};
 use randt_stage::{Realm, Registry, Stage, Woken, clean_up, slots_of_nobody};
 use std::collections::BTreeMap;
@@ -16,7 +9,6 @@ use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use support::{Other, told};
 
 /// More deaths than a topic has slots for writers, and fewer than are worth waiting for.
 const DEATHS: usize = 18;
@@ -62,7 +54,7 @@ struct Pipeline {
 impl Pipeline {
     fn start() -> Self {
         let run = tempfile::tempdir().unwrap();
-        let keeper = Other::start("keeper", run.path());
+        let keeper = Other::start("slots::keeper", run.path());
         Self {
             run,
             _keeper: keeper,
@@ -76,7 +68,7 @@ impl Pipeline {
     /// A stage that has lived and is killed; gives the name of its node.
     fn death(&self, of: &str) -> String {
         let before = self.nodes();
-        let victim = Other::start(of, self.run.path());
+        let victim = Other::start(&format!("slots::{of}"), self.run.path());
         let mut nodes = self.nodes();
         nodes.retain(|node| !before.contains(node));
         victim.kill();
@@ -123,7 +115,7 @@ impl Pipeline {
 
     /// A stage starts and ends in order, and nothing is left of a dead one.
     fn check(&self) {
-        Other::start("victim", self.run.path()).stop();
+        Other::start("slots::victim", self.run.path()).stop();
         assert_eq!(slots_of_nobody(&self.realm()), BTreeMap::new());
         assert_eq!(self.nodes().len(), 1, "only the keeper is there");
         let all = Registry::all(&self.realm());
@@ -191,7 +183,7 @@ fn a_service_that_was_closed_and_not_removed_is_made_anew() {
         let closed = u64::MAX.to_le_bytes();
         segment.write_all_at(&closed, CLOSED_AT).unwrap();
     }
-    Other::start("reader", pipeline.run.path()).stop();
+    Other::start("slots::reader", pipeline.run.path()).stop();
     pipeline.check();
 }
 
@@ -229,7 +221,7 @@ fn a_service_without_its_segment_is_made_anew() {
         .unwrap()
         .set_len(300)
         .unwrap();
-    Other::start("reader", pipeline.run.path()).stop();
+    Other::start("slots::reader", pipeline.run.path()).stop();
     pipeline.check();
 }
 
