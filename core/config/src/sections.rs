@@ -376,7 +376,7 @@ section! {
         /// Address with port that viewers connect to; 8765 is what they try by themselves. Nobody is asked who he is: so only
         /// this machine, and others through ssh. "0.0.0.0:8765" lets everybody in the network watch.
         pub listen: String = "127.0.0.1:8765".to_owned(),
-        /// Origins of web pages that may watch, separated by blanks, such as "https://viewer.example:8443". Lichtblick and
+        /// Origins of web pages that may watch, separated by blanks, such as `https://viewer.example:8443`. Lichtblick and
         /// Foxglove may without, and so may pages of the viewer's own machine and of this robot's address.
         pub origins: WebOrigins = WebOrigins::default(),
         /// Names of this robot, separated by blanks, such as "robot.example.com", where viewers use others than its addresses,
