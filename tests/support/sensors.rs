@@ -2,7 +2,7 @@
 
 use super::randt;
 use std::fs::{self, File};
-use std::net::UdpSocket;
+use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -22,12 +22,16 @@ impl Sensors {
     /// `radar`: beam-udp or navtech; `imu`: mip or xsens.
     pub fn new(folder: &Path, radar: &'static str, imu: &'static str) -> Self {
         // Free at this moment: the kernel gives out another one each time.
-        let port = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let any = "127.0.0.1:0";
+        let address = match radar {
+            "navtech" => TcpListener::bind(any).and_then(|socket| socket.local_addr()),
+            _ => UdpSocket::bind(any).and_then(|socket| socket.local_addr()),
+        };
         Self {
             folder: folder.to_owned(),
             radar,
             imu,
-            port: port.local_addr().unwrap().port(),
+            port: address.unwrap().port(),
         }
     }
 
