@@ -1,6 +1,7 @@
 //! Messages of another build's layout as those of this one: field by field, by their names.
 
 use crate::stored_layout::{Kind, Number, StoredLayout, Struct};
+use std::cmp::Ordering;
 
 /// How the bytes of one layout become those of another one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -77,6 +78,12 @@ impl Translation {
             }
             (Kind::Array(from, from_count), Kind::Array(to, to_count)) => {
                 // What is longer is cut, what is shorter ends with zeros.
+                let beyond = format!("{name}[{}..]", from_count.min(to_count));
+                match from_count.cmp(to_count) {
+                    Ordering::Less => note(&mut self.lacking, &beyond),
+                    Ordering::Greater => note(&mut self.unread, &beyond),
+                    Ordering::Equal => {}
+                }
                 for i in 0..*from_count.min(to_count) {
                     let (from_at, to_at) = (from_at + i * from.size(), to_at + i * to.size());
                     self.value(name, (from, from_at), (to, to_at), steps);

@@ -142,7 +142,7 @@ fn fields_are_found_by_their_names_and_what_lacks_is_said() {
     assert_eq!(said.len(), 1, "{said:?}");
     for words in [
         "other.mcap: test/sweep/v1",
-        "it has no senders, intensity",
+        "it has no senders, places[2..], intensity",
         "not know its gone",
     ] {
         assert!(said[0].contains(words), "{words}: {said:?}");
@@ -171,6 +171,8 @@ fn what_is_narrower_here_or_no_such_message_is_not_guessed() {
     assert_eq!((read.head.device, read.head.count), (0, 9));
     let said: Vec<String> = reader.translated().collect();
     assert!(said[0].contains("it has no device, gone"), "{said:?}");
+    // An array that is longer there is cut, and that is said.
+    assert!(said[0].contains("places[2..]"), "{said:?}");
 
     // Without header it is no message of ours.
     let mut reader = log(&[Message::<other::Sweeps>::default()]);
