@@ -39,6 +39,7 @@ mod lying;
 mod machines;
 mod map;
 mod mission;
+mod numbers;
 mod operate;
 mod owner;
 mod package;
