@@ -101,12 +101,16 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
             "{name}: {figures}"
         );
     }
-    for name in ["filter", "odometry", "mapper", "view"] {
+    let stages = ["filter", "odometry", "mapper", "view"];
+    // A busy machine may keep one from its beat of once a second for a moment.
+    until("every stage runs", || {
+        let figures = top(&pipeline);
+        let state = |name| row(&figures, "stages", name)["state"] == "running";
+        stages.into_iter().all(state)
+    });
+    for name in stages {
         let stage = row(&figures, "stages", name);
-        assert!(
-            stage["state"] == "running" && stage["restarts"] == 0,
-            "{stage}"
-        );
+        assert_eq!(stage["restarts"], 0, "{stage}");
         println!(
             "{name}: {} % of a core, {}",
             stage["cpu_percent"], stage["message"]
