@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_filter::{ClusterFilter, check_sweep};
 use randt_messages::{Message, RadarPoints, RadarScan};
-use randt_stage::{StageArguments, Woken, ended, parse};
+use randt_stage::{StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -45,7 +45,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             filter.process(scan, &mut filtered);
             points.publish(filtered.as_ref())?;
         }
-        if stage.wait(&[&scans], None)? == Woken::Stop {
+        if stage.wait(&[&scans], None)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }

@@ -6,7 +6,7 @@ use clap::Parser;
 use process::{Intake, Outlet};
 use randt_mapper::SECTIONS;
 use randt_messages::Keyframe;
-use randt_stage::{StageArguments, Woken, ended, parse};
+use randt_stage::{StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -39,7 +39,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut keyframes = stage.subscriber::<Keyframe>()?;
     let journal = match &arguments.journal {
         Some(path) => path.clone(),
-        None => stage.realm().state().join("map.journal"),
+        None => stage.domain().state().join("map.journal"),
     };
     let mut intake = Intake::open(&journal, &config, &mut stage)?;
     stage.note(&intake.progress());
@@ -51,7 +51,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             true => Some(Duration::ZERO),
             false => Some(outlet.pause()),
         };
-        if stage.wait(&[&keyframes], pause)? == Woken::Stop {
+        if stage.wait(&[&keyframes], pause)? == WakeReason::Stop {
             break;
         }
         at_once = false;

@@ -5,7 +5,7 @@ use randt_messages::{
     ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, Trust,
 };
 use randt_odometry::process::{Feed, Past};
-use randt_stage::{Publisher, Stage, StageArguments, Subscriber, Woken, ended, parse};
+use randt_stage::{Publisher, Stage, StageArguments, Subscriber, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -61,7 +61,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     while !has_past && Instant::now() < give_up {
         // Numbers go on after those of the map that there may be; the first scans lie in the buffer meanwhile.
         let left = give_up.saturating_duration_since(Instant::now());
-        if stage.wait(&[&graph], Some(left))? == Woken::Stop {
+        if stage.wait(&[&graph], Some(left))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         has_past = answer(&mut graph, &mut feed, &mut out, has_past)?;
@@ -74,7 +74,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         report(&mut stage, &feed, &mut late_said);
         stage.note(out.trust);
         let pause = Some(feed.pause());
-        if stage.wait(&[feed.wakes(), &graph], pause)? == Woken::Stop {
+        if stage.wait(&[feed.wakes(), &graph], pause)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }

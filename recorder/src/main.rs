@@ -4,7 +4,7 @@ use clap::Parser;
 use randt_config::Config;
 use randt_recorder::process::{Inputs, preamble};
 use randt_recorder::{BUDGET, Disk, Past, Positions, Queue, Recorder, Settings, Viewer, Worker};
-use randt_stage::{StageArguments, Woken, ended, go_behind, parse};
+use randt_stage::{StageArguments, WakeReason, ended, go_behind, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -58,7 +58,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let recorder = Recorder::new(
         Disk::new(&folder),
         Settings::of(record),
-        preamble(&loaded, stage.realm(), clock),
+        preamble(&loaded, stage.domain(), clock),
         Viewer::new(loaded.config.robot.clone()),
         recorded,
     );
@@ -87,7 +87,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
         if worker.has_died() {
             return Err("the thread that writes has died".into());
         }
-        if stage.wait(&inputs.wakes(), Some(PAUSE))? == Woken::Stop {
+        if stage.wait(&inputs.wakes(), Some(PAUSE))? == WakeReason::Stop {
             break;
         }
     }

@@ -1,7 +1,7 @@
 //! A stage: a process of the pipeline, from its start to its end.
 
 use crate::{
-    Clock, Error, Presence, Publisher, Qos, Realm, Registry, Subscriber,
+    Clock, Domain, Error, Presence, Publisher, Qos, Registry, Subscriber,
     bus::Bus,
     dead_node_cleanup::clean_up_before_start,
     health::{Condition, PERIOD_NS},
@@ -14,7 +14,7 @@ use crate::{
     publisher::HandsOver,
     reload::Asked,
     supervised::Supervised,
-    wait::{Slept, Waits, Wakes, Woken},
+    wait::{PortWaiter, Slept, Waitable, WakeReason},
 };
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::ipc;
@@ -39,13 +39,13 @@ pub struct Stage {
     health: Publisher<StageHealthTopic>,
     join: Held<Notifier<ipc::Service>>,
     writers: Vec<Rc<dyn HandsOver>>,
-    waits: Waits,
+    waits: PortWaiter,
     bus: Bus,
     registry: Registry,
     presence: Presence,
     /// Held until the loop begins.
     start: Option<File>,
-    realm: Realm,
+    domain: Domain,
     clock: Clock,
     condition: Condition,
     journal: Journal,
@@ -60,20 +60,20 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Enters the realm under a name; refuses where that name is taken or memory is short. One a process: a second one
+    /// Enters the domain under a name; refuses where that name is taken or memory is short. One a process: a second one
     /// would take the first one for dead, because a process does not see its own locks.
-    pub fn open(name: &str, realm: &Realm) -> Result<Self, Error> {
+    pub fn open(name: &str, domain: &Domain) -> Result<Self, Error> {
         let supervised = Supervised::begin()?;
-        let presence = realm.enter()?;
-        let clock = Clock::of(realm)?;
+        let presence = domain.enter()?;
+        let clock = Clock::of(domain)?;
         let started_ns = clock.now_ns();
-        let mut registry = Registry::enter(realm, name, started_ns)?;
-        let start = realm.start()?;
+        let mut registry = Registry::enter(domain, name, started_ns)?;
+        let start = domain.start()?;
         // Before memory is counted: that of a dead one is free.
-        clean_up_before_start(realm)?;
+        clean_up_before_start(domain)?;
         let memory = Memory::new(name);
         memory.need("tables", BESIDE)?;
-        let bus = Bus::open(realm, name)?;
+        let bus = Bus::open(domain, name)?;
         let qos = Qos::of::<StageHealthTopic>();
         memory.need(StageHealthTopic::NAME, qos.bytes_in_use(false))?;
         let service = bus.topic::<StageHealthTopic>()?;
@@ -82,8 +82,8 @@ impl Stage {
         // Not among the ports that are reported: it would only report itself.
         let counters = PortCounters::new(StageHealthTopic::NAME, true);
         let health = Publisher::new(&bus, service, clock, epoch, counters, false)?;
-        let waits = Waits::new(bus.listener(JOINED)?)?;
-        let watch = MemoryWatch::new(realm, bus.node_id());
+        let waits = PortWaiter::new(bus.listener(JOINED)?)?;
+        let watch = MemoryWatch::new(domain, bus.node_id());
         registry.set_left_files(watch.left())?;
         let stage = Self {
             writers: vec![Rc::clone(&health.outgoing) as Rc<dyn HandsOver>],
@@ -93,7 +93,7 @@ impl Stage {
             bus,
             presence,
             start: Some(start),
-            realm: realm.clone(),
+            domain: domain.clone(),
             clock,
             condition: Condition {
                 name: name.to_owned(),
@@ -139,9 +139,9 @@ impl Stage {
         self.changed.take()
     }
 
-    /// The realm that it is in.
-    pub fn realm(&self) -> &Realm {
-        &self.realm
+    /// The domain that it is in.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
     }
 
     /// The one clock.
@@ -199,7 +199,7 @@ impl Stage {
     pub fn running(&mut self) -> Result<(), Error> {
         self.condition.state = StageState::Running;
         // Also what the others' ports will write to on this one's account.
-        take_tables(&self.realm)?;
+        take_tables(&self.domain)?;
         self.start = None;
         self.tell()
     }
@@ -257,13 +257,17 @@ impl Stage {
 
     /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile, and
     /// signs of life: a loop that does not come here any more hangs. Fails with [`Error::MemoryGone`] where the memory that it shares was removed or cut.
-    pub fn wait(&mut self, on: &[&dyn Wakes], timeout: Option<Duration>) -> Result<Woken, Error> {
+    pub fn wait(
+        &mut self,
+        on: &[&dyn Waitable],
+        timeout: Option<Duration>,
+    ) -> Result<WakeReason, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
             self.bus.exhausted.check()?;
             match self.supervised.asked() {
-                Some(Asked::Stop) => return Ok(Woken::Stop),
-                Some(Asked::Reload) if self.reload() => return Ok(Woken::Event),
+                Some(Asked::Stop) => return Ok(WakeReason::Stop),
+                Some(Asked::Reload) if self.reload() => return Ok(WakeReason::Event),
                 _ => {}
             }
             let now_ns = self.clock.now_ns();
@@ -280,13 +284,13 @@ impl Stage {
             }
             let slept = self.sleep(on, pause)?;
             if slept.stop {
-                return Ok(Woken::Stop);
+                return Ok(WakeReason::Stop);
             }
             if slept.events {
-                return Ok(Woken::Event);
+                return Ok(WakeReason::Event);
             }
             if end.is_some_and(|end| Instant::now() >= end) {
-                return Ok(Woken::Timeout);
+                return Ok(WakeReason::Timeout);
             }
         }
     }
@@ -305,15 +309,15 @@ impl Stage {
         self.bus.gone().set();
         self.registry.leave();
         let (name, navtech) = (self.condition.name.clone(), self.navtech);
-        *self = Self::open(&name, &self.realm.clone())?;
+        *self = Self::open(&name, &self.domain.clone())?;
         self.navtech = navtech;
         Ok(())
     }
 
-    fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {
+    fn sleep(&self, on: &[&dyn Waitable], pause: Duration) -> Result<Slept, Error> {
         let request = self.supervised.descriptor()?;
-        let request = request.iter().map(|request| request as &dyn Wakes);
-        let on: Vec<&dyn Wakes> = on.iter().copied().chain(request).collect();
+        let request = request.iter().map(|request| request as &dyn Waitable);
+        let on: Vec<&dyn Waitable> = on.iter().copied().chain(request).collect();
         let slept = self.waits.sleep(&on, pause)?;
         if slept.joins {
             self.writers.iter().for_each(|writer| writer.hand_over());

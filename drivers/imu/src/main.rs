@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_imu::Imu;
 use randt_messages::{ImuSampleTopic, MessageRef};
-use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, parse};
+use randt_stage::{Descriptor, StageArguments, Waitable, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -45,11 +45,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let pause_ns = imu.due_ns().saturating_sub(stage.clock().now_ns()).max(0);
         let pause = Duration::from_nanos(pause_ns.unsigned_abs());
         let descriptor = imu.descriptor().map(Descriptor::new).transpose()?;
-        let on: Vec<&dyn Wakes> = descriptor
+        let on: Vec<&dyn Waitable> = descriptor
             .iter()
-            .map(|device| device as &dyn Wakes)
+            .map(|device| device as &dyn Waitable)
             .collect();
-        if stage.wait(&on, Some(pause))? == Woken::Stop {
+        if stage.wait(&on, Some(pause))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         match stage.take_changed().map(|config| Imu::new(&config)) {

@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_messages::{RadarScan, SensorKind};
 use randt_radar::{Radar, Sweep};
-use randt_stage::{Descriptor, Publisher, StageArguments, Woken, ended, parse};
+use randt_stage::{Descriptor, Publisher, StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -50,7 +50,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let pause_ns = radar.due_ns().saturating_sub(stage.clock().now_ns());
         let pause = Duration::from_nanos(pause_ns.max(0).unsigned_abs());
         let descriptor = Descriptor::new(radar.descriptor())?;
-        if stage.wait(&[&descriptor], Some(pause))? == Woken::Stop {
+        if stage.wait(&[&descriptor], Some(pause))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         match stage.take_changed().map(|config| Radar::new(&config)) {

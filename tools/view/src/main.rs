@@ -4,7 +4,7 @@ mod inputs;
 
 use clap::Parser;
 use inputs::Inputs;
-use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, go_behind, parse};
+use randt_stage::{Descriptor, StageArguments, Waitable, WakeReason, ended, go_behind, parse};
 use randt_view::{AccessPolicy, Board, Server, ViewerLimits, check_address};
 use std::error::Error;
 use std::process::ExitCode;
@@ -59,8 +59,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let sockets = server.descriptors().map(Descriptor::new);
         let sockets = sockets.collect::<Result<Vec<_>, _>>()?;
         let mut on = inputs.wakes();
-        on.extend(sockets.iter().map(|socket| socket as &dyn Wakes));
-        if stage.wait(&on, Some(server.pause()))? == Woken::Stop {
+        on.extend(sockets.iter().map(|socket| socket as &dyn Waitable));
+        if stage.wait(&on, Some(server.pause()))? == WakeReason::Stop {
             break;
         }
     }

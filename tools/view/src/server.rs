@@ -156,7 +156,7 @@ impl Server {
         for handshake in std::mem::take(&mut self.handshakes) {
             let address = handshake.address;
             let (event, why) = match handshake.turn(&self.session, now_ns) {
-                Progress::Waits(handshake) => {
+                Progress::PortWaiter(handshake) => {
                     self.handshakes.push(*handshake);
                     continue;
                 }
