@@ -25,9 +25,9 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let mut stage = arguments.stage.open("filter")?;
-    stage.expect(&config.sensor);
+    stage.expect_sensor(&config.sensor);
     let selection = &arguments.stage.selection;
-    stage.follow(selection, &config, &["filter", "sensor"], None);
+    stage.follow_configuration(selection, &config, &["filter", "sensor"], None);
     let mut points = stage.publisher::<RadarPoints>()?;
     let mut scans = stage.subscriber::<RadarScan>()?;
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
@@ -39,7 +39,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             let scan = scan.message();
             if let Err(misfit) = check_sweep(&scan.head.sweep, &config) {
                 misfits += 1;
-                stage.report(&misfit.to_string(), misfits);
+                stage.set_status(&misfit.to_string(), misfits);
                 continue;
             }
             filter.process(scan, &mut filtered);

@@ -33,8 +33,8 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let mut stage = arguments.stage.open("mapper")?;
-    stage.expect(&config.sensor);
-    stage.follow(&arguments.stage.selection, &config, &SECTIONS, None);
+    stage.expect_sensor(&config.sensor);
+    stage.follow_configuration(&arguments.stage.selection, &config, &SECTIONS, None);
     let mut outlet = Outlet::open(&mut stage)?;
     let mut keyframes = stage.subscriber::<Keyframe>()?;
     let journal = match &arguments.journal {
@@ -42,7 +42,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         None => stage.domain().state().join("map.journal"),
     };
     let mut intake = Intake::open(&journal, &config, &mut stage)?;
-    stage.note(&intake.progress());
+    stage.set_status_note(&intake.progress());
     stage.running()?;
     let mut at_once = true;
     loop {
@@ -59,7 +59,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             at_once |= intake.take(keyframe.message());
         }
         if intake.catch_up() {
-            stage.say(&format!("has all of its {} keyframes", intake.next()));
+            stage.log_info(&format!("has all of its {} keyframes", intake.next()));
         }
         at_once |= intake.sync();
         if intake.is_other_drive {
@@ -67,9 +67,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             outlet.begin_anew();
             at_once = true;
         }
-        stage.report(&intake.trouble, intake.lost);
-        stage.note(&intake.progress());
-        stage.remark(&intake.delay());
+        stage.set_status(&intake.trouble, intake.lost);
+        stage.set_status_note(&intake.progress());
+        stage.set_remark(&intake.delay());
         if intake.is_unsure {
             return Err(intake.trouble.into());
         }

@@ -49,7 +49,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let mut stage = arguments.stage.open("recorder")?;
     // What it writes says by what the others compute.
     let all: Vec<_> = Config::SECTIONS.iter().map(|it| it.name).collect();
-    stage.follow(&arguments.stage.selection, &loaded.config, &all, None);
+    stage.follow_configuration(&arguments.stage.selection, &loaded.config, &all, None);
     let clock = stage.clock();
     let mut past = Past::open(&mut stage, &folder)?;
     let recorded = past.positions().clone();
@@ -76,12 +76,12 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
             trouble => trouble.to_owned(),
         };
         // What its ports have missed they say themselves.
-        stage.report(&message, lost.saturating_sub(inputs.missed_by_ports()));
+        stage.set_status(&message, lost.saturating_sub(inputs.missed_by_ports()));
         if condition.file != file {
             file = condition.file;
             if !file.is_empty() {
-                stage.say(&format!("{}", folder.join(&file).display()));
-                stage.note(&format!("writing {file}"));
+                stage.log_info(&format!("{}", folder.join(&file).display()));
+                stage.set_status_note(&format!("writing {file}"));
             }
         }
         if worker.has_died() {
@@ -97,7 +97,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let lost = queue.lost() + left;
     if left > 0 {
         let message = format!("{left} messages did not come onto the disk before the end");
-        stage.report(&message, lost.saturating_sub(inputs.missed_by_ports()));
+        stage.set_status(&message, lost.saturating_sub(inputs.missed_by_ports()));
     }
     stage.close()?;
     Ok(lost)

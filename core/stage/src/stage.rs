@@ -113,18 +113,18 @@ impl Stage {
             memory,
             watch,
         };
-        stage.say(&qos.budget(false));
+        stage.log_info(&qos.budget(false));
         Ok(stage)
     }
 
     /// Says which radar's scans are to be expected: they decide how much memory is needed.
-    pub fn expect(&mut self, sensor: &Sensor) {
+    pub fn expect_sensor(&mut self, sensor: &Sensor) {
         self.navtech = sensor.range_max_m > LONG_RANGE_M;
     }
 
     /// Says how the configuration is read again on SIGHUP. `reads`: the sections that matter to this stage; `live`: the one
     /// (`radar` or `imu`) that it takes without a restart, by [`Self::take_changed`].
-    pub fn follow(
+    pub fn follow_configuration(
         &mut self,
         selection: &SelectionArguments,
         config: &Config,
@@ -166,7 +166,7 @@ impl Stage {
         let publisher = Publisher::new(&self.bus, service, self.clock, epoch, counters, navtech)?;
         self.writers
             .push(Rc::clone(&publisher.outgoing) as Rc<dyn HandsOver>);
-        self.say(&qos.budget(self.navtech));
+        self.log_info(&qos.budget(self.navtech));
         Ok(publisher)
     }
 
@@ -201,11 +201,11 @@ impl Stage {
         // Also what the others' ports will write to on this one's account.
         take_tables(&self.domain)?;
         self.start = None;
-        self.tell()
+        self.publish_health()
     }
 
     /// Says what is wrong, or with an empty text that nothing is; data lost in the stage itself are counted.
-    pub fn report(&mut self, message: &str, lost: u64) {
+    pub fn set_status(&mut self, message: &str, lost: u64) {
         let changed = self.condition.message != message;
         self.condition.lost = lost;
         self.condition.state = if message.is_empty() {
@@ -222,26 +222,26 @@ impl Stage {
     }
 
     /// Says what people may want to know while all is well: not for the journal. Nothing is taken back that
-    /// [`Self::report`] has said.
-    pub fn remark(&mut self, message: &str) {
+    /// [`Self::set_status`] has said.
+    pub fn set_remark(&mut self, message: &str) {
         if self.condition.state == StageState::Running && self.condition.message != message {
             message.clone_into(&mut self.condition.message);
         }
     }
 
     /// Something that `systemctl status` shall show beside rate and age, such as "trust good".
-    pub fn note(&mut self, note: &str) {
+    pub fn set_status_note(&mut self, note: &str) {
         self.supervised.set_note(note);
     }
 
     /// There is nothing more to do, but what was sent last stays in reach.
     pub fn finished(&mut self) -> Result<(), Error> {
         self.condition.state = StageState::Finished;
-        self.tell()
+        self.publish_health()
     }
 
     /// A line for the journal.
-    pub fn say(&self, text: &str) {
+    pub fn log_info(&self, text: &str) {
         self.log(Priority::Info, text);
     }
 
@@ -252,7 +252,7 @@ impl Stage {
             epoch: self.epoch(),
             sequence: sent.and_then(|port| port.messages.checked_sub(1)),
         };
-        self.journal.say(priority, moment, text);
+        self.journal.log(priority, moment, text);
     }
 
     /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile, and
@@ -274,7 +274,7 @@ impl Stage {
             if now_ns >= self.next_health_ns {
                 // First: telling writes to that memory.
                 self.check_memory()?;
-                self.tell()?;
+                self.publish_health()?;
             }
             let next_ns = self.supervised.works(now_ns).min(self.next_health_ns);
             let to_next = next_ns.saturating_sub(now_ns).max(0);
@@ -330,8 +330,8 @@ impl Stage {
     fn reload(&mut self) -> bool {
         match self.supervised.read_again(&self.condition.name) {
             Ok(changes) => {
-                self.say("the configuration was read again");
-                changes.says.iter().for_each(|text| self.say(text));
+                self.log_info("the configuration was read again");
+                changes.says.iter().for_each(|text| self.log_info(text));
                 self.changed = changes.live;
             }
             Err(error) => self.log(
@@ -345,19 +345,20 @@ impl Stage {
     }
 
     /// Sends health now.
-    fn tell(&mut self) -> Result<(), Error> {
+    fn publish_health(&mut self) -> Result<(), Error> {
         let now_ns = self.clock.now_ns();
         self.next_health_ns = now_ns + PERIOD_NS;
         let head = self.condition.health(now_ns, &self.ports);
         let items = &[];
-        self.supervised.tell(now_ns, &self.condition, &self.ports);
+        self.supervised
+            .publish_status(now_ns, &self.condition, &self.ports);
         self.health.publish(MessageRef { head: &head, items })
     }
 
     /// Says goodbye. What was sent last needs a moment to be taken by readers that are just being replaced.
     pub fn close(mut self) -> Result<(), Error> {
         self.condition.state = StageState::Stopping;
-        self.tell()?;
+        self.publish_health()?;
         std::thread::sleep(PARTING);
         self.registry.end()
     }

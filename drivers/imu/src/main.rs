@@ -28,7 +28,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut imu = imu.map_err(|error| error.in_configuration(&loaded.origins))?;
     let mut stage = arguments.stage.open("imu")?;
     let selection = &arguments.stage.selection;
-    stage.follow(selection, &loaded.config, &["robot"], Some("imu"));
+    stage.follow_configuration(selection, &loaded.config, &["robot"], Some("imu"));
     let mut lost_before = 0;
     let mut samples = stage.publisher::<ImuSampleTopic>()?;
     stage.running()?;
@@ -41,7 +41,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         if let Some(error) = failed {
             return Err(error.into());
         }
-        stage.report(imu.link().text(), lost_before + imu.lost());
+        stage.set_status(imu.link().text(), lost_before + imu.lost());
         let pause_ns = imu.due_ns().saturating_sub(stage.clock().now_ns()).max(0);
         let pause = Duration::from_nanos(pause_ns.unsigned_abs());
         let descriptor = imu.descriptor().map(Descriptor::new).transpose()?;
@@ -57,7 +57,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                 lost_before += imu.lost();
                 imu = other;
             }
-            Some(Err(error)) => stage.say(&format!("the IMU stays as it was: {error}")),
+            Some(Err(error)) => stage.log_info(&format!("the IMU stays as it was: {error}")),
             None => {}
         }
     }

@@ -122,7 +122,7 @@ impl Past {
                     // They are in the ring; whether they were sent nobody knows.
                     let next = odometry.pose_record().next_keyframe;
                     self.outbox.keyframes = (next.saturating_sub(AGAIN)..next).collect();
-                    stage.say(&format!(
+                    stage.log_info(&format!(
                         "goes on after scan {}, state and map as they were",
                         odometry.last_scan().unwrap_or_default().sequence
                     ));
@@ -137,7 +137,7 @@ impl Past {
         let newest = self.pose.versions().into_iter().next();
         Ok(match newest.and_then(read_pose) {
             Some(record) => {
-                stage.say(&format!(
+                stage.log_info(&format!(
                     "begins frame {} at the last pose {:?}; keyframes go on at {}",
                     record.odom_frame_id + 1,
                     record.pose,
@@ -148,7 +148,7 @@ impl Past {
             None => {
                 // Whatever is in the ring is of a drive that nobody remembers.
                 self.ring.clear();
-                stage.say("begins anew");
+                stage.log_info("begins anew");
                 (Odometry::new(config, use_imu), false)
             }
         })
@@ -162,7 +162,7 @@ impl Past {
             what: "cannot be written",
             cause,
         })?;
-        stage.say(&format!("{error}; it is set aside as {}", path.display()));
+        stage.log_info(&format!("{error}; it is set aside as {}", path.display()));
         Ok(())
     }
 

@@ -44,7 +44,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     go_behind();
     let mut stage = arguments.stage.open("view")?;
     let selection = &arguments.stage.selection;
-    stage.follow(selection, &config, &["robot", "view"], None);
+    stage.follow_configuration(selection, &config, &["robot", "view"], None);
     let clock = stage.clock();
     let mut inputs = Inputs::open(&mut stage)?;
     let mut board = Board::new(config.robot);
@@ -53,9 +53,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     loop {
         inputs.drain(&mut board)?;
         let now_ns = clock.now_ns();
-        server.turn(&board, now_ns, &mut |line| stage.say(line));
-        stage.report(server.trouble(), 0);
-        stage.remark(&server.remark(now_ns));
+        server.turn(&board, now_ns, &mut |line| stage.log_info(line));
+        stage.set_status(server.trouble(), 0);
+        stage.set_remark(&server.status_remark(now_ns));
         let sockets = server.descriptors().map(Descriptor::new);
         let sockets = sockets.collect::<Result<Vec<_>, _>>()?;
         let mut on = inputs.wakes();

@@ -69,7 +69,7 @@ impl Processes {
         source: Option<&dyn Source>,
     ) -> anyhow::Result<(Self, HeldJournal)> {
         let mut stage = Stage::open("up", domain)?;
-        stage.expect(&loaded.config.sensor);
+        stage.expect_sensor(&loaded.config.sensor);
         let watch = Watch::open(&mut stage)?;
         stage.running()?;
         let profile = domain.folder().join("up.toml");
