@@ -10,6 +10,6 @@ fn main() {
         "../core/geometry/src",
         "../core/messages/src",
         "../core/ndt/src",
-        "../core/saved/src",
+        "../core/persist/src",
     ]);
 }

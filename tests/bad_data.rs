@@ -1,24 +1,24 @@
 //! A good log with bad data in it: every scan that can have a pose has one, and the rest is counted.
 
-use crate::support::spoilt::{BAD, Ran, SCANS, place, scan, spoilt, spoilt_with};
+use crate::support::corrupt_inputs::{BAD, Ran, SCANS, corrupted, corrupted_with, place, scan};
 use crate::support::{drive, report};
 use randt_messages::{MAX_RETURNS, Message, RadarScan};
 use randt_simulator::Event;
 use std::fs;
 
 #[test]
-fn the_drive_is_good_before_it_is_spoilt() {
-    let ran = spoilt(|_| {});
+fn the_drive_is_good_before_it_is_corrupted() {
+    let ran = corrupted(|_| {});
     ran.finished(0, SCANS);
     assert_eq!(ran.frames(), 1);
 }
 
 #[test]
 fn without_imu_every_scan_has_its_pose() {
-    let ran = spoilt_with(&["--no-imu"], |_| {});
+    let ran = corrupted_with(&["--no-imu"], |_| {});
     ran.finished(0, SCANS);
     assert_eq!(report(&ran.out)["input"]["imu"], false);
-    let without = spoilt(|events| events.retain(|event| !matches!(event, Event::Imu(_))));
+    let without = corrupted(|events| events.retain(|event| !matches!(event, Event::Imu(_))));
     without.finished(0, SCANS);
     assert_eq!((ran.frames(), without.frames()), (1, 1));
     // The same scans and no sample: the same poses, asked for or not.
@@ -28,7 +28,7 @@ fn without_imu_every_scan_has_its_pose() {
 
 #[test]
 fn an_imu_that_stops_half_way_stops_nothing() {
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         let last = place(events, BAD);
         let mut number = 0;
         events.retain(|event| {
@@ -48,7 +48,7 @@ fn an_imu_that_stops_half_way_stops_nothing() {
 #[test]
 fn a_clock_that_is_set_back_opens_a_new_frame() {
     for seconds in [5, 3600] {
-        let ran = spoilt(|events| {
+        let ran = corrupted(|events| {
             let from = place(events, BAD - 1) + 1;
             events[from..]
                 .iter_mut()
@@ -69,7 +69,7 @@ fn one_scan_with_a_stamp_of_another_time_leaves_the_others() {
         3_000_000_000,
         3_600_000_000_000,
     ] {
-        let ran = spoilt(|events| {
+        let ran = corrupted(|events| {
             let place = place(events, BAD);
             drive::shift(&mut events[place], by_ns);
         });
@@ -86,7 +86,7 @@ fn one_scan_with_a_stamp_of_another_time_leaves_the_others() {
 #[test]
 fn stamps_at_the_ends_of_time_are_only_numbers() {
     for stamp_ns in [i64::MIN, i64::MIN + 1, -1, 0, 1, i64::MAX - 1, i64::MAX] {
-        let ran = spoilt(|events| {
+        let ran = corrupted(|events| {
             let scan = scan(events, BAD);
             scan.head.header.stamp_ns = stamp_ns;
             (scan.head.sweep.begin_ns, scan.head.sweep.end_ns) = (stamp_ns, stamp_ns);
@@ -102,7 +102,7 @@ fn stamps_at_the_ends_of_time_are_only_numbers() {
         );
     }
     // A sweep as long as time itself.
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         let scan = scan(events, BAD);
         scan.head.sweep.begin_ns = i64::MIN;
     });
@@ -111,7 +111,7 @@ fn stamps_at_the_ends_of_time_are_only_numbers() {
 
 #[test]
 fn a_scan_that_comes_twice_counts_once() {
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         let place = place(events, BAD);
         let again = events[place].clone();
         events.insert(place + 1, again);
@@ -128,7 +128,7 @@ fn a_scan_that_comes_twice_counts_once() {
 
 #[test]
 fn values_that_are_no_numbers_are_left_out_and_the_rest_is_used() {
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         for (i, item) in scan(events, BAD).items.iter_mut().enumerate().step_by(3) {
             let wrong = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i / 3 % 3];
             if i % 2 == 0 {
@@ -142,14 +142,14 @@ fn values_that_are_no_numbers_are_left_out_and_the_rest_is_used() {
     assert!(ran.counter("returns_not_finite") > 1000);
     assert_eq!(ran.frames(), 1);
 
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         scan(events, BAD).head.sweep.beams[7].azimuth_rad = f32::NAN;
         scan(events, BAD + 3).head.sweep.azimuth_step_rad = f32::INFINITY;
     });
     ran.finished(3, SCANS - 2);
     assert_eq!((ran.counter("sweeps_malformed"), ran.frames()), (2, 1));
 
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         let from = place(events, BAD);
         for (number, event) in events[from..].iter_mut().enumerate() {
             if let Event::Imu(sample) = event {
@@ -172,7 +172,7 @@ fn values_that_are_no_numbers_are_left_out_and_the_rest_is_used() {
 
 #[test]
 fn numbers_beyond_all_measure_do_no_harm() {
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         for (i, item) in scan(events, BAD).items.iter_mut().enumerate() {
             item.range_m = [f32::MAX, -f32::MAX, f32::MIN_POSITIVE, -0.0, 1e30][i % 5];
         }
@@ -208,7 +208,7 @@ fn numbers_beyond_all_measure_do_no_harm() {
 #[test]
 fn beams_out_of_order_are_still_beams() {
     // The table turned around: azimuths and times run backwards.
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         let sweep = &mut scan(events, BAD).head.sweep;
         let count = sweep.beam_count as usize;
         let turned: Vec<_> = sweep.beams[..count].iter().rev().copied().collect();
@@ -219,7 +219,7 @@ fn beams_out_of_order_are_still_beams() {
     ran.finished(0, SCANS);
     assert_eq!(ran.frames(), 1);
     // A table whose beams do not own their returns.
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         scan(events, BAD).head.sweep.beams[..220].reverse();
         scan(events, BAD + 2).items.reverse();
         scan(events, BAD + 4).head.sweep.beam_count = u32::MAX;
@@ -241,7 +241,7 @@ fn scans_with_nothing_or_one_beam_in_them_are_lived_through() {
             .for_each(|beam| beam.first_return = 0);
     };
     for number in [0, 1, BAD, SCANS - 1] {
-        let ran = spoilt(|events| empty(scan(events, number)));
+        let ran = corrupted(|events| empty(scan(events, number)));
         // A first scan with nothing in it founds nothing; every other one has its pose from the motion model.
         assert!(
             ran.rows().len() >= SCANS - 1,
@@ -250,12 +250,12 @@ fn scans_with_nothing_or_one_beam_in_them_are_lived_through() {
         );
         assert_eq!(ran.code(), 0, "{}", ran.ended.stderr);
     }
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         empty(scan(events, BAD));
         scan(events, BAD).head.sweep.beam_count = 0;
     });
     assert!(ran.rows().len() >= SCANS - 1);
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         let scan = scan(events, BAD);
         scan.items
             .truncate(scan.head.sweep.beams[1].first_return as usize);
@@ -264,13 +264,13 @@ fn scans_with_nothing_or_one_beam_in_them_are_lived_through() {
     ran.finished(0, SCANS);
     assert_eq!(ran.frames(), 1);
     // Nothing but empty scans.
-    let ran = spoilt(|events| (0..SCANS).for_each(|number| empty(scan(events, number))));
+    let ran = corrupted(|events| (0..SCANS).for_each(|number| empty(scan(events, number))));
     assert!([0, 1].contains(&ran.code()), "{}", ran.ended.stderr);
 }
 
 #[test]
 fn ten_times_the_points_are_only_more_points() {
-    let ran = spoilt(|events| {
+    let ran = corrupted(|events| {
         for number in BAD..BAD + 5 {
             let scan = scan(events, number);
             let beams = scan.head.sweep.beam_count as usize;

@@ -1,7 +1,7 @@
 //! Broken and foreign files: every run ends soon, with a reason, and uses what is good.
 
 use crate::support::bag::{AS_PUBLISHED, Bag};
-use crate::support::spoilt::{DRIVE, SCANS, checked, file, spoilt, spoilt_with};
+use crate::support::corrupt_inputs::{DRIVE, SCANS, checked, corrupted, corrupted_with, file};
 use crate::support::{OUTPUTS, Random, drive, names, recording, report, run};
 use randt_simulator::Event;
 use std::fs;
@@ -68,7 +68,7 @@ fn what_has_no_radar_says_so() {
         };
         checked(&path, &[]).refused(1, &[name, words]);
     }
-    let ran = spoilt(|events| events.retain(|event| !matches!(event, Event::Scan(_))));
+    let ran = corrupted(|events| events.retain(|event| !matches!(event, Event::Scan(_))));
     ran.refused(1, &["drive.mcap", "no radar"]);
 }
 
@@ -85,7 +85,7 @@ fn what_is_no_log_says_so() {
 }
 
 #[test]
-fn a_bags_clouds_may_be_shuffled_spoilt_empty_or_far_too_large() {
+fn a_bags_clouds_may_be_shuffled_corrupted_empty_or_far_too_large() {
     let Some(path) = recording("bags/room.bag") else {
         return;
     };
@@ -115,7 +115,7 @@ fn a_bags_clouds_may_be_shuffled_spoilt_empty_or_far_too_large() {
         );
     }
 
-    let spoilt = ran(&|number, cloud| {
+    let corrupted = ran(&|number, cloud| {
         if number == bad {
             let wrong = [f32::NAN, f32::INFINITY, f32::MAX, f32::NEG_INFINITY];
             cloud
@@ -127,12 +127,12 @@ fn a_bags_clouds_may_be_shuffled_spoilt_empty_or_far_too_large() {
         }
     });
     assert_eq!(
-        (spoilt.rows().len(), spoilt.frames()),
+        (corrupted.rows().len(), corrupted.frames()),
         (30, 1),
         "{}",
-        spoilt.ended.stdout
+        corrupted.ended.stdout
     );
-    assert!(spoilt.counter("returns_not_finite") > 1000);
+    assert!(corrupted.counter("returns_not_finite") > 1000);
 
     let empty = ran(&|number, cloud| {
         if number == bad {
@@ -262,14 +262,14 @@ fn where_nothing_can_be_written_nothing_is_left() {
 
 #[test]
 fn keys_and_sensors_that_do_not_fit_are_refused_before_the_work() {
-    spoilt_with(&["--set", "odometry.windw=3"], |_| {}).refused(78, &["windw", "window"]);
-    spoilt_with(&["--set", "odometry.window=many"], |_| {}).refused(78, &["window"]);
-    spoilt_with(&["--set", "odometry.window=-3"], |_| {}).refused(78, &["window"]);
-    spoilt_with(&["--profile", "absent.toml"], |_| {}).refused(78, &["absent.toml"]);
-    spoilt_with(&["--sensor", "lidar"], |_| {}).refused(78, &["lidar"]);
-    spoilt_with(&["--sensor", "navtech-cts"], |_| {})
+    corrupted_with(&["--set", "odometry.windw=3"], |_| {}).refused(78, &["windw", "window"]);
+    corrupted_with(&["--set", "odometry.window=many"], |_| {}).refused(78, &["window"]);
+    corrupted_with(&["--set", "odometry.window=-3"], |_| {}).refused(78, &["window"]);
+    corrupted_with(&["--profile", "absent.toml"], |_| {}).refused(78, &["absent.toml"]);
+    corrupted_with(&["--sensor", "lidar"], |_| {}).refused(78, &["lidar"]);
+    corrupted_with(&["--sensor", "navtech-cts"], |_| {})
         .refused(78, &["navtech-cts", "range_resolution_m"]);
-    spoilt_with(&["--speed", "fast"], |_| {}).refused(2, &["--speed"]);
+    corrupted_with(&["--speed", "fast"], |_| {}).refused(2, &["--speed"]);
     let Some(path) = recording("bags/room.bag") else {
         return;
     };

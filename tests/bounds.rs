@@ -73,7 +73,7 @@ fn child() {
     };
     let (seed, pairs) = text.split_once(' ').unwrap();
     let cases = cases(seed.parse().unwrap(), pairs.parse().unwrap());
-    let world = World::parse("hall", crate::support::hall::WORLD).unwrap();
+    let world = World::parse("hall", crate::support::l_shaped_world::WORLD).unwrap();
     let drive = Drive::new(&world, SCANS, 1, &ProgressBar::hidden()).unwrap();
     let (mut ran, mut refused, mut slowest) = (0, 0, (Duration::ZERO, Vec::new()));
     for set in cases {

@@ -1,17 +1,17 @@
 //! Any stage may die at any moment: it is back soon, alone, and the drive's result is to the last bit that of
 //! an undisturbed one.
 //!
-//! The form for every day has 13 kills in two minutes, each kind of blow once; the long one has 60 and more in a drive of
+//! The form for every day has 13 kills in two minutes, each kind of fault once; the long one has 60 and more in a drive of
 //! ten minutes:
 //! `cargo build --workspace && cargo test --test programs death:: -- --ignored --nocapture`.
 
-use crate::support::killer::{APART, BACK_MAX_MS, Blow, Killer, Row, STAGES};
+use crate::support::killer::{APART, BACK_MAX_MS, InjectedFault, Killer, Row, STAGES};
 use crate::support::pipeline::Pipeline;
 use crate::support::up::{PATIENT, up};
-use crate::support::{Random, ended_within, hall, randt, report, tum};
+use crate::support::{Random, ended_within, l_shaped_world, randt, report, tum};
 use randt_mapper::journal;
 use randt_messages::Message;
-use randt_stage::{Leftover, Realm, leftovers, wipe};
+use randt_stage::{Domain, Leftover, leftovers, wipe};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 /// Scans that must have a pose.
 const POSES_MIN: f64 = 0.97;
-/// No blow falls in so long before the end of the drive.
+/// No fault falls in so long before the end of the drive.
 const REST_S: f64 = 10.0;
 /// What is left over is counted when nothing has happened for so long.
 const SETTLED: Duration = Duration::from_secs(2);
@@ -33,38 +33,42 @@ struct Ordeal {
     scans: u64,
     /// From when on loops are closed, s.
     second_lap_s: f64,
-    blows: Vec<(&'static str, Blow)>,
+    faults: Vec<(&'static str, InjectedFault)>,
     /// Whether stages go on being killed until the drive ends.
     to_the_end: bool,
 }
 
-fn times(count: usize, stage: &'static str, blow: Blow) -> Vec<(&'static str, Blow)> {
-    vec![(stage, blow); count]
+fn times(
+    count: usize,
+    stage: &'static str,
+    fault: InjectedFault,
+) -> Vec<(&'static str, InjectedFault)> {
+    vec![(stage, fault); count]
 }
 
 #[test]
-fn every_blow_once_leaves_no_trace_in_the_result() {
+fn every_fault_once_leaves_no_trace_in_the_result() {
     let folder = tempfile::tempdir().unwrap();
     let world = folder.path().join("hall.world");
-    fs::write(&world, hall::WORLD).unwrap();
-    let blows = [
-        times(1, "filter", Blow::StartUp),
-        times(2, "odometry", Blow::StartUp),
+    fs::write(&world, l_shaped_world::WORLD).unwrap();
+    let faults = [
+        times(1, "filter", InjectedFault::StartUp),
+        times(2, "odometry", InjectedFault::StartUp),
         // One that misses is tried again and counts as a kill: so a few more than a third.
-        times(2, "mapper", Blow::StartUp),
-        times(1, "mapper", Blow::With("odometry")),
-        times(1, "odometry", Blow::With("filter")),
-        times(1, "odometry", Blow::Turn),
-        times(1, "odometry", Blow::CatchingUp),
-        times(1, "filter", Blow::Plain),
-        times(1, "mapper", Blow::Closing),
-        times(1, "odometry", Blow::Stop),
+        times(2, "mapper", InjectedFault::StartUp),
+        times(1, "mapper", InjectedFault::With("odometry")),
+        times(1, "odometry", InjectedFault::With("filter")),
+        times(1, "odometry", InjectedFault::Turn),
+        times(1, "odometry", InjectedFault::CatchingUp),
+        times(1, "filter", InjectedFault::Plain),
+        times(1, "mapper", InjectedFault::Closing),
+        times(1, "odometry", InjectedFault::Stop),
     ];
     check(&Ordeal {
         world,
         scans: 640,
         second_lap_s: 50.0,
-        blows: blows.concat(),
+        faults: faults.concat(),
         to_the_end: false,
     });
 }
@@ -72,23 +76,23 @@ fn every_blow_once_leaves_no_trace_in_the_result() {
 #[test]
 #[ignore = "takes twelve minutes"]
 fn sixty_kills_and_more_in_ten_minutes_leave_no_trace_in_the_result() {
-    let mut blows = Vec::new();
+    let mut faults = Vec::new();
     for stage in STAGES {
-        blows.extend(times(9, stage, Blow::StartUp));
-        blows.extend(times(2, stage, Blow::Turn));
-        blows.extend(times(2, stage, Blow::Plain));
-        blows.extend(times(2, stage, Blow::CatchingUp));
-        blows.extend(times(1, stage, Blow::Stop));
+        faults.extend(times(9, stage, InjectedFault::StartUp));
+        faults.extend(times(2, stage, InjectedFault::Turn));
+        faults.extend(times(2, stage, InjectedFault::Plain));
+        faults.extend(times(2, stage, InjectedFault::CatchingUp));
+        faults.extend(times(1, stage, InjectedFault::Stop));
     }
-    blows.extend(times(3, "mapper", Blow::Closing));
-    blows.extend(times(5, "mapper", Blow::With("odometry")));
-    blows.extend(times(3, "odometry", Blow::With("filter")));
-    blows.extend(times(3, "filter", Blow::With("mapper")));
+    faults.extend(times(3, "mapper", InjectedFault::Closing));
+    faults.extend(times(5, "mapper", InjectedFault::With("odometry")));
+    faults.extend(times(3, "odometry", InjectedFault::With("filter")));
+    faults.extend(times(3, "filter", InjectedFault::With("mapper")));
     check(&Ordeal {
         world: PathBuf::from("building"),
         scans: 3100,
         second_lap_s: 300.0,
-        blows,
+        faults,
         to_the_end: true,
     });
 }
@@ -105,8 +109,8 @@ fn check(ordeal: &Ordeal) {
     assert!(accepted.as_u64().unwrap() > 0, "a drive without loops");
 
     let own = Pipeline::new("death");
-    let mut up = Up::start(own.realm(), &log, folder.path());
-    let (killer, entries) = drive(ordeal, own.realm(), &mut up);
+    let mut up = Up::start(own.domain(), &log, folder.path());
+    let (killer, entries) = drive(ordeal, own.domain(), &mut up);
     let processes = killer.kills();
     let Killer { observer, rows, .. } = killer;
     observer.leave();
@@ -120,9 +124,9 @@ fn check(ordeal: &Ordeal) {
     check_result(ordeal, &at("up"), &at("run"));
     check_counters(&at("up"), &at("run"), processes);
     check_rows(&rows, entries);
-    let wiped = wipe(own.realm(), false).unwrap();
+    let wiped = wipe(own.domain(), false).unwrap();
     println!("{:?} entries wiped", wiped.map(|all| all.len()));
-    assert_eq!(leftovers(own.realm()), [], "after doctor --clean");
+    assert_eq!(leftovers(own.domain()), [], "after doctor --clean");
 }
 
 fn simulate(ordeal: &Ordeal, folder: &Path) -> PathBuf {
@@ -145,9 +149,9 @@ struct Up {
 }
 
 impl Up {
-    fn start(realm: &Realm, log: &Path, folder: &Path) -> Self {
+    fn start(domain: &Domain, log: &Path, folder: &Path) -> Self {
         let stderr = folder.join("up.stderr");
-        let child = up(realm, log, &folder.join("up"))
+        let child = up(domain, log, &folder.join("up"))
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(File::create(&stderr).unwrap())
@@ -157,7 +161,7 @@ impl Up {
         // Whoever enters before it would keep it from starting.
         let begin = Instant::now();
         let runs = || {
-            let all = randt_stage::Registry::all(realm);
+            let all = randt_stage::Registry::all(domain);
             all.iter()
                 .any(|(entry, lives)| entry.name == "play" && *lives)
         };
@@ -173,7 +177,7 @@ impl Up {
         fs::read_to_string(&self.stderr).unwrap()
     }
 
-    /// Waits for its end, which comes by itself; gives what it said.
+    /// PortWaiter for its end, which comes by itself; gives what it said.
     fn end(&mut self) -> String {
         let begin = Instant::now();
         let status = loop {
@@ -202,8 +206,8 @@ impl Drop for Up {
     }
 }
 
-/// All blows; with them the entries of iceoryx2 before and after, while the pipeline runs.
-fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> (Killer, [usize; 2]) {
+/// All faults; with them the entries of iceoryx2 before and after, while the pipeline runs.
+fn drive(ordeal: &Ordeal, domain: &Domain, up: &mut Up) -> (Killer, [usize; 2]) {
     let seed = std::env::var("RANDT_SEED").map_or_else(
         |_| {
             let now = std::time::SystemTime::UNIX_EPOCH.elapsed().unwrap();
@@ -211,46 +215,50 @@ fn drive(ordeal: &Ordeal, realm: &Realm, up: &mut Up) -> (Killer, [usize; 2]) {
         },
         |seed| seed.parse().unwrap(),
     );
-    let mut killer = Killer::enter(realm, seed);
+    let mut killer = Killer::enter(domain, seed);
     killer.observer.until(SETTLED, |_| false);
-    let before = leftovers(realm);
+    let before = leftovers(domain);
 
     let end_s = ordeal.scans as f64 * 0.2 - REST_S;
-    let mut blows = ordeal.blows.clone();
-    shuffle(&mut blows, &mut killer.random);
+    let mut faults = ordeal.faults.clone();
+    shuffle(&mut faults, &mut killer.random);
     loop {
         let now_s = killer.observer.driven_s();
         let left_s = end_s - now_s;
         if left_s < 0.0 {
-            assert!(blows.is_empty(), "the drive is over, but not {blows:?}");
+            assert!(faults.is_empty(), "the drive is over, but not {faults:?}");
             break;
         }
-        let at = blows
+        let at = faults
             .iter()
-            .position(|(_, blow)| *blow != Blow::Closing || now_s > ordeal.second_lap_s);
-        let (stage, blow) = match at {
-            Some(at) => blows.remove(at),
-            None if blows.is_empty() && !ordeal.to_the_end => break,
+            .position(|(_, fault)| *fault != InjectedFault::Closing || now_s > ordeal.second_lap_s);
+        let (stage, fault) = match at {
+            Some(at) => faults.remove(at),
+            None if faults.is_empty() && !ordeal.to_the_end => break,
             None => {
                 let (start_ups, kills) = (start_ups(&killer.rows), kills(&killer.rows));
                 let is_short = 3 * start_ups <= kills.iter().sum::<usize>() + 3;
-                let blow = if is_short { Blow::StartUp } else { Blow::Plain };
-                (STAGES[killer.random.below(3)], blow)
+                let fault = if is_short {
+                    InjectedFault::StartUp
+                } else {
+                    InjectedFault::Plain
+                };
+                (STAGES[killer.random.below(3)], fault)
             }
         };
-        killer.strike(stage, blow);
+        killer.strike(stage, fault);
         if killer.rows.last().is_some_and(|row| !row.hit) {
-            blows.push((stage, blow));
+            faults.push((stage, fault));
         }
         // Evenly over the drive, at random.
-        let spare_s = left_s / (blows.len() + 1) as f64 - APART.as_secs_f64();
+        let spare_s = left_s / (faults.len() + 1) as f64 - APART.as_secs_f64();
         let spare_s = spare_s.clamp(0.0, 5.0) * killer.random.below(1000) as f64 / 1000.0;
         let pause = APART + Duration::from_secs_f64(spare_s);
         killer.observer.until(pause, |_| false);
         assert!(up.child.try_wait().unwrap().is_none(), "{}", up.said());
     }
     killer.observer.until(SETTLED, |_| false);
-    let after = leftovers(realm);
+    let after = leftovers(domain);
     println!("{}", kinds(&before, &after));
     let entries = [before.len(), after.len()];
     summarise(&killer.rows, entries);
@@ -285,7 +293,9 @@ fn shuffle<T>(items: &mut [T], random: &mut Random) {
 
 /// Kills inside the start-up window.
 fn start_ups(rows: &[Row]) -> usize {
-    let hits = rows.iter().filter(|r| r.blow == Blow::StartUp && r.hit);
+    let hits = rows
+        .iter()
+        .filter(|r| r.fault == InjectedFault::StartUp && r.hit);
     hits.count()
 }
 
@@ -303,15 +313,15 @@ fn back_ms(rows: &[Row]) -> Vec<f64> {
 }
 
 fn summarise(rows: &[Row], [before, after]: [usize; 2]) {
-    let hits = |blow| rows.iter().filter(|r| r.blow == blow && r.hit).count();
+    let hits = |fault| rows.iter().filter(|r| r.fault == fault && r.hit).count();
     let back = back_ms(rows);
     println!(
         "{:?} kills of {STAGES:?}, {} while starting, {} in turns, {} at a keyframe of the second lap; \
          back after {:.0} ms (median), {:.0} ms (worst); entries {before} -> {after}",
         kills(rows),
         start_ups(rows),
-        hits(Blow::Turn),
-        hits(Blow::Closing),
+        hits(InjectedFault::Turn),
+        hits(InjectedFault::Closing),
         back[back.len() / 2],
         back[back.len() - 1],
     );

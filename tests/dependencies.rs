@@ -88,7 +88,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("clap_mangen", &["randt-stage"]),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
-    ("foxglove", &["randt-wellknown"]),
+    ("foxglove", &["randt-foxglove-schemas"]),
     ("iceoryx2", &["randt-stage"]),
     ("indicatif", &["randt"]),
     ("libloading", &["randt-imu"]),
@@ -120,14 +120,14 @@ const USERS: &[(&str, &[&str])] = &[
 
 /// Crates without I/O, and all that they may use.
 const PURE: &[(&str, &[&str])] = &[
-    ("randt-geometry", &["libm", "nalgebra", "randt-saved"]),
+    ("randt-geometry", &["libm", "nalgebra", "randt-persist"]),
     ("randt-messages", &["bytemuck"]),
     (
         "randt-ndt",
-        &["nalgebra", "randt-geometry", "randt-saved", "wide"],
+        &["nalgebra", "randt-geometry", "randt-persist", "wide"],
     ),
     (
-        "randt-saved",
+        "randt-persist",
         &["bytemuck", "crc32fast", "nalgebra", "thiserror"],
     ),
 ];

@@ -1,10 +1,10 @@
-//! `randt doctor` on realms that are well, and on realms that are not.
+//! `randt doctor` on domains that are well, and on domains that are not.
 
 use crate::support::pipeline::{Pipeline, log, signal};
 use crate::support::stages::program;
 use crate::support::{Ended, ended, names, randt};
 use randt_messages::{ImuSample, RadarPoints, Topic};
-use randt_stage::{Realm, Stage};
+use randt_stage::{Domain, Stage};
 use rustix::process::Signal;
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
@@ -60,14 +60,14 @@ fn alone(options: &str, size: &str, program: &Path) -> Command {
 }
 
 #[test]
-fn a_good_realm_is_called_good() {
+fn a_good_domain_is_called_good() {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 40);
     let mut pipeline = Pipeline::new("good");
     let nobody = pipeline.randt(&["doctor"]);
     assert_eq!(nobody.code, Some(0), "{}", nobody.stdout);
     assert_says(&nobody, "ok", "not there, no stage ever ran here");
-    assert!(!pipeline.realm().folder().exists(), "it makes nothing");
+    assert!(!pipeline.domain().folder().exists(), "it makes nothing");
 
     pipeline.stage("filter");
     pipeline.play(&log, &["--loop"]);
@@ -90,7 +90,7 @@ fn a_good_realm_is_called_good() {
 }
 
 #[test]
-fn another_users_realm_is_told_with_whose_it_is() {
+fn another_users_domain_is_told_with_whose_it_is() {
     if !rustix::process::geteuid().is_root() {
         // A folder that is surely there and not this user's.
         let other = ended(randt(&["doctor", "--run", "/", "--prefix", "usr"]));
@@ -99,9 +99,14 @@ fn another_users_realm_is_told_with_whose_it_is() {
     }
     // Root looks and cleans with the rights of whoever has it.
     let pipeline = Pipeline::new("whose");
-    pipeline.realm().make().unwrap();
-    let realm = pipeline.realm();
-    for folder in [realm.run(), &realm.folder(), &realm.root(), &realm.state()] {
+    pipeline.domain().make().unwrap();
+    let domain = pipeline.domain();
+    for folder in [
+        domain.run(),
+        &domain.folder(),
+        &domain.root(),
+        &domain.state(),
+    ] {
         std::os::unix::fs::chown(folder, Some(65534), None).unwrap();
     }
     let other = pipeline.randt(&["doctor"]);
@@ -146,7 +151,7 @@ fn the_run_folder_is_the_sessions_where_that_is_the_users_alone() {
     };
     let path = session.path().to_str().unwrap();
     fs::set_permissions(path, Permissions::from_mode(0o700)).unwrap();
-    assert_eq!(title(path), format!("realm session in {path}/randt"));
+    assert_eq!(title(path), format!("domain session in {path}/randt"));
     let usual = title("");
     assert!(!usual.contains(path), "{usual}");
     // What others may look into is no session's, nor is what is not there, or no absolute path.
@@ -157,7 +162,7 @@ fn the_run_folder_is_the_sessions_where_that_is_the_users_alone() {
 }
 
 #[test]
-fn a_realm_that_this_user_may_not_look_into_is_told_with_whose_it_is() {
+fn a_domain_that_this_user_may_not_look_into_is_told_with_whose_it_is() {
     if !rustix::process::geteuid().is_root() {
         // Only root can become somebody else.
         assert!(std::env::var_os("CI").is_none(), "CI runs this as root");
@@ -175,9 +180,9 @@ fn a_realm_that_this_user_may_not_look_into_is_told_with_whose_it_is() {
         let mut command = Command::new("setpriv");
         command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]);
         command.arg(&program).args(words);
-        let realm = pipeline.realm();
-        command.args(["--prefix", realm.prefix(), "--run"]);
-        command.arg(realm.run());
+        let domain = pipeline.domain();
+        command.args(["--prefix", domain.prefix(), "--run"]);
+        command.arg(domain.run());
         ended(command)
     };
     assert_bad(
@@ -193,8 +198,8 @@ fn a_realm_that_this_user_may_not_look_into_is_told_with_whose_it_is() {
 #[test]
 fn rights_that_are_too_wide_are_bad() {
     let pipeline = Pipeline::new("rights");
-    pipeline.realm().make().unwrap();
-    let folder = pipeline.realm().folder();
+    pipeline.domain().make().unwrap();
+    let folder = pipeline.domain().folder();
     let mend = format!("chmod 700 {}", folder.display());
     fs::set_permissions(&folder, Permissions::from_mode(0o777)).unwrap();
     assert_bad(
@@ -216,7 +221,7 @@ fn what_a_kill_leaves_is_found_and_cleaned_away() {
     let filter = pipeline.stage("filter");
     pipeline.stage("odometry");
     pipeline.play(&log, &["--loop"]);
-    let state = pipeline.realm().state();
+    let state = pipeline.domain().state();
     assert!(!names(&state).is_empty(), "odometry has checkpoints");
 
     // One dies, the others live.
@@ -267,7 +272,7 @@ fn what_a_kill_leaves_is_found_and_cleaned_away() {
         cleaned.stdout
     );
     assert_eq!(pipeline.segments(), Vec::<String>::new());
-    assert_eq!(names(&pipeline.realm().root()), Vec::<String>::new());
+    assert_eq!(names(&pipeline.domain().root()), Vec::<String>::new());
     assert!(
         !names(&state).is_empty(),
         "what a restart goes on from is kept"
@@ -287,7 +292,7 @@ fn a_stopped_stage_and_a_lost_anchor_are_found() {
     let mut pipeline = Pipeline::new("stopped");
     let filter = pipeline.stage("filter");
     signal(filter, Signal::STOP);
-    fs::remove_file(pipeline.realm().run().join("clock-anchor")).unwrap();
+    fs::remove_file(pipeline.domain().run().join("clock-anchor")).unwrap();
     let found = pipeline.randt(&["doctor"]);
     assert_says(&found, "WARN", "randt-filter (process");
     assert_says(&found, "      mend it:", &format!("kill -CONT {filter}"));
@@ -314,7 +319,7 @@ impl Topic for OtherPoints {
 fn a_stage_of_another_build_is_named() {
     let pipeline = Pipeline::new("builds");
     // This process is a stage of another build.
-    let mut stage = Stage::open("odd", pipeline.realm()).unwrap();
+    let mut stage = Stage::open("odd", pipeline.domain()).unwrap();
     let _points = stage.publisher::<OtherPoints>().unwrap();
     stage.running().unwrap();
     let found = pipeline.randt(&["doctor"]);
@@ -358,8 +363,8 @@ fn two_worlds_are_told_apart() {
     here.stage("filter");
     // The same prefix in another run folder, and another prefix.
     let there = Pipeline::new("there");
-    let prefix = here.realm().prefix().to_owned();
-    let twin = Realm::new(&prefix, Some(there.realm().run())).unwrap();
+    let prefix = here.domain().prefix().to_owned();
+    let twin = Domain::new(&prefix, Some(there.domain().run())).unwrap();
     let elsewhere = Stage::open("elsewhere", &twin).unwrap();
     let found = here.randt(&["doctor"]);
     let folder = twin.folder();
@@ -378,14 +383,14 @@ fn two_worlds_are_told_apart() {
     assert_says(
         &other,
         "WARN",
-        &format!("another realm is in {}", here.realm().folder().display()),
+        &format!("another domain is in {}", here.domain().folder().display()),
     );
 
     // Its folder is removed under it.
     fs::remove_dir_all(&folder).unwrap();
     let found = ended({
         let mut command = randt(&["doctor", "--prefix", &prefix, "--run"]);
-        command.arg(there.realm().run());
+        command.arg(there.domain().run());
         command
     });
     assert_says(&found, "BAD", "which was removed under it");

@@ -86,7 +86,7 @@ impl Trial {
 
     /// The process of a stage that lives.
     fn pid(&self, name: &str) -> Option<u32> {
-        let all = Registry::all(self.pipeline.realm());
+        let all = Registry::all(self.pipeline.domain());
         let mut living = all.into_iter().filter(|(_, lives)| *lives);
         let found = living.find(|(entry, _)| entry.name == name);
         found.map(|(entry, _)| entry.pid as u32)
@@ -111,7 +111,7 @@ impl Trial {
         for name in OUTPUTS {
             assert!(found.iter().any(|found| found == name), "{found:?}");
         }
-        let all = Registry::all(self.pipeline.realm());
+        let all = Registry::all(self.pipeline.domain());
         let living = all.into_iter().filter(|(_, lives)| *lives).count();
         assert_eq!(living, 0, "processes are left");
     }
@@ -249,7 +249,7 @@ fn where_nothing_can_be_written_it_says_so() {
 #[test]
 fn a_run_folder_that_is_removed_costs_what_is_under_way_at_most() {
     let trial = Trial::new("norun");
-    let run = trial.pipeline.realm().run().to_owned();
+    let run = trial.pipeline.domain().run().to_owned();
     let ended = trial.drive(&[], |_| remove_folder(&run));
     let why = trial.lost(&ended, "memory_gone");
     assert!(why.contains("was removed or cut"), "{why}");
@@ -309,7 +309,7 @@ fn an_interruption_before_the_pipeline_runs_leaves_nobody() {
     let ended = trial.begin(&[], |trial| trial.signal("up", Signal::INT));
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
     assert!(ended.says("nothing was computed"), "{}", ended.stderr);
-    let all = Registry::all(trial.pipeline.realm());
+    let all = Registry::all(trial.pipeline.domain());
     assert!(all.iter().all(|(_, lives)| !lives), "{all:?}");
 }
 

@@ -114,7 +114,7 @@ fn a_clock_that_was_taken_anew_does_not_make_odometry_deaf() {
     }
     let before = keyframes(&journal).len();
     // An hour back: what is published from now on has an earlier epoch.
-    let anchor = pipeline.realm().run().join("clock-anchor");
+    let anchor = pipeline.domain().run().join("clock-anchor");
     let taken: i64 = fs::read_to_string(&anchor).unwrap().trim().parse().unwrap();
     fs::write(&anchor, (taken - 3_600_000_000_000).to_string()).unwrap();
     rate(&mut pipeline);
@@ -137,7 +137,7 @@ fn a_log_that_was_killed_is_the_end_of_the_drive() {
             ended(up)
         });
         let play = || {
-            let all = randt_stage::Registry::all(pipeline.realm());
+            let all = randt_stage::Registry::all(pipeline.domain());
             let found = all
                 .into_iter()
                 .find(|(entry, lives)| entry.name == "play" && *lives);

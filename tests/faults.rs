@@ -304,7 +304,7 @@ fn judge(trial: &Trial, shown: &Shown) -> (String, Vec<String>) {
     let back_s = back_s(trial, &shown.came);
     let during = |(at_s, _): &&(f64, bool)| (BEGIN_S + 0.4..BEGIN_S + DURATION_S).contains(at_s);
     let came = shown.came.iter().filter(during).count();
-    let spoilt = shown
+    let corrupted = shown
         .came
         .iter()
         .filter(|(at_s, whole)| *at_s > BEGIN_S && !whole)
@@ -316,7 +316,7 @@ fn judge(trial: &Trial, shown: &Shown) -> (String, Vec<String>) {
         .map(|count| count.value - value(&shown.before, count.name))
         .sum();
     let row = format!(
-        "{:9} {:12} {:30} {:>8} {came:>6} {spoilt:>6} {lost:>6} {back_s:>7.2} {:>6.2}  {}",
+        "{:9} {:12} {:30} {:>8} {came:>6} {corrupted:>6} {lost:>6} {back_s:>7.2} {:>6.2}  {}",
         trial.protocol,
         trial.fault,
         if trial.counter.is_empty() {
@@ -354,10 +354,10 @@ fn judge(trial: &Trial, shown: &Shown) -> (String, Vec<String>) {
     check(back_s <= BACK_MAX_S, "it is not back in time");
     check(shown.processor <= PROCESSOR_MAX, "it costs too much");
     match trial.harm {
-        Harm::None => check(came > 3 && spoilt == 0 && lost == 0, "it does harm"),
+        Harm::None => check(came > 3 && corrupted == 0 && lost == 0, "it does harm"),
         Harm::Some => check(
-            lost > 0 && (spoilt > 0 || !trial.is_radar()),
-            "what is spoilt is not flagged",
+            lost > 0 && (corrupted > 0 || !trial.is_radar()),
+            "what is corrupted is not flagged",
         ),
         Harm::Any => check(came > 3, "it does not come back meanwhile"),
         Harm::All => check(came == 0, "something came"),
@@ -387,7 +387,7 @@ fn every_fault_is_counted_and_passes() {
     });
     let mut table = format!(
         "{:9} {:12} {:30} {:>8} {:>6} {:>6} {:>6} {:>7} {:>6}  says\n",
-        "protocol", "fault", "counter", "rises by", "came", "spoilt", "lost", "back s", "core %"
+        "protocol", "fault", "counter", "rises by", "came", "corrupted", "lost", "back s", "core %"
     );
     let rows = rows.into_inner().unwrap();
     for (row, _) in rows.values() {

@@ -85,9 +85,9 @@ fn in_the_small_world() {
         ["mapper", "odometry", "filter", "play"],
         ["play", "filter", "odometry", "mapper"],
     ] {
-        let realm = place.realm(order[0]);
+        let domain = place.domain(order[0]);
         let mut programs = order.map(|name| {
-            let mut command = Place::command(&realm, name);
+            let mut command = Place::command(&domain, name);
             match name {
                 "play" => command.args(["--stay", "--rate", "4"]).arg(&log),
                 _ => command.arg("--profile").arg(&profile),
@@ -98,7 +98,7 @@ fn in_the_small_world() {
         });
         std::thread::sleep(Duration::from_secs(SCANS / 5 / 4 + 1));
         programs.iter_mut().for_each(|program| check(program, &log));
-        assert!(randt_stage::wipe(&realm, true).unwrap().is_some());
+        assert!(randt_stage::wipe(&domain, true).unwrap().is_some());
     }
 }
 

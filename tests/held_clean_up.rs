@@ -5,7 +5,7 @@
 
 use crate::support::pipeline::{signal, until};
 use crate::support::stages::{Place, Running, program};
-use randt_stage::{Realm, Registry, slots_of_nobody};
+use randt_stage::{Domain, Registry, slots_of_nobody};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,16 +20,16 @@ const LOOKS: usize = 8;
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
 /// Whether a process is in its loop, or about to enter it.
-fn runs(realm: &Realm, pid: u32) -> bool {
-    let all = Registry::all(realm);
+fn runs(domain: &Domain, pid: u32) -> bool {
+    let all = Registry::all(domain);
     // What the register has of a stage's name is the dead one's until the new one has written its own.
     all.iter()
         .any(|(entry, lives)| *lives && entry.pid == u64::from(pid) && entry.topics.len() > 1)
 }
 
-fn start(place: &Place, realm: &Realm, stage: &str) -> Running {
-    let started = place.start(stage, Place::command(realm, stage));
-    until(stage, || runs(realm, started.pid()));
+fn start(place: &Place, domain: &Domain, stage: &str) -> Running {
+    let started = place.start(stage, Place::command(domain, stage));
+    until(stage, || runs(domain, started.pid()));
     started
 }
 
@@ -73,21 +73,21 @@ fn go_on(tracer: &Running) {
 }
 
 /// Starts the filter, held at one of its looks; gives whether it took so many.
-fn start_held(place: &Place, realm: &Realm, look: usize) -> (Running, bool) {
+fn start_held(place: &Place, domain: &Domain, look: usize) -> (Running, bool) {
     let mut command = Command::new("strace");
     let calls = "trace=openat,open";
     let stop = format!("inject=openat,open:signal=SIGSTOP:when={look}");
     command.args(["-qq", "-o", "/dev/null", "-e", calls, "-e", &stop, "-P"]);
-    command.arg(realm.root().join("nodes"));
+    command.arg(domain.root().join("nodes"));
     command.arg(program("filter"));
     command
-        .args(["--prefix", realm.prefix(), "--run"])
-        .arg(realm.run());
+        .args(["--prefix", domain.prefix(), "--run"])
+        .arg(domain.run());
     let mut tracer = place.start("filter", command);
     let begin = Instant::now();
     let mut stood = 0;
     while stood < STANDS {
-        if traced(&tracer).is_some_and(|pid| runs(realm, pid)) {
+        if traced(&tracer).is_some_and(|pid| runs(domain, pid)) {
             return (tracer, false);
         }
         assert!(tracer.ended().is_none(), "{}", tracer.said());
@@ -101,20 +101,20 @@ fn start_held(place: &Place, realm: &Realm, look: usize) -> (Running, bool) {
 /// Holds a start at one look; gives whether it took so many.
 fn hold(look: usize) -> bool {
     let place = Place::new();
-    let realm = place.realm("held");
-    let mapper = start(&place, &realm, "mapper");
-    let odometry = start(&place, &realm, "odometry");
-    kill(start(&place, &realm, "filter"));
+    let domain = place.domain("held");
+    let mapper = start(&place, &domain, "mapper");
+    let odometry = start(&place, &domain, "odometry");
+    kill(start(&place, &domain, "filter"));
     // What the filter has left is cleared away by the next one, and meanwhile odometry dies.
-    let (mut filter, is_held) = start_held(&place, &realm, look);
+    let (mut filter, is_held) = start_held(&place, &domain, look);
     kill(odometry);
     until("filter", || {
         go_on(&filter);
-        traced(&filter).is_some_and(|pid| runs(&realm, pid))
+        traced(&filter).is_some_and(|pid| runs(&domain, pid))
     });
-    let mut odometry = start(&place, &realm, "odometry");
+    let mut odometry = start(&place, &domain, "odometry");
     assert_eq!(
-        slots_of_nobody(&realm),
+        slots_of_nobody(&domain),
         BTreeMap::new(),
         "held at look {look}"
     );

@@ -11,7 +11,7 @@ use crate::support::pipeline::{Pipeline, log_of, until};
 use crate::support::stages::{Place, Running};
 use crate::support::up::up;
 use crate::support::{Random, ended, randt, report};
-use randt_stage::{Realm, Registry, slots_of_nobody};
+use randt_stage::{Domain, Registry, slots_of_nobody};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -62,8 +62,8 @@ fn kill(pid: u32) {
 }
 
 /// The process of a stage, as the register has it.
-fn pid_of(realm: &Realm, stage: &str) -> Option<u32> {
-    let all = Registry::all(realm);
+fn pid_of(domain: &Domain, stage: &str) -> Option<u32> {
+    let all = Registry::all(domain);
     let found = all
         .iter()
         .find(|(entry, lives)| *lives && entry.name == stage);
@@ -75,13 +75,13 @@ struct Keeper {
     // Ended before the place is wiped: fields are dropped in order.
     running: Vec<Running>,
     place: Place,
-    realm: Realm,
+    domain: Domain,
     starts: usize,
 }
 
 impl Keeper {
     fn start(&mut self, stage: &str) -> Running {
-        let mut command = Place::command(&self.realm, stage);
+        let mut command = Place::command(&self.domain, stage);
         match stage {
             "mapper" => command.arg("--journal").arg(self.place.file("map.journal")),
             "recorder" => command.arg("--out").arg(self.place.file("logs")),
@@ -105,7 +105,7 @@ impl Keeper {
 
     /// Whether every stage that was started last is in its loop or about to enter it.
     fn all_run(&self) -> bool {
-        let all = Registry::all(&self.realm);
+        let all = Registry::all(&self.domain);
         self.running.iter().all(|stage| {
             all.iter().any(|(entry, lives)| {
                 *lives && entry.pid == u64::from(stage.pid()) && entry.topics.len() > 1
@@ -128,7 +128,7 @@ fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
     let log = log_of(folder.path(), 150, 1);
     let place = Place::new();
     let mut keeper = Keeper {
-        realm: place.realm("storm"),
+        domain: place.domain("storm"),
         place,
         running: Vec::new(),
         starts: 0,
@@ -138,11 +138,11 @@ fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
         let started = keeper.start(stage);
         keeper.running.push(started);
     }
-    let mut play = Place::command(&keeper.realm, "play");
+    let mut play = Place::command(&keeper.domain, "play");
     play.arg("--loop").arg(&log);
     let play = keeper.place.start("play", play);
     keeper.keep_for(Duration::from_secs(1));
-    let mut observer = Observer::enter(&keeper.realm);
+    let mut observer = Observer::enter(&keeper.domain);
     let begin = Instant::now();
     let mut kills = 0;
     while more(kills, begin.elapsed()) {
@@ -152,7 +152,7 @@ fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
     }
     let (last, last_ns) = (Instant::now(), observer.now_ns());
     // Starts queue up where the machine is busy.
-    while !delivers(&keeper.realm, &observer, &STAGES, last_ns) {
+    while !delivers(&keeper.domain, &observer, &STAGES, last_ns) {
         assert!(last.elapsed() < WAIT_MAX, "{:?}", observer.lives);
         observer.until(LOOK, |_| false);
         keeper.keep();
@@ -166,13 +166,19 @@ fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
     observer.leave();
     // Nothing but a start frees what the dead hold.
     let wait = Instant::now();
-    while !(keeper.all_run() && slots_of_nobody(&keeper.realm).is_empty()) {
-        let left = slots_of_nobody(&keeper.realm);
+    while !(keeper.all_run() && slots_of_nobody(&keeper.domain).is_empty()) {
+        let left = slots_of_nobody(&keeper.domain);
         assert!(wait.elapsed() < WAIT_MAX, "held by nobody: {left:?}");
         keeper.keep_for(LOOK);
     }
-    let mut top = randt(&["top", "--once", "--json", "--prefix", keeper.realm.prefix()]);
-    top.arg("--run").arg(keeper.realm.run());
+    let mut top = randt(&[
+        "top",
+        "--once",
+        "--json",
+        "--prefix",
+        keeper.domain.prefix(),
+    ]);
+    top.arg("--run").arg(keeper.domain.run());
     let top = ended(top);
     let top: serde_json::Value = serde_json::from_str(&top.stdout).unwrap();
     for stage in STAGES {
@@ -191,10 +197,10 @@ fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
 }
 
 /// Whether after an instant each of the stages has spoken, odometry by a state.
-fn delivers(realm: &Realm, observer: &Observer, stages: &[&str], after_ns: i64) -> bool {
+fn delivers(domain: &Domain, observer: &Observer, stages: &[&str], after_ns: i64) -> bool {
     let state = observer.state.map(|state| state.header.published_ns);
     let speaks = |stage: &&str| {
-        pid_of(realm, stage)
+        pid_of(domain, stage)
             .is_some_and(|pid| observer.heard_ns(u64::from(pid), after_ns).is_some())
     };
     state.is_some_and(|ns| ns > after_ns) && stages.iter().all(speaks)
@@ -226,10 +232,10 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
     let folder = tempfile::tempdir().unwrap();
     let log = log_of(folder.path(), LONG_SCANS, 1);
     let own = Pipeline::new("storm");
-    let realm = own.realm().clone();
+    let domain = own.domain().clone();
     let out = folder.path().join("up");
     let stderr = folder.path().join("up.stderr");
-    let mut child = up(&realm, &log, &out)
+    let mut child = up(&domain, &log, &out)
         // A player that is starved by the kills must not count.
         .args(["--set", "odometry.imu_wait_max_s=20"])
         .stdin(Stdio::null())
@@ -238,8 +244,8 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
         .spawn()
         .unwrap();
     let said = || fs::read_to_string(&stderr).unwrap();
-    until("play", || pid_of(&realm, "play").is_some());
-    let mut observer = Observer::enter(&realm);
+    until("play", || pid_of(&domain, "play").is_some());
+    let mut observer = Observer::enter(&domain);
     let mut random = Random(seed());
     let stages = &STAGES[..3];
     let mut kills: Vec<(Kind, &str, i64)> = Vec::new();
@@ -247,7 +253,7 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
         observer.until(gap(&mut random, LONG_GAP_MS), |_| false);
         assert!(child.try_wait().unwrap().is_none(), "{}", said());
         let stage = stages[random.below(stages.len())];
-        let Some(pid) = pid_of(&realm, stage) else {
+        let Some(pid) = pid_of(&domain, stage) else {
             continue;
         };
         let mut strike = |kind, stage, pid, now_ns| {
@@ -259,7 +265,7 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
             strike(Kind::Plain, stage, pid, observer.now_ns());
             let begin = Instant::now();
             let next = loop {
-                match pid_of(&realm, stage) {
+                match pid_of(&domain, stage) {
                     Some(next) if next != pid => break next,
                     _ => assert!(begin.elapsed() < WAIT_MAX, "{stage} is away: {}", said()),
                 }
@@ -271,7 +277,7 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
         } else if chance < START_UP_PERCENT + PAIR_PERCENT {
             strike(Kind::Pair, stage, pid, observer.now_ns());
             let other = stages[random.below(stages.len())];
-            if let Some(other_pid) = pid_of(&realm, other).filter(|other| *other != pid) {
+            if let Some(other_pid) = pid_of(&domain, other).filter(|other| *other != pid) {
                 strike(Kind::Pair, other, other_pid, observer.now_ns());
             }
         } else {
@@ -280,14 +286,14 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
     }
     let last_ns = observer.now_ns();
     let last = Instant::now();
-    let is_whole = |observer: &Observer| delivers(&realm, observer, stages, last_ns);
+    let is_whole = |observer: &Observer| delivers(&domain, observer, stages, last_ns);
     let is_whole = observer.until(WAIT_MAX, is_whole);
     let after = last.elapsed();
     println!("all deliver {after:.2?} after the last kill");
     rows(&kills, &observer);
     observer.leave();
     assert!(is_whole && after < DELIVERS, "{after:?}");
-    assert_eq!(slots_of_nobody(&realm), BTreeMap::new(), "{}", said());
+    assert_eq!(slots_of_nobody(&domain), BTreeMap::new(), "{}", said());
     let status = child.wait().unwrap();
     let counters = report(&out)["counters"].clone();
     println!("randt up: {status}; {counters:#}");

@@ -7,7 +7,7 @@ use crate::support::pipeline::until;
 use crate::support::stages::{Place, Running};
 use crate::support::{drive, ended_within, randt};
 use randt_messages::{RadarScan, StageHealthTopic, StageState, health::text_of};
-use randt_stage::{Observer, Realm, Registry, Subscriber};
+use randt_stage::{Domain, Observer, Registry, Subscriber};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -68,11 +68,11 @@ fn in_the_robots_network() {
         };
         let text = format!("[radar]\nsource = \"{protocol}\"\naddress = \"{heard}\"\n{interface}");
         std::fs::write(&robot, text).unwrap();
-        let realm = place.realm(&format!("links{i}"));
+        let domain = place.domain(&format!("links{i}"));
         let _radar = network.radar(protocol, sent, &log);
-        let mut command = Place::command(&realm, "radar");
+        let mut command = Place::command(&domain, "radar");
         command.arg("--robot").arg(&robot);
-        let mut driver = Driver::new(&realm, place.start("radar", command));
+        let mut driver = Driver::new(&domain, place.start("radar", command));
         driver.scans_after(Instant::now(), "the first");
         for (how, unplug, plug_in) in [
             (
@@ -237,10 +237,10 @@ struct Driver {
 }
 
 impl Driver {
-    fn new(realm: &Realm, process: Running) -> Self {
+    fn new(domain: &Domain, process: Running) -> Self {
         let runs = |(entry, lives): &(randt_stage::Entry, bool)| *lives && entry.topics.len() > 1;
-        until("the driver", || Registry::all(realm).iter().any(runs));
-        let observer = Observer::enter(realm).unwrap().unwrap();
+        until("the driver", || Registry::all(domain).iter().any(runs));
+        let observer = Observer::enter(domain).unwrap().unwrap();
         Self {
             process,
             health: observer.subscriber().unwrap(),

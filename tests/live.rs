@@ -4,7 +4,7 @@ use crate::support::pipeline::{Pipeline, signal};
 use crate::support::sensors::{Emulator, Sensors, unix_s};
 use crate::support::turns::RealTime;
 use crate::support::{ended, figures, randt, report, run, tum};
-use randt_stage::{Realm, Registry};
+use randt_stage::{Domain, Registry};
 use rustix::process::Signal;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -74,12 +74,14 @@ fn ate_m(out: &Path, truth: &Path) -> f64 {
 }
 
 /// Resident memory of every stage, bytes.
-fn memory(realm: &Realm) -> BTreeMap<String, u64> {
+fn memory(domain: &Domain) -> BTreeMap<String, u64> {
     let resident = |pid: u64| {
         let text = fs::read_to_string(format!("/proc/{pid}/statm")).ok()?;
         Some(text.split(' ').nth(1)?.parse::<u64>().ok()? * 4096)
     };
-    let stages = Registry::all(realm).into_iter().filter(|(_, lives)| *lives);
+    let stages = Registry::all(domain)
+        .into_iter()
+        .filter(|(_, lives)| *lives);
     stages
         .filter_map(|(entry, _)| Some((entry.name, resident(entry.pid)?)))
         .collect()
@@ -139,11 +141,11 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
         let elapsed_s = begin.elapsed().as_secs_f64();
         assert!(elapsed_s < drive_s + 120.0, "the emulators do not end");
         if early.is_empty() && elapsed_s > START + drive_s / 8.0 {
-            early = memory(own.realm());
+            early = memory(own.domain());
         }
         std::thread::sleep(Duration::from_millis(20));
     }
-    let late = memory(own.realm());
+    let late = memory(own.domain());
     // 3 would say that a beam, a sample or a message was lost.
     assert_eq!(up.stop(), Some(0), "{}", report(&at("up"))["counters"]);
     drop(real_time);

@@ -1,7 +1,7 @@
 //! The map that a run leaves behind: exact, not mirrored, readable by Nav2, and there whatever the drive was.
 
 use crate::support::{
-    OUTPUTS, Row, drive, figures, hall, names, pose_at, recording, report, run, tum,
+    OUTPUTS, Row, drive, figures, l_shaped_world, names, pose_at, recording, report, run, tum,
 };
 use randt_geometry::Pose2;
 use randt_simulator::World;
@@ -137,7 +137,7 @@ fn the_map_shows_the_hall_as_it_is_and_not_its_mirror_image() {
     /// Walls so near the route are seen from it.
     const ROUTE_M: f64 = 3.0;
     let folder = tempfile::tempdir().unwrap();
-    let (log, truth) = hall::drive(folder.path());
+    let (log, truth) = l_shaped_world::drive(folder.path());
     let out = folder.path().join("out");
     let ended = run(&log, &out, &[]);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -155,7 +155,7 @@ fn the_map_shows_the_hall_as_it_is_and_not_its_mirror_image() {
     let aligned = alignment(&driven, &true_route);
     let map = Map::read(&out);
     let occupied = map.cells_m(OCCUPIED);
-    let walls = wall_points_m(&World::parse("hall", hall::WORLD).unwrap());
+    let walls = wall_points_m(&World::parse("hall", l_shaped_world::WORLD).unwrap());
 
     let cells = to_world(&occupied, &aligned);
     let right = share_near(&cells, &walls, NEAR_M);

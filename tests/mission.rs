@@ -224,7 +224,7 @@ fn a_robot_without_missions_says_so() {
     assert!(nowhere.stderr.contains("--root"), "{}", nowhere.stderr);
 }
 
-/// Waits until the drive was played and computed to its end.
+/// PortWaiter until the drive was played and computed to its end.
 fn until_driven(pipeline: &Pipeline, journal: &Path) {
     let mut keyframes_before = 0;
     let mut quiet = 0;
@@ -241,7 +241,7 @@ fn until_driven(pipeline: &Pipeline, journal: &Path) {
         keyframes_before = now;
         quiet > 5
     });
-    let all = randt_stage::Registry::all(pipeline.realm());
+    let all = randt_stage::Registry::all(pipeline.domain());
     assert!(all.iter().all(|(_, lives)| *lives), "{all:?}");
 }
 
@@ -290,7 +290,7 @@ fn a_missions_report_is_what_its_log_gives() {
     // It ends the stages, too: nobody else has started them.
     let stopped = robot.stop(&pipeline);
     assert_eq!(stopped.code, Some(0), "{}", stopped.stderr);
-    let all = randt_stage::Registry::all(pipeline.realm());
+    let all = randt_stage::Registry::all(pipeline.domain());
     assert!(
         all.iter().all(|(entry, lives)| !lives && entry.ended),
         "{all:?}"
@@ -361,7 +361,7 @@ fn a_mission_is_not_stopped_while_somebody_writes_into_it() {
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
     assert!(refused.says("still writes its map"), "{}", refused.stderr);
     assert_eq!(states(&robot), "current");
-    let all = randt_stage::Registry::all(pipeline.realm());
+    let all = randt_stage::Registry::all(pipeline.domain());
     assert!(all.iter().all(|(_, lives)| *lives), "{all:?}");
     // Two at once: one of them stops it.
     let (one, two) = std::thread::scope(|scope| {
@@ -377,7 +377,7 @@ fn a_mission_is_not_stopped_while_somebody_writes_into_it() {
         "{both:?}"
     );
     assert_eq!(robot.list(), [(name_in(&said), "stopped".to_owned())]);
-    let all = randt_stage::Registry::all(pipeline.realm());
+    let all = randt_stage::Registry::all(pipeline.domain());
     assert!(all.iter().all(|(_, lives)| !lives), "{all:?}");
 }
 

@@ -266,7 +266,7 @@ fn an_export_has_plain_files_of_the_missions_owner_only() {
 }
 
 #[test]
-fn roots_doctor_cleans_with_the_rights_of_the_realms_owner() {
+fn roots_doctor_cleans_with_the_rights_of_the_domains_owner() {
     let Some(robot) = Robot::new() else { return };
     let run = robot.path("run");
     let doctor = |more: &[&str]| {
@@ -274,7 +274,7 @@ fn roots_doctor_cleans_with_the_rights_of_the_realms_owner() {
         command.arg(&run).args(more);
         ended(command)
     };
-    // The realm is a link to a folder of root's that has what a realm has.
+    // The domain is a link to a folder of root's that has what a domain has.
     plant(&robot.path("victim"), &run.join("theirs"));
     for more in [&["--clean"] as &[&str], &["--clean", "--state"], &[]] {
         let said = doctor(more);
@@ -282,23 +282,23 @@ fn roots_doctor_cleans_with_the_rights_of_the_realms_owner() {
         robot.check();
     }
     fs::remove_file(run.join("theirs")).unwrap();
-    // What is in a realm leads there.
-    let realm = run.join("theirs");
-    fs::create_dir(&realm).unwrap();
-    fs::set_permissions(&realm, Permissions::from_mode(0o700)).unwrap();
-    give(&realm);
+    // What is in a domain leads there.
+    let domain = run.join("theirs");
+    fs::create_dir(&domain).unwrap();
+    fs::set_permissions(&domain, Permissions::from_mode(0o700)).unwrap();
+    give(&domain);
     for name in ["bus", "state", "stages"] {
-        plant(&robot.path("victim"), &realm.join(name));
+        plant(&robot.path("victim"), &domain.join(name));
     }
     doctor(&["--clean", "--state"]);
     robot.check();
     for name in ["bus", "state", "stages"] {
-        fs::remove_file(realm.join(name)).unwrap();
+        fs::remove_file(domain.join(name)).unwrap();
     }
     // One that is well is cleaned.
     let clean = doctor(&["--clean", "--state"]);
     assert_eq!(clean.code, Some(0), "{}", clean.stderr);
-    let found = fs::metadata(realm.join("bus")).unwrap();
+    let found = fs::metadata(domain.join("bus")).unwrap();
     assert_eq!(found.uid(), USER, "what is made is the owner's");
 }
 
@@ -347,7 +347,7 @@ fn attacks() {
 struct Attacker(Child);
 
 impl Attacker {
-    /// Waits until it has begun.
+    /// PortWaiter until it has begun.
     fn begin(robot: &Robot, program: &Path) -> Self {
         let mut command = Command::new("setpriv");
         let id = USER.to_string();

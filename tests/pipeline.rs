@@ -10,7 +10,7 @@ use randt_messages::{
 };
 use randt_odometry::Sink;
 use randt_readers::Event;
-use randt_stage::{Qos, Realm, Stage, TOPICS};
+use randt_stage::{Domain, Qos, Stage, TOPICS};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -25,14 +25,14 @@ fn memory_and_calls_stay_small_while_scans_flow() {
     let place = Place::new();
     let log = place.file("drive.mcap");
     drive::write(&drive::events(75), &log);
-    let realm = place.realm("small");
+    let domain = place.domain("small");
     let (profile, _) = place.profile(&log);
     let mut stages = ["mapper", "odometry", "filter"].map(|name| {
-        let mut command = Place::command(&realm, name);
+        let mut command = Place::command(&domain, name);
         command.arg("--profile").arg(&profile);
         place.start(name, command)
     });
-    let mut command = Place::command(&realm, "play");
+    let mut command = Place::command(&domain, "play");
     command.arg(&log);
     let begin = Instant::now();
     let mut play = place.start("play", command);
@@ -43,10 +43,10 @@ fn memory_and_calls_stay_small_while_scans_flow() {
     for (stage, traced) in stages.iter().zip(&mut traced).rev() {
         std::thread::sleep(Duration::from_secs(2));
         *traced = calls::watch(stage, Duration::from_secs(2));
-        most = memory(&realm).max(most);
+        most = memory(&domain).max(most);
     }
     while play.ended().is_none() {
-        most = memory(&realm).max(most);
+        most = memory(&domain).max(most);
         std::thread::sleep(Duration::from_millis(100));
     }
     let seconds = begin.elapsed().as_secs_f64();
@@ -137,8 +137,8 @@ fn stages_start_in_any_order_and_nothing_is_missing() {
         for (number, (order, gap)) in orders.into_iter().enumerate() {
             let (place, log, profile, expected) = (&place, &log, &profile, &expected);
             scope.spawn(move || {
-                let realm = place.realm(&format!("order{number}"));
-                start_in_order(place, &realm, order, gap, [log, profile], expected);
+                let domain = place.domain(&format!("order{number}"));
+                start_in_order(place, &domain, order, gap, [log, profile], expected);
             });
         }
     });
@@ -146,25 +146,25 @@ fn stages_start_in_any_order_and_nothing_is_missing() {
 
 fn start_in_order(
     place: &Place,
-    realm: &Realm,
+    domain: &Domain,
     order: [&str; 3],
     gap: Duration,
     [log, profile]: [&PathBuf; 2],
     expected: &Expected,
 ) {
-    let mut observer = Stage::open("observer", realm).unwrap();
+    let mut observer = Stage::open("observer", domain).unwrap();
     let mut states_in = observer.subscriber::<OdometryStateTopic>().unwrap();
     observer.running().unwrap();
     // The drivers run from the beginning on.
-    let mut command = Place::command(realm, "play");
+    let mut command = Place::command(domain, "play");
     command.arg(log).arg("--stay");
     let mut play = place.start("play", command);
-    let journal = place.file(&format!("{}.journal", realm.prefix()));
+    let journal = place.file(&format!("{}.journal", domain.prefix()));
     let mut stages = order.map(|name| {
         if name != order[0] {
             observer.wait(&[], Some(gap)).unwrap();
         }
-        let mut command = Place::command(realm, name);
+        let mut command = Place::command(domain, name);
         command
             .arg("--profile")
             .arg(profile)
@@ -315,19 +315,19 @@ fn two_pipelines_in_one_folder_do_not_see_each_other() {
         assert_good(&ended(command));
         let alone = place.file(&format!("{name}-alone"));
         assert_good(&run(&log, &alone, &["--set", PATIENT]));
-        (place.realm(name), log, alone, place.file(name))
+        (place.domain(name), log, alone, place.file(name))
     });
     std::thread::scope(|scope| {
-        let [left, right] = drives.each_ref().map(|(realm, log, _, out)| {
+        let [left, right] = drives.each_ref().map(|(domain, log, _, out)| {
             scope.spawn(move || {
-                let mut command = randt(&["up", "--set", PATIENT, "--prefix", realm.prefix()]);
-                command.arg("--run").arg(realm.run());
+                let mut command = randt(&["up", "--set", PATIENT, "--prefix", domain.prefix()]);
+                command.arg("--run").arg(domain.run());
                 command.arg("--play").arg(log).arg("--out").arg(out);
                 ended_within(command, TIME_MAX)
             })
         });
         assert_good(&left.join().unwrap());
-        let [left, other] = drives.each_ref().map(|(realm, ..)| realm);
+        let [left, other] = drives.each_ref().map(|(domain, ..)| domain);
         let wiped = randt_stage::wipe(left, true).unwrap();
         assert!(wiped.is_some_and(|files| !files.is_empty()), "it has ended");
         assert!(!right.is_finished(), "the other one has to be running");

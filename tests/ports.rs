@@ -123,7 +123,7 @@ fn only_the_radar_and_the_viewers_have_a_port() {
             assert!(found.is_subset(&expected), "{name}: {found:?}");
             found == expected
         });
-        let run = pipeline.realm().run().to_string_lossy().into_owned();
+        let run = pipeline.domain().run().to_string_lossy().into_owned();
         let mut sockets = Vec::new();
         until("a socket to be woken by", || {
             sockets = unix_sockets(*pid);

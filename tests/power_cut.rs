@@ -1,7 +1,7 @@
 //! A robot whose power is cut while it drives, under systemd: everybody is gone at once, and what was not on the disk.
 
-use crate::support::blows::STAGES;
 use crate::support::boot::{Image, Machine};
+use crate::support::fault_injection::STAGES;
 use crate::support::journal::heads;
 use crate::support::robot::{BOOTED_MAX, ROBOT, can_boot, emulate, equip, until, until_alive};
 use crate::support::sensors::unix_s;

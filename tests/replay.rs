@@ -104,7 +104,7 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
     let more = ["--at", &second];
     let mut emulators = [sensors.radar(&drive, &more), sensors.imu(&drive, &more)];
     let pid = || {
-        let stages = Registry::all(own.realm());
+        let stages = Registry::all(own.domain());
         let imu = stages
             .iter()
             .find(|(entry, lives)| *lives && entry.name == "imu");

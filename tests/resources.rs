@@ -7,7 +7,7 @@ use crate::support::stages::{Place, program};
 use crate::support::up::PATIENT;
 use crate::support::{report, run};
 use randt_messages::{RadarPoints, StageHealthTopic, StageState, health::text_of};
-use randt_stage::{Observer, Realm, Registry};
+use randt_stage::{Domain, Observer, Registry};
 use rustix::process::{Pid, Resource, Rlimit, Signal, prlimit};
 use std::collections::BTreeMap;
 use std::fs;
@@ -35,8 +35,10 @@ fn limit(pid: u32, resource: Resource, current: u64) {
 }
 
 /// Processes of the stages that live.
-fn pids(realm: &Realm) -> BTreeMap<String, u32> {
-    let living = Registry::all(realm).into_iter().filter(|(_, lives)| *lives);
+fn pids(domain: &Domain) -> BTreeMap<String, u32> {
+    let living = Registry::all(domain)
+        .into_iter()
+        .filter(|(_, lives)| *lives);
     living
         .map(|(entry, _)| (entry.name, entry.pid as u32))
         .collect()
@@ -76,13 +78,13 @@ fn up(own: &Pipeline, log: &Path, folder: &Path, rate: &str) -> Up {
 #[test]
 fn a_stage_without_descriptors_says_so_when_it_starts() {
     let place = Place::new();
-    let realm = place.realm("ra");
+    let domain = place.domain("ra");
     let robot = Sensors::new(place.file("").as_path(), "beam-udp", "mip").robot();
     for stage in STAGES {
         let mut command = Command::new("prlimit");
         command.arg("--nofile=24:24").arg(program(stage));
-        command.args(["--prefix", realm.prefix(), "--run"]);
-        command.arg(realm.run());
+        command.args(["--prefix", domain.prefix(), "--run"]);
+        command.arg(domain.run());
         match stage {
             "radar" | "imu" => _ = command.arg("--robot").arg(&robot),
             "mapper" => _ = command.arg("--journal").arg(place.file("map.journal")),
@@ -100,15 +102,15 @@ fn a_stage_without_descriptors_says_so_when_it_starts() {
 #[test]
 fn a_stage_that_runs_out_of_descriptors_ends_instead_of_going_deaf() {
     let place = Place::new();
-    let realm = place.realm("rb");
+    let domain = place.domain("rb");
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 100);
-    let mut filter = place.start("filter", Place::command(&realm, "filter"));
+    let mut filter = place.start("filter", Place::command(&domain, "filter"));
     until("the filter", || filter.said().contains("radar/points/v1"));
     std::thread::sleep(Duration::from_millis(500));
     limit(filter.pid(), Resource::Nofile, 5);
     // Whoever comes new is out of its reach.
-    let mut play = Place::command(&realm, "play");
+    let mut play = Place::command(&domain, "play");
     play.arg(&log).arg("--loop");
     let _play = place.start("play", play);
     let status = filter.wait(END_MAX);
@@ -116,8 +118,8 @@ fn a_stage_that_runs_out_of_descriptors_ends_instead_of_going_deaf() {
     assert_eq!(status.code(), Some(1), "{said}");
     assert!(said.contains("out of descriptors"), "{said}");
     // Started again it has all that is in reach.
-    let _filter = place.start("filter", Place::command(&realm, "filter"));
-    let observer = Observer::enter(&realm).unwrap().unwrap();
+    let _filter = place.start("filter", Place::command(&domain, "filter"));
+    let observer = Observer::enter(&domain).unwrap().unwrap();
     let mut points = observer.subscriber::<RadarPoints>().unwrap();
     let mut came = 0;
     until("points", || {
@@ -135,9 +137,9 @@ fn stages_that_get_no_more_memory_end_and_come_back() {
     let own = Pipeline::new("rm");
     let mut up = up(&own, &log, folder.path(), "1");
     let names = ["filter", "odometry", "mapper", "recorder"];
-    until("play", || pids(own.realm()).contains_key("play"));
+    until("play", || pids(own.domain()).contains_key("play"));
     std::thread::sleep(Duration::from_secs(3));
-    for (name, pid) in pids(own.realm()) {
+    for (name, pid) in pids(own.domain()) {
         if names.contains(&name.as_str()) {
             limit(pid, Resource::As, 1);
         }
@@ -176,14 +178,14 @@ fn a_mapper_that_the_kernel_kills_for_want_of_memory_comes_back() {
     let offline = run(&log, &folder.path().join("run"), &PATIENT);
     assert_eq!(offline.code, Some(0), "{}", offline.stderr);
     let own = Pipeline::new("rk");
-    let mut command = crate::support::up::up(own.realm(), &log, &folder.path().join("up"));
+    let mut command = crate::support::up::up(own.domain(), &log, &folder.path().join("up"));
     command.arg("--record").arg(folder.path().join("logs"));
     let mut up = Up::start(command);
-    until("play", || pids(own.realm()).contains_key("play"));
+    until("play", || pids(own.domain()).contains_key("play"));
     std::thread::sleep(Duration::from_secs(2));
     // It grows with the map. What it has stays; the next page is one too many.
     group.limit_memory(8192);
-    group.take(pids(own.realm())["mapper"]);
+    group.take(pids(own.domain())["mapper"]);
     until("the kernel kills it", || group.killed() > 0);
     let code = up.code();
     let live = report(&folder.path().join("up"));
@@ -229,9 +231,9 @@ fn starved_for_five_seconds(prefix: &str, starve: Starve<'_>) {
     assert_eq!(offline.code, Some(0), "{}", offline.stderr);
     let own = Pipeline::new(prefix);
     let mut up = up(&own, &log, folder.path(), "1");
-    until("play", || pids(own.realm()).contains_key("play"));
+    until("play", || pids(own.domain()).contains_key("play"));
     std::thread::sleep(Duration::from_secs(4));
-    let mut stages = pids(own.realm());
+    let mut stages = pids(own.domain());
     stages.remove("up");
     starve(&stages, true);
     std::thread::sleep(Duration::from_secs(5));
@@ -277,8 +279,8 @@ fn sensors_that_are_unplugged_and_plugged_in_again_are_said_and_leave_a_gap() {
 
     // Health as it comes: the driver, when, and whether it says that something is wrong.
     let mut said: Vec<(String, f64, bool)> = Vec::new();
-    until("the drivers", || pids(own.realm()).contains_key("radar"));
-    let observer = Observer::enter(own.realm()).unwrap().unwrap();
+    until("the drivers", || pids(own.domain()).contains_key("radar"));
+    let observer = Observer::enter(own.domain()).unwrap().unwrap();
     let mut health = observer.subscriber::<StageHealthTopic>().unwrap();
     let begin = Instant::now();
     while !emulators.iter_mut().all(Emulator::ended) {

@@ -1,7 +1,7 @@
 //! One binary gives the same bytes in every run, whatever the folder, the core or the machine's vector units.
 
 use crate::support::bag::{AS_PUBLISHED, Bag, Layout};
-use crate::support::{Ended, OUTPUTS, ended, hall, names, randt, recording, report, run};
+use crate::support::{Ended, OUTPUTS, ended, l_shaped_world, names, randt, recording, report, run};
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -104,7 +104,7 @@ fn a_simulated_log_and_its_map_are_the_same_bytes_every_way() {
     let [log, again] = ["one", "two"].map(|name| {
         let folder = folder.path().join(name);
         fs::create_dir(&folder).unwrap();
-        hall::drive(&folder).0
+        l_shaped_world::drive(&folder).0
     });
     assert!(
         fs::read(&log).unwrap() == fs::read(again).unwrap(),

@@ -3,7 +3,7 @@
 use crate::support::phidgets::{OFF_NS, restamp};
 use crate::support::pipeline::Pipeline;
 use crate::support::up::{PATIENT, up};
-use crate::support::{ended_within, hall, report, run, tum};
+use crate::support::{ended_within, l_shaped_world, report, run, tum};
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
@@ -55,7 +55,7 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let log = at("jittered.mcap");
-    let stamps = restamp(&hall::drive(folder.path()).0, &log, 11);
+    let stamps = restamp(&l_shaped_world::drive(folder.path()).0, &log, 11);
 
     let offline = run(&log, &at("run"), &PATIENT);
     assert_eq!(offline.code, Some(0), "{}", offline.stderr);
@@ -65,7 +65,7 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
     assert_like_phidgets(&stamps, &ends[..ends.len() - 1]);
 
     let own = Pipeline::new("bits");
-    let live = ended_within(up(own.realm(), &log, &at("up")), TIME_MAX);
+    let live = ended_within(up(own.domain(), &log, &at("up")), TIME_MAX);
     // 3 would say that something was dropped.
     assert_eq!(live.code, Some(0), "{}", live.stderr);
     let (offline, live) = (report(&at("run")), report(&at("up")));
@@ -75,7 +75,7 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
     // for a sample of the IMU as offline.
     assert_eq!(live["counters"], offline["counters"]);
     assert_same(&at("up"), &at("run"));
-    let left = randt_stage::wipe(own.realm(), false).unwrap();
+    let left = randt_stage::wipe(own.domain(), false).unwrap();
     println!("{:?} entries left over", left.as_ref().map(Vec::len));
-    assert!(left.is_some(), "the realm is still in use");
+    assert!(left.is_some(), "the domain is still in use");
 }

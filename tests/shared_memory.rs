@@ -6,7 +6,7 @@ use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::stages::{Place, Running};
 use crate::support::up::up;
 use crate::support::{drive, ended, ended_within, randt, remove_folder, report, tum};
-use randt_stage::{Realm, Registry};
+use randt_stage::{Domain, Registry};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::{self, File};
 use std::io::ErrorKind;
@@ -23,19 +23,19 @@ const WAIT_MAX: Duration = Duration::from_secs(20);
 /// In the order in which they are started.
 const STAGES: [&str; 3] = ["mapper", "odometry", "filter"];
 
-/// Files of a realm in /dev/shm that end so.
-fn segments(realm: &Realm, ending: &str) -> Vec<PathBuf> {
+/// Files of a domain in /dev/shm that end so.
+fn segments(domain: &Domain, ending: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir("/dev/shm").unwrap().flatten();
     let names = entries.map(|entry| entry.file_name().into_string().unwrap());
-    let own = names.filter(|name| name.starts_with(&realm.segment_prefix()));
+    let own = names.filter(|name| name.starts_with(&domain.segment_prefix()));
     own.filter(|name| name.ends_with(ending))
         .map(|name| Path::new("/dev/shm").join(name))
         .collect()
 }
 
 /// Removes them. The stages live, so that one may be gone before its turn.
-fn remove_segments(realm: &Realm, ending: &str) {
-    for path in segments(realm, ending) {
+fn remove_segments(domain: &Domain, ending: &str) {
+    for path in segments(domain, ending) {
         match fs::remove_file(&path) {
             Err(error) if error.kind() != ErrorKind::NotFound => {
                 panic!("{}: {error}", path.display())
@@ -50,20 +50,20 @@ struct Stages {
     // Ended before the place is wiped: fields are dropped in order.
     running: Vec<Running>,
     place: Place,
-    realm: Realm,
+    domain: Domain,
 }
 
 impl Stages {
     fn start(log: &Path, name: &str) -> Self {
         let place = Place::new();
-        let realm = place.realm(name);
+        let domain = place.domain(name);
         let mut stages = Self {
             place,
-            realm,
+            domain,
             running: Vec::new(),
         };
         stages.start_again();
-        let mut command = Place::command(&stages.realm, "play");
+        let mut command = Place::command(&stages.domain, "play");
         command.arg(log).arg("--stay");
         stages.add("play", command);
         stages
@@ -72,7 +72,7 @@ impl Stages {
     /// Starts every stage.
     fn start_again(&mut self) {
         for name in STAGES {
-            let mut command = Place::command(&self.realm, name);
+            let mut command = Place::command(&self.domain, name);
             if name == "mapper" {
                 command.arg("--journal").arg(self.place.file("map.journal"));
             }
@@ -89,13 +89,13 @@ impl Stages {
         until(name, || {
             let ended = started.ended();
             assert!(ended.is_none(), "{name}: {ended:?}: {}", started.said());
-            Registry::all(&self.realm).iter().any(runs)
+            Registry::all(&self.domain).iter().any(runs)
         });
         self.running.retain(|running| running.name != name);
         self.running.push(started);
     }
 
-    /// Waits until every stage has ended by itself; gives what each has said, and the longest
+    /// PortWaiter until every stage has ended by itself; gives what each has said, and the longest
     /// time.
     fn all_end(&mut self) -> (Vec<(String, std::process::ExitStatus, String)>, Duration) {
         let begin = Instant::now();
@@ -109,13 +109,13 @@ impl Stages {
 
     /// What `randt top` sees.
     fn top(&self) -> serde_json::Value {
-        let mut command = randt(&["top", "--once", "--json", "--prefix", self.realm.prefix()]);
-        command.arg("--run").arg(self.realm.run());
+        let mut command = randt(&["top", "--once", "--json", "--prefix", self.domain.prefix()]);
+        command.arg("--run").arg(self.domain.run());
         let top = ended(command);
         serde_json::from_str(&top.stdout).unwrap_or_else(|error| panic!("{error}: {}", top.stderr))
     }
 
-    /// Waits until new poses come; gives the odometry frame.
+    /// PortWaiter until new poses come; gives the odometry frame.
     fn poses_come(&self) -> u64 {
         let begin = Instant::now();
         loop {
@@ -140,9 +140,9 @@ fn memory_that_is_removed_is_noticed_by_all_and_the_pipeline_goes_on() {
         let filter = stages.running.iter().find(|stage| stage.name == "filter");
         let filter = Pid::from_raw(filter.unwrap().pid() as i32).unwrap();
         kill_process(filter, Signal::STOP).unwrap();
-        remove_segments(&stages.realm, ending);
-        let mut doctor = randt(&["doctor", "--prefix", stages.realm.prefix(), "--run"]);
-        doctor.arg(stages.realm.run());
+        remove_segments(&stages.domain, ending);
+        let mut doctor = randt(&["doctor", "--prefix", stages.domain.prefix(), "--run"]);
+        doctor.arg(stages.domain.run());
         let doctor = ended(doctor);
         assert!(
             doctor
@@ -174,7 +174,7 @@ fn a_run_folder_that_is_removed_is_noticed_by_all() {
     let log = log(folder.path(), 60);
     for (name, inside) in [("nodes", "bus/nodes"), ("bus", "bus"), ("all", "")] {
         let mut stages = Stages::start(&log, name);
-        remove_folder(&stages.realm.folder().join(inside));
+        remove_folder(&stages.domain.folder().join(inside));
         let (ended, after) = stages.all_end();
         println!("removed {inside:?}: all have ended after {after:?}");
         for (name, status, said) in ended {
@@ -200,7 +200,7 @@ fn memory_that_is_cut_keeps_no_stage_from_starting() {
     ] {
         let filter = pipeline.stage("filter");
         let odometry = pipeline.stage("odometry");
-        for path in segments(pipeline.realm(), ending) {
+        for path in segments(pipeline.domain(), ending) {
             let file = File::options().write(true).open(path).unwrap();
             file.set_len(bytes).unwrap();
         }
@@ -225,16 +225,16 @@ fn up_lives_through_the_removal_of_its_memory_and_writes_its_results() {
     let log = log(folder.path(), 60);
     let own = Pipeline::new("up");
     let out = folder.path().join("up");
-    let mut child = up(own.realm(), &log, &out)
+    let mut child = up(own.domain(), &log, &out)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
     let plays = |(entry, lives): &(randt_stage::Entry, bool)| *lives && entry.name == "play";
-    until("play", || Registry::all(own.realm()).iter().any(plays));
+    until("play", || Registry::all(own.domain()).iter().any(plays));
     std::thread::sleep(Duration::from_secs(3));
-    remove_segments(own.realm(), "");
+    remove_segments(own.domain(), "");
     let begin = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait().unwrap() {
@@ -296,10 +296,10 @@ fn in_the_small_world() {
         return;
     };
     let place = Place::new();
-    let realm = place.realm("filled");
+    let domain = place.domain("filled");
     let (profile, _) = place.profile(&log);
     let start = |name: &str| {
-        let mut command = Place::command(&realm, name);
+        let mut command = Place::command(&domain, name);
         match name {
             "play" => command
                 .args(["--stay", "--rate", &RATE.to_string()])
@@ -310,7 +310,7 @@ fn in_the_small_world() {
         place.start(name, command)
     };
     let runs = |pid: u32| {
-        let all = Registry::all(&realm);
+        let all = Registry::all(&domain);
         all.iter()
             .any(|(entry, lives)| *lives && entry.pid == u64::from(pid) && entry.topics.len() > 1)
     };

@@ -91,19 +91,19 @@ fn it_says_what_it_wrote_and_the_log_holds_it() {
 #[test]
 fn a_world_of_ones_own_is_driven_or_its_mistake_named() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("hall.world");
-    let hall = "wall concrete 0,0 9,0 9,6 0,6 0,0\nroute 2,2 7,2 7,4 2,4\n";
-    fs::write(&path, hall).unwrap();
-    let arguments = ["--world", "hall.world", "--out", "a.mcap", "--scans", "3"];
+    let path = folder.path().join("room.world");
+    let room = "wall concrete 0,0 9,0 9,6 0,6 0,0\nroute 2,2 7,2 7,4 2,4\n";
+    fs::write(&path, room).unwrap();
+    let arguments = ["--world", "room.world", "--out", "a.mcap", "--scans", "3"];
     let output = simulate(folder.path(), &arguments);
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(LogReader::open(&folder.path().join("a.mcap")).is_ok());
 
-    fs::write(&path, format!("{hall}post wool 1,1 0.2\n")).unwrap();
+    fs::write(&path, format!("{room}post wool 1,1 0.2\n")).unwrap();
     let output = simulate(folder.path(), &[&arguments[..], &["--force"]].concat());
     assert_eq!(output.status.code(), Some(1));
     let said =
-        "hall.world: line 3: \"wool\": expected one of concrete, plaster, wood, glass, metal";
+        "room.world: line 3: \"wool\": expected one of concrete, plaster, wood, glass, metal";
     assert!(stderr(&output).contains(said), "{}", stderr(&output));
 }
 
@@ -122,9 +122,9 @@ fn the_help_says_how_many_sweeps_two_laps_are() {
 #[test]
 fn without_a_number_of_sweeps_a_drive_goes_round_twice() {
     let folder = tempfile::tempdir().unwrap();
-    let hall = "wall concrete 0,0 9,0 9,6 0,6 0,0\nroute 2,2 7,2 7,4 2,4\n";
-    fs::write(folder.path().join("hall.world"), hall).unwrap();
-    let output = simulate(folder.path(), &["--world", "hall.world", "--out", "a.mcap"]);
+    let room = "wall concrete 0,0 9,0 9,6 0,6 0,0\nroute 2,2 7,2 7,4 2,4\n";
+    fs::write(folder.path().join("room.world"), room).unwrap();
+    let output = simulate(folder.path(), &["--world", "room.world", "--out", "a.mcap"]);
     let said = str::from_utf8(&output.stdout).unwrap();
     let driven_m = said
         .split(", ")

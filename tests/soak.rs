@@ -65,7 +65,7 @@ struct Most {
 
 impl Most {
     fn take(&mut self, own: &Pipeline) {
-        for (entry, _) in Registry::all(own.realm())
+        for (entry, _) in Registry::all(own.domain())
             .into_iter()
             .filter(|(_, lives)| *lives)
         {
@@ -74,7 +74,7 @@ impl Most {
                 *most = most.at_most(taken);
             }
         }
-        self.shared_bytes = self.shared_bytes.max(stages::memory(own.realm()));
+        self.shared_bytes = self.shared_bytes.max(stages::memory(own.domain()));
     }
 }
 

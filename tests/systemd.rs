@@ -1,8 +1,8 @@
 //! Under systemd: the units' text, and a machine that boots with them while every stage suffers what a robot's stages do.
 
-use crate::support::blows::{Blow, Blows, STAGES};
 use crate::support::boot::{Image, Machine, units_folder};
 use crate::support::directives::DIRECTIVES;
+use crate::support::fault_injection::{FaultInjector, InjectedFault, STAGES};
 use crate::support::large;
 use crate::support::robot::{BOOTED_MAX, ROBOT, can_boot, emulate, equip, until, until_alive};
 use crate::support::watch::{WATCHES, Watch};
@@ -252,10 +252,15 @@ fn a_machine_boots_without_sensors_and_every_stage_suffers_alone() {
     }
 
     let watch = Watch::begin(&machine, WATCHER);
-    let mut blows = Blows::new(&machine, &watch);
+    let mut faults = FaultInjector::new(&machine, &watch);
     for stage in STAGES {
-        for blow in [Blow::Restart, Blow::StopStart, Blow::Kill, Blow::Hang] {
-            blows.strike(stage, blow);
+        for fault in [
+            InjectedFault::Restart,
+            InjectedFault::StopStart,
+            InjectedFault::Kill,
+            InjectedFault::Hang,
+        ] {
+            faults.strike(stage, fault);
         }
     }
     reload(&machine);
@@ -264,12 +269,12 @@ fn a_machine_boots_without_sensors_and_every_stage_suffers_alone() {
     real_time(&machine);
     fields(&machine);
     println!("all of it took {:.0} s", begin.elapsed().as_secs_f64());
-    blows.check();
+    faults.check();
 }
 
 /// SIGHUP: what can change live does, the rest is named, nobody is restarted.
 fn reload(machine: &Machine) {
-    let pids = crate::support::blows::pids(machine);
+    let pids = crate::support::fault_injection::pids(machine);
     let robot = machine.path("/etc/randt/robot.toml");
     let changed = ROBOT.replace("[imu]\n", "silence_s = 2.0\n[imu]\nsilence_s = 1.5\n");
     fs::write(&robot, changed.replace("0.12", "0.25")).unwrap();
@@ -298,7 +303,7 @@ fn reload(machine: &Machine) {
     );
     says("odometry", "systemctl restart randt-odometry");
     says("filter", "nothing of it has changed");
-    assert_eq!(crate::support::blows::pids(machine), pids);
+    assert_eq!(crate::support::fault_injection::pids(machine), pids);
     fs::write(&robot, ROBOT).unwrap();
 }
 
@@ -306,7 +311,7 @@ fn reload(machine: &Machine) {
 fn wrong_configuration(machine: &Machine) {
     let robot = machine.path("/etc/randt/robot.toml");
     fs::write(&robot, ROBOT.replace("address =", "adress =")).unwrap();
-    let pids = crate::support::blows::pids(machine);
+    let pids = crate::support::fault_injection::pids(machine);
     // One that runs keeps what it has.
     machine.good(&["systemctl", "reload", "randt-filter"]);
     machine.run(&["systemctl", "restart", "randt-imu"]);
@@ -330,7 +335,10 @@ fn wrong_configuration(machine: &Machine) {
             .filter(|(unit, _)| unit != "randt-imu.service")
             .collect()
     };
-    assert_eq!(others(crate::support::blows::pids(machine)), others(pids));
+    assert_eq!(
+        others(crate::support::fault_injection::pids(machine)),
+        others(pids)
+    );
     fs::write(&robot, ROBOT).unwrap();
     machine.good(&["systemctl", "start", "randt-imu"]);
 }

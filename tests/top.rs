@@ -185,7 +185,7 @@ fn where_nobody_is_it_says_where_it_looked_and_leaves_nothing() {
     let pipeline = Pipeline::new("none");
     let ended = pipeline.randt(&ONCE);
     assert_eq!(ended.code, Some(1));
-    let folder = pipeline.realm().folder();
+    let folder = pipeline.domain().folder();
     assert!(ended.says("no pipeline is there"), "{}", ended.stderr);
     assert!(
         ended.says(&folder.display().to_string()),
@@ -217,7 +217,7 @@ impl Topic for OtherStates {
 fn a_topic_of_another_build_is_told_of_and_the_rest_is_shown() {
     let mut pipeline = Pipeline::new("other");
     // This process is a stage of another build.
-    let mut stage = Stage::open("odd", pipeline.realm()).unwrap();
+    let mut stage = Stage::open("odd", pipeline.domain()).unwrap();
     let _states = stage.publisher::<OtherStates>().unwrap();
     stage.running().unwrap();
     pipeline.stage("filter");

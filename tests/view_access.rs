@@ -7,7 +7,7 @@ use crate::support::run;
 use crate::support::stages::{Place, Running};
 use crate::support::up::{PATIENT, up};
 use crate::support::viewer::connect;
-use randt_stage::Realm;
+use randt_stage::Domain;
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -22,7 +22,7 @@ struct View {
     // It ends before its place is cleared: fields are dropped in order.
     running: Running,
     place: Place,
-    realm: Realm,
+    domain: Domain,
     address: SocketAddr,
 }
 
@@ -32,8 +32,8 @@ impl View {
         let address = free.local_addr().unwrap();
         drop(free);
         let place = Place::new();
-        let realm = place.realm(prefix);
-        let mut command = Place::command(&realm, "view");
+        let domain = place.domain(prefix);
+        let mut command = Place::command(&domain, "view");
         command.args(["--listen", &address.to_string()]);
         for setting in settings {
             command.args(["--set", setting]);
@@ -43,7 +43,7 @@ impl View {
         Self {
             running,
             place,
-            realm,
+            domain,
             address,
         }
     }
@@ -51,7 +51,7 @@ impl View {
     /// What it says of itself, as `randt top` shows it.
     fn message(&self) -> String {
         let mut top = crate::support::randt(&["top", "--once", "--json"]);
-        top.args(["--prefix", self.realm.prefix(), "--run"])
+        top.args(["--prefix", self.domain.prefix(), "--run"])
             .arg(self.place.run());
         let figures: Value = serde_json::from_str(&crate::support::ended(top).stdout).unwrap();
         let stages = figures["stages"].as_array().unwrap();
@@ -186,7 +186,7 @@ fn what_everybody_could_say_is_no_configuration() {
         ("view.clients_max_per_address=0", "from 1 to 64"),
     ] {
         let place = Place::new();
-        let mut command = Place::command(&place.realm("vk"), "view");
+        let mut command = Place::command(&place.domain("vk"), "view");
         command.args(["--set", setting]);
         let ended = crate::support::ended(command);
         assert_eq!(ended.code, Some(78), "{setting}: {}", ended.stderr);
@@ -259,7 +259,7 @@ fn a_crowd_of_clients_changes_no_bit_of_odometry() {
     let address = free.local_addr().unwrap();
     drop(free);
     let own = Pipeline::new("vc");
-    let mut command = up(own.realm(), &input, &at("crowded"));
+    let mut command = up(own.domain(), &input, &at("crowded"));
     command.args(["--view", "--set", &format!("view.listen={address}")]);
     let is_over = AtomicBool::new(false);
     let crowded = std::thread::scope(|scope| {

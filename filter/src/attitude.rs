@@ -7,7 +7,7 @@
 use crate::clock::{Pace, SampleClock};
 use nalgebra::Vector3;
 use randt_geometry::{Quaternion, elementary};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Standard gravity; its local deviation is far below the tolerance of the gain.
 const GRAVITY_M_S2: f64 = 9.806_65;
@@ -38,7 +38,7 @@ pub struct AttitudeFilter {
     attitude: Option<Quaternion>,
 }
 
-saved!(AttitudeFilter {
+persist!(AttitudeFilter {
     bias_rad_s,
     clock,
     last_rate_rad_s,

@@ -5,7 +5,7 @@
 
 use crate::StandstillBias;
 use nalgebra::{Matrix3, Vector3};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Kalman filter of the three-axis bias.
 ///
@@ -26,7 +26,7 @@ pub struct GyroBias {
     covariance: Matrix3<f64>,
 }
 
-saved!(GyroBias { mean_rad_s, covariance } kept { walk_rad_s_sqrt_s });
+persist!(GyroBias { mean_rad_s, covariance } kept { walk_rad_s_sqrt_s });
 
 impl GyroBias {
     /// Zero, with the standard deviation that a bias has at the start, rad/s, and its random walk, rad/s per square

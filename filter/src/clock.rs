@@ -3,7 +3,7 @@
 //! Responsible for judging and counting. Not responsible for what a filter does with the time that passed.
 
 use nalgebra::Vector3;
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// The longest gap that is a step. Over a longer one, or a step back as long, the clock or the log broke off
 /// (DESIGN, invariant 6).
@@ -32,7 +32,7 @@ pub struct SampleClock {
     not_finite: u64,
 }
 
-saved!(SampleClock { last_ns, breaks, not_after, not_finite } sound has_room);
+persist!(SampleClock { last_ns, breaks, not_after, not_finite } sound has_room);
 
 impl SampleClock {
     /// Whether it can go on counting.

@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_filter::{ClusterFilter, check_sweep};
 use randt_messages::{Message, RadarPoints, RadarScan};
-use randt_stage::{StageArguments, Woken, ended, parse};
+use randt_stage::{StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -25,9 +25,9 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let mut stage = arguments.stage.open("filter")?;
-    stage.expect(&config.sensor);
+    stage.expect_sensor(&config.sensor);
     let selection = &arguments.stage.selection;
-    stage.follow(selection, &config, &["filter", "sensor"], None);
+    stage.follow_configuration(selection, &config, &["filter", "sensor"], None);
     let mut points = stage.publisher::<RadarPoints>()?;
     let mut scans = stage.subscriber::<RadarScan>()?;
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
@@ -39,13 +39,13 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             let scan = scan.message();
             if let Err(misfit) = check_sweep(&scan.head.sweep, &config) {
                 misfits += 1;
-                stage.report(&misfit.to_string(), misfits);
+                stage.set_status(&misfit.to_string(), misfits);
                 continue;
             }
             filter.process(scan, &mut filtered);
             points.publish(filtered.as_ref())?;
         }
-        if stage.wait(&[&scans], None)? == Woken::Stop {
+        if stage.wait(&[&scans], None)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }

@@ -6,7 +6,7 @@
 use crate::clock::{Pace, SampleClock};
 use crate::statistics::Statistics;
 use nalgebra::Vector3;
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Blocks in a window. Finer ones find the ends of a standstill better, coarser ones cost less.
 const BLOCKS: usize = 20;
@@ -78,14 +78,14 @@ struct Pending {
     means: Statistics,
 }
 
-saved!(Block {
+persist!(Block {
     begin_ns,
     end_ns,
     rate,
     acceleration
 });
-saved!(Pending { samples, means });
-saved!(Standstill {
+persist!(Pending { samples, means });
+persist!(Standstill {
     expected,
     clock,
     last_ns,

@@ -1,7 +1,7 @@
 //! Running mean and variance of vectors, mergeable without loss.
 
 use nalgebra::Vector3;
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Count, mean and squared deviations, by the updates of Welford (one value) and Chan (two sets):
 /// nothing cancels, however small the variance beside the mean.
@@ -12,7 +12,7 @@ pub(crate) struct Statistics {
     squares: Vector3<f64>,
 }
 
-saved!(Statistics {
+persist!(Statistics {
     count,
     mean,
     squares

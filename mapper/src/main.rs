@@ -6,7 +6,7 @@ use clap::Parser;
 use process::{Intake, Outlet};
 use randt_mapper::SECTIONS;
 use randt_messages::Keyframe;
-use randt_stage::{StageArguments, Woken, ended, parse};
+use randt_stage::{StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -33,16 +33,16 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let mut stage = arguments.stage.open("mapper")?;
-    stage.expect(&config.sensor);
-    stage.follow(&arguments.stage.selection, &config, &SECTIONS, None);
+    stage.expect_sensor(&config.sensor);
+    stage.follow_configuration(&arguments.stage.selection, &config, &SECTIONS, None);
     let mut outlet = Outlet::open(&mut stage)?;
     let mut keyframes = stage.subscriber::<Keyframe>()?;
     let journal = match &arguments.journal {
         Some(path) => path.clone(),
-        None => stage.realm().state().join("map.journal"),
+        None => stage.domain().state().join("map.journal"),
     };
     let mut intake = Intake::open(&journal, &config, &mut stage)?;
-    stage.note(&intake.progress());
+    stage.set_status_note(&intake.progress());
     stage.running()?;
     let mut at_once = true;
     loop {
@@ -51,7 +51,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             true => Some(Duration::ZERO),
             false => Some(outlet.pause()),
         };
-        if stage.wait(&[&keyframes], pause)? == Woken::Stop {
+        if stage.wait(&[&keyframes], pause)? == WakeReason::Stop {
             break;
         }
         at_once = false;
@@ -59,7 +59,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             at_once |= intake.take(keyframe.message());
         }
         if intake.catch_up() {
-            stage.say(&format!("has all of its {} keyframes", intake.next()));
+            stage.log_info(&format!("has all of its {} keyframes", intake.next()));
         }
         at_once |= intake.sync();
         if intake.is_other_drive {
@@ -67,9 +67,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             outlet.begin_anew();
             at_once = true;
         }
-        stage.report(&intake.trouble, intake.lost);
-        stage.note(&intake.progress());
-        stage.remark(&intake.delay());
+        stage.set_status(&intake.trouble, intake.lost);
+        stage.set_status_note(&intake.progress());
+        stage.set_remark(&intake.delay());
         if intake.is_unsure {
             return Err(intake.trouble.into());
         }

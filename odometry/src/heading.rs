@@ -6,7 +6,7 @@ use randt_config::{Attitude, Odometry, Robot};
 use randt_filter::{AttitudeFilter, GyroBias, Standstill};
 use randt_geometry::Quaternion;
 use randt_messages::ImuSample;
-use randt_saved::saved;
+use randt_persist::persist;
 use std::collections::VecDeque;
 
 /// Samples kept: two seconds at 1 kHz, more than the longest sweep and its wait.
@@ -82,27 +82,27 @@ pub struct Heading {
     pub holes: u64,
 }
 
-saved!(Moment {
+persist!(Moment {
     stamp_ns,
     heading_rad,
     rate_rad_s,
     tilt
 });
-saved!(Newest {
+persist!(Newest {
     sequence,
     epoch,
     published_ns
 });
-saved!(Turn {
+persist!(Turn {
     angle_rad,
     uncovered_s
 });
-saved!(GyroTerm {
+persist!(GyroTerm {
     turn,
     rate_rad_s,
     standstill
 });
-saved!(Heading {
+persist!(Heading {
     attitude,
     standstill,
     moments,

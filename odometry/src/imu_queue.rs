@@ -7,7 +7,7 @@
 
 use crate::heading::{Heading, STAMPS_NS, is_set_back};
 use randt_messages::ImuSample;
-use randt_saved::{Error, Reader, Saved, Writer};
+use randt_persist::{Error, Persist, Reader, Writer};
 use std::collections::VecDeque;
 
 /// Samples that may wait: 32 s at 250 Hz, 8 s at 1 kHz. A radar that was held up sends so late a sweep and no later; one
@@ -93,7 +93,7 @@ impl ImuQueue {
     }
 }
 
-impl Saved for ImuQueue {
+impl Persist for ImuQueue {
     fn save(&self, out: &mut Writer<'_>) {
         self.samples.len().save(out);
         self.samples.iter().for_each(|sample| out.plain(sample));

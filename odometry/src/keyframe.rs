@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use randt_config::{Config, Keyframe as KeyframeConfig};
 use randt_geometry::{Pose2, elementary::wrap};
 use randt_messages::{Keyframe, KeyframeBeam, KeyframePoint, MAX_BEAMS, Message};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Chooses keyframes and fills their messages.
 #[derive(Debug)]
@@ -19,7 +19,7 @@ pub struct KeyframeMaker {
     message: Message<Keyframe>,
 }
 
-saved!(KeyframeMaker {
+persist!(KeyframeMaker {
     last,
     next_id,
     has_made,

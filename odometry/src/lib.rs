@@ -24,5 +24,5 @@ mod trust;
 mod window;
 
 pub use odometry::{Counters, Odometry, Sink, Source};
-pub use randt_saved::Error;
+pub use randt_persist::Error;
 pub use slot::cell_rule;

@@ -5,7 +5,7 @@ use randt_messages::{
     ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, Trust,
 };
 use randt_odometry::process::{Feed, Past};
-use randt_stage::{Publisher, Stage, StageArguments, Subscriber, Woken, ended, parse};
+use randt_stage::{Publisher, Stage, StageArguments, Subscriber, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -41,8 +41,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let config = arguments.stage.selection.load(None)?.config;
     let use_imu = !arguments.no_imu;
     let mut stage = arguments.stage.open("odometry")?;
-    stage.expect(&config.sensor);
-    stage.follow(&arguments.stage.selection, &config, &READS, None);
+    stage.expect_sensor(&config.sensor);
+    stage.follow_configuration(&arguments.stage.selection, &config, &READS, None);
     let mut out = Out {
         states: stage.publisher()?,
         keyframes: stage.publisher()?,
@@ -61,7 +61,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     while !has_past && Instant::now() < give_up {
         // Numbers go on after those of the map that there may be; the first scans lie in the buffer meanwhile.
         let left = give_up.saturating_duration_since(Instant::now());
-        if stage.wait(&[&graph], Some(left))? == Woken::Stop {
+        if stage.wait(&[&graph], Some(left))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         has_past = answer(&mut graph, &mut feed, &mut out, has_past)?;
@@ -72,9 +72,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         has_past |= answer(&mut graph, &mut feed, &mut out, has_past)?;
         report(&mut stage, &feed, &mut late_said);
-        stage.note(out.trust);
+        stage.set_status_note(out.trust);
         let pause = Some(feed.pause());
-        if stage.wait(&[feed.wakes(), &graph], pause)? == Woken::Stop {
+        if stage.wait(&[feed.wakes(), &graph], pause)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }
@@ -122,16 +122,16 @@ fn report(stage: &mut Stage, feed: &Feed, late_said: &mut u64) {
         0 => String::new(),
         lost => format!("{lost} scans never came"),
     };
-    stage.report(&text, lost);
+    stage.set_status(&text, lost);
     let late = feed.odometry.counters().scans_imu_late;
     if late > 0 {
         let text = format!("{late} scans without their last IMU samples");
         // A line in the journal for the first of them, and for as many again.
         if late >= *late_said * 2 {
             *late_said = late.max(1);
-            stage.say(&text);
+            stage.log_info(&text);
         }
-        stage.remark(&text);
+        stage.set_remark(&text);
     }
 }
 

@@ -23,7 +23,7 @@ use crate::{
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, PoseRecord, RadarPoints};
-use randt_saved::{Label, saved};
+use randt_persist::{StateIdentity, persist};
 use std::collections::VecDeque;
 
 pub use arrive::Source;
@@ -50,7 +50,7 @@ pub trait Sink {
 #[derive(Debug)]
 pub struct Odometry {
     config: Config,
-    label: Label,
+    identity: StateIdentity,
     heading: Option<Heading>,
     /// Samples that the heading has not seen yet.
     imu: ImuQueue,
@@ -96,7 +96,7 @@ struct Frame {
     origin: Pose2,
 }
 
-saved!(Frame { id, last_stamp_ns, imu_is_old, lost, origin } sound is_sound);
+persist!(Frame { id, last_stamp_ns, imu_is_old, lost, origin } sound is_sound);
 
 impl Frame {
     /// Whether there are numbers left, and the stamp is one.
@@ -137,7 +137,7 @@ impl Odometry {
             record: PoseRecord::default(),
             last_scan: None,
             last_imu: None,
-            label: save::label(config, use_imu),
+            identity: save::identity(config, use_imu),
             config: config.clone(),
         }
     }

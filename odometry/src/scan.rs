@@ -2,7 +2,7 @@
 
 use crate::heading::STAMPS_NS;
 use randt_messages::{Message, MessageRef, PointsHead, RadarPoints, Return, SweepHead, Topic};
-use randt_saved::{Error, Reader, Saved, Writer};
+use randt_persist::{Error, Persist, Reader, Writer};
 
 /// Longest sweep, ns: the slowest radars turn once in seconds.
 const SWEEP_MAX_NS: i64 = 60_000_000_000;

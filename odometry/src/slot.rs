@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 use randt_config::{Config, Robot};
 use randt_messages::{MAX_BEAMS, MAX_RETURNS, Message, RadarPoints};
 use randt_ndt::{Association, Cell, CellRule, Grid, NormalEquations, ScanCell};
-use randt_saved::{Error, Reader, Saved, Writer};
+use randt_persist::{Error, Persist, Reader, Writer};
 
 /// Cells of a scan that there is room for from the start: a Navtech's sweep of 30,000 returns has fewer than 2,000.
 const CELLS: usize = 8192;
@@ -106,7 +106,7 @@ impl Slot {
 }
 
 /// Poses of beams, points and associations are made anew before they are looked at again.
-impl Saved for Slot {
+impl Persist for Slot {
     fn save(&self, out: &mut Writer<'_>) {
         scan::save(&self.scan, out);
         self.state.save(out);

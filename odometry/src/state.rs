@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector3};
 use randt_geometry::Pose2;
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Numbers in a state: x, y, yaw; forward, left, yaw rate; bias.
 pub const STATE: usize = 7;
@@ -22,7 +22,7 @@ pub struct State {
     pub bias_rad_s: f64,
 }
 
-saved!(State {
+persist!(State {
     pose,
     velocity,
     bias_rad_s

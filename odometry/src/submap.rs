@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 use randt_config::{Config, Submap as SubmapConfig};
 use randt_geometry::Pose2;
 use randt_ndt::Grid;
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// One submap; its grid stands in the frame of its root keyframe.
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ pub struct Submap {
     pub grid: Grid,
 }
 
-saved!(Submap {
+persist!(Submap {
     id,
     root_keyframe,
     root,
@@ -58,7 +58,7 @@ pub struct Submaps {
     pub outside: u64,
 }
 
-saved!(Submaps {
+persist!(Submaps {
     active,
     next,
     next_is_open,

@@ -1,7 +1,7 @@
 //! Slopes: what a tilted sensor measures, brought into the level plane.
 
 use nalgebra::{Vector2, Vector3};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Roll and pitch of the robot, as what they do to ranges and to the yaw rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ impl Default for Tilt {
     }
 }
 
-saved!(Tilt {
+persist!(Tilt {
     sin_pitch,
     cos_pitch,
     sin_roll,

@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, SymmetricEigen};
 use randt_config::Config;
 use randt_messages::Trust;
 use randt_ndt::AdaptiveLoss;
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// A direction is weak where a scan's information along it is below this many times what the grid alone seems to say
 /// along a bare wall. Simulated corridors, whose ends are out of sight, have 1.2 to 1.6 times that, places with corners
@@ -37,7 +37,7 @@ pub struct TrustJudge {
     doubted_ns: Option<i64>,
 }
 
-saved!(TrustJudge { unsupported, poor_fits, doubted_ns } sound is_sound);
+persist!(TrustJudge { unsupported, poor_fits, doubted_ns } sound is_sound);
 
 /// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2: yaw is free.
 pub fn position_information(solution: &Solution) -> [f64; 2] {

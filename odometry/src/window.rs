@@ -12,7 +12,7 @@ use nalgebra::Matrix3;
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_ndt::{AdaptiveLoss, Association};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Gauss-Newton steps while the loss is still wide: they only need to lead into the next one's basin.
 const ITERATIONS_WIDE: u32 = 2;
@@ -33,7 +33,7 @@ pub struct Prior {
     pub information: StateMatrix,
 }
 
-saved!(Prior { mean, information });
+persist!(Prior { mean, information });
 
 impl Prior {
     /// Adds the prior to the first state of a chain; gives its cost.

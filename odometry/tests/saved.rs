@@ -146,7 +146,7 @@ static SAVED: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
     saved
 });
 
-/// Makes the checksum right again (core/saved: over head and state, with zero in its own place).
+/// Makes the checksum right again (core/persist: over head and state, with zero in its own place).
 fn reseal(bytes: &mut [u8]) {
     bytes[40..44].fill(0);
     let crc = crc32fast::hash(bytes);

@@ -4,7 +4,7 @@ use clap::Parser;
 use randt_config::Config;
 use randt_recorder::process::{Inputs, preamble};
 use randt_recorder::{BUDGET, Disk, Past, Positions, Queue, Recorder, Settings, Viewer, Worker};
-use randt_stage::{StageArguments, Woken, ended, go_behind, parse};
+use randt_stage::{StageArguments, WakeReason, ended, go_behind, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -49,7 +49,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let mut stage = arguments.stage.open("recorder")?;
     // What it writes says by what the others compute.
     let all: Vec<_> = Config::SECTIONS.iter().map(|it| it.name).collect();
-    stage.follow(&arguments.stage.selection, &loaded.config, &all, None);
+    stage.follow_configuration(&arguments.stage.selection, &loaded.config, &all, None);
     let clock = stage.clock();
     let mut past = Past::open(&mut stage, &folder)?;
     let recorded = past.positions().clone();
@@ -58,7 +58,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let recorder = Recorder::new(
         Disk::new(&folder),
         Settings::of(record),
-        preamble(&loaded, stage.realm(), clock),
+        preamble(&loaded, stage.domain(), clock),
         Viewer::new(loaded.config.robot.clone()),
         recorded,
     );
@@ -76,18 +76,18 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
             trouble => trouble.to_owned(),
         };
         // What its ports have missed they say themselves.
-        stage.report(&message, lost.saturating_sub(inputs.missed_by_ports()));
+        stage.set_status(&message, lost.saturating_sub(inputs.missed_by_ports()));
         if condition.file != file {
             file = condition.file;
             if !file.is_empty() {
-                stage.say(&format!("{}", folder.join(&file).display()));
-                stage.note(&format!("writing {file}"));
+                stage.log_info(&format!("{}", folder.join(&file).display()));
+                stage.set_status_note(&format!("writing {file}"));
             }
         }
         if worker.has_died() {
             return Err("the thread that writes has died".into());
         }
-        if stage.wait(&inputs.wakes(), Some(PAUSE))? == Woken::Stop {
+        if stage.wait(&inputs.wakes(), Some(PAUSE))? == WakeReason::Stop {
             break;
         }
     }
@@ -97,7 +97,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let lost = queue.lost() + left;
     if left > 0 {
         let message = format!("{left} messages did not come onto the disk before the end");
-        stage.report(&message, lost.saturating_sub(inputs.missed_by_ports()));
+        stage.set_status(&message, lost.saturating_sub(inputs.missed_by_ports()));
     }
     stage.close()?;
     Ok(lost)

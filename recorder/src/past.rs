@@ -10,7 +10,7 @@ use std::fs;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
-/// In the realm's folder.
+/// In the domain's folder.
 const FILE: &str = "recorder.positions";
 /// Which folder it is, and the positions.
 const BYTES: usize = size_of::<u64>() + Positions::BYTES_MAX;
@@ -26,7 +26,7 @@ pub struct Past {
 impl Past {
     /// Opens or makes it; for another folder than the last recorder's it is empty: those files are another recording.
     pub fn open(stage: &mut Stage, folder: &Path) -> Result<Self, Error> {
-        let path = stage.realm().state().join(FILE);
+        let path = stage.domain().state().join(FILE);
         stage.reserve(&path, 2 * BYTES)?;
         let checkpoint = Checkpoint::open(&path, BYTES)?;
         let folder = identity(folder);

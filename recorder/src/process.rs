@@ -11,7 +11,7 @@ use randt_messages::{
     ImuSampleTopic, Keyframe, MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic,
     RadarPoints, RadarScan, StageHealthTopic, Topic,
 };
-use randt_stage::{Clock, Error, Realm, Registry, Stage, Subscriber, Wakes};
+use randt_stage::{Clock, Domain, Error, Registry, Stage, Subscriber, Waitable};
 use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -22,7 +22,7 @@ trait Tap {
     fn topic(&self) -> &'static str;
     /// Messages that its port counts as missed.
     fn missed(&self) -> u64;
-    fn wakes(&self) -> &dyn Wakes;
+    fn wakes(&self) -> &dyn Waitable;
 }
 
 impl<T: Topic> Tap for Subscriber<T> {
@@ -41,7 +41,7 @@ impl<T: Topic> Tap for Subscriber<T> {
         self.missed()
     }
 
-    fn wakes(&self) -> &dyn Wakes {
+    fn wakes(&self) -> &dyn Waitable {
         self
     }
 }
@@ -96,7 +96,7 @@ impl Inputs {
     }
 
     /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250 times a second.
-    pub fn wakes(&self) -> Vec<&dyn Wakes> {
+    pub fn wakes(&self) -> Vec<&dyn Waitable> {
         let slow = self
             .taps
             .iter()
@@ -115,21 +115,23 @@ fn reader<T: Topic>(stage: &mut Stage) -> Result<Box<dyn Tap>, Error> {
 }
 
 /// What every file says at its beginning.
-pub fn preamble(loaded: &Loaded, realm: &Realm, clock: Clock) -> Preamble {
+pub fn preamble(loaded: &Loaded, domain: &Domain, clock: Clock) -> Preamble {
     let mut fixed = of_configuration(loaded);
     fixed.push(of_machine());
-    let realm = realm.clone();
+    let domain = domain.clone();
     Box::new(move || {
         let mut records = fixed.clone();
-        records.push((VERSIONS_METADATA, versions(&realm)));
+        records.push((VERSIONS_METADATA, versions(&domain)));
         records.push((CLOCK_METADATA, of_clock(clock)));
         records
     })
 }
 
 /// Every stage that runs, with its build; this one among them.
-fn versions(realm: &Realm) -> BTreeMap<String, String> {
-    let living = Registry::all(realm).into_iter().filter(|(_, lives)| *lives);
+fn versions(domain: &Domain) -> BTreeMap<String, String> {
+    let living = Registry::all(domain)
+        .into_iter()
+        .filter(|(_, lives)| *lives);
     living
         .map(|(entry, _)| (entry.name, entry.version))
         .collect()

@@ -2,13 +2,13 @@
 
 use crate::Raw;
 use randt_config::Robot;
+use randt_foxglove_schemas::topic::{GRID, POINTS, POSE, TRANSFORMS};
+use randt_foxglove_schemas::{FrameTransforms, Grid, PointCloud, PoseInFrame, Tiles};
 use randt_log::Channel;
 use randt_messages::{
     Correction, MapperCorrection, MapperGrid, Message, OdometryState, OdometryStateTopic,
     RadarPoints, Topic,
 };
-use randt_wellknown::topic::{GRID, POINTS, POSE, TRANSFORMS};
-use randt_wellknown::{FrameTransforms, Grid, PointCloud, PoseInFrame, Tiles};
 
 /// A cloud is shown once a second, give or take a sweep: each takes as much as its scan does.
 const CLOUD_PERIOD_NS: i64 = 950_000_000;
@@ -21,7 +21,7 @@ const GRID_PERIOD_MAX_NS: i64 = 60_000_000_000;
 
 /// The channel of a topic for viewers; `None` for any other.
 pub(crate) fn channel(topic: &str) -> Option<Channel> {
-    use randt_wellknown::channel;
+    use randt_foxglove_schemas::channel;
     match topic {
         POSE => Some(channel::<PoseInFrame>(POSE)),
         TRANSFORMS => Some(channel::<FrameTransforms>(TRANSFORMS)),
@@ -97,20 +97,25 @@ impl Viewer {
         }
         if let Some(points) = Message::<RadarPoints>::from_bytes(&raw.bytes) {
             self.cloud_ns = Some(now_ns);
-            let cloud = randt_wellknown::of_points(points.as_ref());
-            out.extend(with(raw, POINTS, randt_wellknown::bytes(&cloud)));
+            let cloud = randt_foxglove_schemas::of_points(points.as_ref());
+            out.extend(with(raw, POINTS, randt_foxglove_schemas::bytes(&cloud)));
         }
     }
 
     fn see_state(&mut self, state: &OdometryState, raw: &Raw, out: &mut Vec<Raw>) {
-        let pose = randt_wellknown::pose_of_state(state);
-        out.extend(with(raw, POSE, randt_wellknown::bytes(&pose)));
+        let pose = randt_foxglove_schemas::pose_of_state(state);
+        out.extend(with(raw, POSE, randt_foxglove_schemas::bytes(&pose)));
         // All of them with every state: whatever part of a log is looked at, the frames are known.
-        let frames = randt_wellknown::transforms(&self.robot, state, self.correction.as_ref());
-        out.extend(with(raw, TRANSFORMS, randt_wellknown::bytes(&frames)));
+        let frames =
+            randt_foxglove_schemas::transforms(&self.robot, state, self.correction.as_ref());
+        out.extend(with(
+            raw,
+            TRANSFORMS,
+            randt_foxglove_schemas::bytes(&frames),
+        ));
         if self.is_grid_due(raw.label.time_ns) {
             let grid = self.tiles.draw(state.header.stamp_ns);
-            let bytes = grid.and_then(|grid| randt_wellknown::bytes(&grid));
+            let bytes = grid.and_then(|grid| randt_foxglove_schemas::bytes(&grid));
             out.extend(with(raw, GRID, bytes));
         }
     }

@@ -1,4 +1,4 @@
-//! A simulated drive as a log, as it is or spoilt.
+//! A simulated drive as a log, as it is or corrupted.
 
 use randt_log::{LogFile, Options, ROBOT_METADATA};
 use randt_messages::{ImuSampleTopic, MessageRef, TruthPoseTopic};

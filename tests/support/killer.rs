@@ -2,13 +2,13 @@
 
 use super::Random;
 use super::observer::Observer;
-use randt_stage::Realm;
+use randt_stage::Domain;
 use rustix::process::{Pid, Signal, kill_process};
 use std::time::{Duration, Instant};
 
 /// Stages that can be killed.
 pub const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
-/// So long after the last blow the next one may fall.
+/// So long after the last fault the next one may fall.
 pub const APART: Duration = Duration::from_secs(5);
 /// A stage is back within a second where nothing else runs; the machine of a test may be slow and busy.
 pub const BACK_MAX_MS: f64 = 5000.0;
@@ -30,7 +30,7 @@ const LOOP_MS: usize = 15;
 
 /// What is done to a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Blow {
+pub enum InjectedFault {
     /// Killed whenever.
     Plain,
     /// Killed while the robot turns.
@@ -47,12 +47,12 @@ pub enum Blow {
     CatchingUp,
 }
 
-/// One blow and what came of it.
+/// One fault and what came of it.
 #[derive(Debug)]
 pub struct Row {
     pub at_s: f64,
     pub stage: &'static str,
-    pub blow: Blow,
+    pub fault: InjectedFault,
     /// Whether it hit as meant: a start-up that was over, a turn that never came.
     pub hit: bool,
     pub note: String,
@@ -63,7 +63,7 @@ pub struct Row {
 impl Row {
     /// Whether a stage died in it.
     pub fn kills(&self, stage: &str) -> bool {
-        self.blow != Blow::Stop && self.back_ms.iter().any(|(name, _)| *name == stage)
+        self.fault != InjectedFault::Stop && self.back_ms.iter().any(|(name, _)| *name == stage)
     }
 }
 
@@ -77,12 +77,12 @@ pub struct Killer {
 }
 
 impl Killer {
-    pub fn enter(realm: &Realm, seed: u64) -> Self {
-        let mut observer = Observer::enter(realm);
+    pub fn enter(domain: &Domain, seed: u64) -> Self {
+        let mut observer = Observer::enter(domain);
         let runs = |o: &Observer| STAGES.iter().all(|s| o.back_ns(s, 0).is_some());
         assert!(observer.until(WAIT_MAX, runs), "a stage does not run");
         println!("seed {seed}");
-        println!("  drive s  stage      blow");
+        println!("  drive s  stage      fault");
         Self {
             observer,
             rows: Vec::new(),
@@ -97,13 +97,13 @@ impl Killer {
     }
 
     /// Does it, waits until whoever was hit is back, and looks whether anybody else was disturbed.
-    pub fn strike(&mut self, stage: &'static str, blow: Blow) {
+    pub fn strike(&mut self, stage: &'static str, fault: InjectedFault) {
         let occasion = self.observer.keyframes_heard;
-        let came = match blow {
-            Blow::Turn => self
+        let came = match fault {
+            InjectedFault::Turn => self
                 .observer
                 .until(OCCASION_MAX, |o| o.turns_rad_s() > TURN_RAD_S),
-            Blow::Closing => self
+            InjectedFault::Closing => self
                 .observer
                 .until(OCCASION_MAX, |o| o.keyframes_heard > occasion),
             _ => true,
@@ -111,25 +111,25 @@ impl Killer {
         let mut row = Row {
             at_s: self.observer.driven_s(),
             stage,
-            blow,
+            fault,
             hit: came,
             note: String::new(),
             back_ms: Vec::new(),
         };
-        match blow {
-            Blow::Plain | Blow::Turn => {
+        match fault {
+            InjectedFault::Plain | InjectedFault::Turn => {
                 row.note = format!("at {:.2} rad/s", self.observer.turns_rad_s());
                 let killed = self.kill(stage);
                 self.wait_for(stage, killed, &mut row);
             }
-            Blow::Closing => {
+            InjectedFault::Closing => {
                 let ms = self.random.below(LOOP_MS);
                 std::thread::sleep(Duration::from_millis(ms as u64));
                 row.note = format!("{ms} ms after keyframe {}", self.observer.keyframes_heard);
                 let killed = self.kill(stage);
                 self.wait_for(stage, killed, &mut row);
             }
-            Blow::With(other) => {
+            InjectedFault::With(other) => {
                 let ms = self.random.below(PAIR_MS);
                 let killed = self.kill(stage);
                 std::thread::sleep(Duration::from_millis(ms as u64));
@@ -138,9 +138,9 @@ impl Killer {
                 self.wait_for(stage, killed, &mut row);
                 self.wait_for(other, other_killed, &mut row);
             }
-            Blow::StartUp => self.strike_twice(stage, &mut row),
-            Blow::Stop => self.stop(stage, &mut row),
-            Blow::CatchingUp => {
+            InjectedFault::StartUp => self.strike_twice(stage, &mut row),
+            InjectedFault::Stop => self.stop(stage, &mut row),
+            InjectedFault::CatchingUp => {
                 let pid = self.observer.pid(stage).unwrap();
                 send(pid, Signal::STOP);
                 self.observer.until(SHORT_STOP, |_| false);
@@ -229,7 +229,7 @@ impl Killer {
             "{:>9.2}  {:<9}  {:?}{}, {}; back after {}",
             row.at_s,
             row.stage,
-            row.blow,
+            row.fault,
             if row.hit { "" } else { " (missed)" },
             row.note,
             row.back_ms

@@ -7,16 +7,17 @@
 )]
 
 pub mod bag;
-pub mod blows;
 pub mod boot;
 pub mod browser;
 pub mod calls;
 pub mod cgroup;
+pub mod corrupt_inputs;
 pub mod directives;
 pub mod drive;
-pub mod hall;
+pub mod fault_injection;
 pub mod journal;
 pub mod killer;
+pub mod l_shaped_world;
 pub mod large;
 pub mod observer;
 pub mod package;
@@ -28,7 +29,6 @@ pub mod recorded;
 pub mod recordings;
 pub mod robot;
 pub mod sensors;
-pub mod spoilt;
 pub mod stages;
 pub mod turns;
 pub mod up;

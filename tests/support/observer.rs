@@ -1,9 +1,9 @@
-//! A bystander in a realm: hears every stage's health and odometry's states, and knows the processes.
+//! A bystander in a domain: hears every stage's health and odometry's states, and knows the processes.
 
 use randt_messages::{
     Keyframe, OdometryState, OdometryStateTopic, StageHealthTopic, StageState, health::text_of,
 };
-use randt_stage::{Realm, Registry, Stage, Subscriber, Woken};
+use randt_stage::{Domain, Registry, Stage, Subscriber, WakeReason};
 use std::time::{Duration, Instant};
 
 /// One process of a stage that was in its loop.
@@ -32,8 +32,8 @@ pub struct Observer {
 }
 
 impl Observer {
-    pub fn enter(realm: &Realm) -> Self {
-        let mut stage = Stage::open("observer", realm).unwrap();
+    pub fn enter(domain: &Domain) -> Self {
+        let mut stage = Stage::open("observer", domain).unwrap();
         let mut observer = Self {
             health: stage.subscriber().unwrap(),
             states: stage.subscriber().unwrap(),
@@ -68,7 +68,7 @@ impl Observer {
     }
 
     fn entry(&self, name: &str) -> Option<(randt_stage::Entry, bool)> {
-        let all = Registry::all(self.stage.realm());
+        let all = Registry::all(self.stage.domain());
         all.into_iter().find(|(entry, _)| entry.name == name)
     }
 
@@ -84,10 +84,10 @@ impl Observer {
             if left.is_zero() {
                 return false;
             }
-            let on: [&dyn randt_stage::Wakes; 3] = [&self.health, &self.states, &self.keyframes];
+            let on: [&dyn randt_stage::Waitable; 3] = [&self.health, &self.states, &self.keyframes];
             let pause = left.min(Duration::from_millis(20));
             let woken = self.stage.wait(&on, Some(pause)).unwrap();
-            assert!(woken != Woken::Stop, "interrupted");
+            assert!(woken != WakeReason::Stop, "interrupted");
         }
     }
 

@@ -3,7 +3,7 @@
 use super::stages;
 use super::{ended, ended_within};
 use randt_messages::{OdometryStateTopic, Topic};
-use randt_stage::{Realm, Stage};
+use randt_stage::{Domain, Stage};
 use std::fs;
 use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
@@ -77,8 +77,8 @@ impl Topic for OtherStates {
 /// What that build's odometry does: it begins as every stage does.
 pub fn run_other_odometry() {
     let run = || -> Result<(), Box<dyn std::error::Error>> {
-        let realm = Realm::new("randt", Some(Path::new("/run/randt")))?;
-        let mut stage = Stage::open("odometry", &realm)?;
+        let domain = Domain::new("randt", Some(Path::new("/run/randt")))?;
+        let mut stage = Stage::open("odometry", &domain)?;
         let _states = stage.publisher::<OtherStates>()?;
         Ok(stage.running()?)
     };

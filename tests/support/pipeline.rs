@@ -1,8 +1,8 @@
-//! Stages of a realm of its own, as processes.
+//! Stages of a domain of its own, as processes.
 
 use super::stages::program;
 use super::{Ended, ended, randt};
-use randt_stage::{Realm, Registry};
+use randt_stage::{Domain, Registry};
 use rustix::process::{Pid, Signal, kill_process};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -13,15 +13,15 @@ use std::time::{Duration, Instant};
 /// Nothing is waited for longer.
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
-/// Processes in a realm; all of it goes with this.
+/// Processes in a domain; all of it goes with this.
 pub struct Pipeline {
-    realm: Realm,
+    domain: Domain,
     children: Vec<Child>,
     _run: tempfile::TempDir,
 }
 
 impl Pipeline {
-    /// A realm in which nobody is yet, with its run folder in memory.
+    /// A domain in which nobody is yet, with its run folder in memory.
     pub fn new(name: &str) -> Self {
         Self::below(name, Path::new("/dev/shm"))
     }
@@ -34,17 +34,17 @@ impl Pipeline {
         let run = run.prefix("randt-test-").tempdir_in(folder).unwrap();
         let prefix = format!("{name}-{}-{count}", std::process::id());
         Self {
-            realm: Realm::new(&prefix, Some(run.path())).unwrap(),
+            domain: Domain::new(&prefix, Some(run.path())).unwrap(),
             children: Vec::new(),
             _run: run,
         }
     }
 
-    pub fn realm(&self) -> &Realm {
-        &self.realm
+    pub fn domain(&self) -> &Domain {
+        &self.domain
     }
 
-    /// A command of randt for this realm.
+    /// A command of randt for this domain.
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = randt(arguments);
         self.enter(&mut command);
@@ -100,8 +100,8 @@ impl Pipeline {
 
     /// Adds the options that lead here.
     pub fn enter(&self, command: &mut Command) {
-        command.args(["--prefix", self.realm.prefix(), "--run"]);
-        command.arg(self.realm.run());
+        command.args(["--prefix", self.domain.prefix(), "--run"]);
+        command.arg(self.domain.run());
     }
 
     /// Starts a program and waits until it is in its loop: it holds the lock of those who start until then.
@@ -113,8 +113,8 @@ impl Pipeline {
         let is = |(entry, lives): &(randt_stage::Entry, bool)| {
             *lives && entry.name == name && entry.pid == u64::from(pid) && entry.topics.len() > 1
         };
-        until(name, || Registry::all(&self.realm).iter().any(is));
-        let starts = self.realm.folder().join("start.lock");
+        until(name, || Registry::all(&self.domain).iter().any(is));
+        let starts = self.domain.folder().join("start.lock");
         until(name, || File::open(&starts).unwrap().try_lock().is_ok());
         pid
     }
@@ -143,10 +143,10 @@ impl Pipeline {
         }
     }
 
-    /// Names in /dev/shm that are this realm's.
+    /// Names in /dev/shm that are this domain's.
     pub fn segments(&self) -> Vec<String> {
         let mut names = super::names(Path::new("/dev/shm"));
-        names.retain(|name| name.starts_with(&self.realm.segment_prefix()));
+        names.retain(|name| name.starts_with(&self.domain.segment_prefix()));
         names
     }
 }
@@ -165,7 +165,7 @@ pub fn signal(pid: u32, signal: Signal) {
     kill_process(Pid::from_raw(pid as i32).unwrap(), signal).unwrap();
 }
 
-/// Waits until something holds.
+/// PortWaiter until something holds.
 pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !holds() {

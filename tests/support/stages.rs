@@ -1,7 +1,7 @@
-//! The stages as processes in a realm of their own, each started by hand, and what the system says of them.
+//! The stages as processes in a domain of their own, each started by hand, and what the system says of them.
 
 use randt_config::{Config, Selection};
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -67,8 +67,8 @@ impl Place {
     }
 
     /// The world of a prefix, which no other test may use.
-    pub fn realm(&self, prefix: &str) -> Realm {
-        Realm::new(
+    pub fn domain(&self, prefix: &str) -> Domain {
+        Domain::new(
             &format!("{prefix}-{}", std::process::id()),
             Some(&self.run()),
         )
@@ -89,13 +89,13 @@ impl Place {
     }
 
     /// A stage, or `play`, ready for more arguments.
-    pub fn command(realm: &Realm, name: &str) -> Command {
+    pub fn command(domain: &Domain, name: &str) -> Command {
         let mut command = Command::new(program(name));
         if name == "play" {
             command.arg("play");
         }
-        command.args(["--prefix", realm.prefix(), "--run"]);
-        command.arg(realm.run());
+        command.args(["--prefix", domain.prefix(), "--run"]);
+        command.arg(domain.run());
         command
     }
 
@@ -119,12 +119,12 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        // Segments lie beside the run folder, by the realms' prefixes.
+        // Segments lie beside the run folder, by the domains' prefixes.
         for entry in fs::read_dir(self.run()).into_iter().flatten().flatten() {
             let prefix = entry.file_name().to_string_lossy().into_owned();
-            let realm = Realm::new(&prefix, Some(&self.run()));
+            let domain = Domain::new(&prefix, Some(&self.run()));
             // Best effort: a test that failed may have left something that lives.
-            let _ = realm.map(|realm| randt_stage::wipe(&realm, true));
+            let _ = domain.map(|domain| randt_stage::wipe(&domain, true));
         }
     }
 }
@@ -144,7 +144,7 @@ impl Running {
         self.child.try_wait().unwrap()
     }
 
-    /// Waits for its own end.
+    /// PortWaiter for its own end.
     pub fn wait(&mut self, time_max: Duration) -> ExitStatus {
         let begin = Instant::now();
         loop {
@@ -189,11 +189,11 @@ impl Drop for Running {
     }
 }
 
-/// Memory in use by a realm: its segments, iceoryx2's files, and what survives the stages. Blocks, not lengths.
-pub fn memory(realm: &Realm) -> u64 {
-    let segments = randt_stage::leftovers(realm);
+/// Memory in use by a domain: its segments, iceoryx2's files, and what survives the stages. Blocks, not lengths.
+pub fn memory(domain: &Domain) -> u64 {
+    let segments = randt_stage::leftovers(domain);
     let segments: u64 = segments.iter().map(|leftover| leftover.bytes).sum();
-    let state = fs::read_dir(realm.state()).into_iter().flatten().flatten();
+    let state = fs::read_dir(domain.state()).into_iter().flatten().flatten();
     let state = state.filter_map(|entry| entry.metadata().ok());
     segments
         + state

@@ -1,6 +1,6 @@
-//! `randt up` in a realm of its own.
+//! `randt up` in a domain of its own.
 
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::path::Path;
 use std::process::Command;
 
@@ -8,10 +8,10 @@ use std::process::Command;
 /// are told this, use the same ones.
 pub const PATIENT: [&str; 2] = ["--set", "odometry.imu_wait_max_s=20"];
 
-/// `randt up --play LOG --out OUT --rate 1` in a realm, patient.
-pub fn up(realm: &Realm, log: &Path, out: &Path) -> Command {
-    let mut command = super::randt(&["up", "--rate", "1", "--prefix", realm.prefix(), "--play"]);
+/// `randt up --play LOG --out OUT --rate 1` in a domain, patient.
+pub fn up(domain: &Domain, log: &Path, out: &Path) -> Command {
+    let mut command = super::randt(&["up", "--rate", "1", "--prefix", domain.prefix(), "--play"]);
     command.arg(log).arg("--out").arg(out).args(PATIENT);
-    command.arg("--run").arg(realm.run());
+    command.arg("--run").arg(domain.run());
     command
 }

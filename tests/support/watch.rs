@@ -5,7 +5,7 @@ use super::boot::Machine;
 use randt_messages::{
     ImuUse, MapperCorrection, OdometryStateTopic, StageHealthTopic, StageState, health::text_of,
 };
-use randt_stage::{Observer, Realm};
+use randt_stage::{Domain, Observer};
 use rustix::time::{ClockId, clock_gettime};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -56,8 +56,8 @@ pub fn now_us() -> u64 {
 
 /// Prints what comes until nobody listens any more.
 pub fn print() {
-    let realm = Realm::new("randt", Some(Path::new("/run/randt"))).unwrap();
-    let observer = Observer::enter(&realm).unwrap().expect("a stage runs");
+    let domain = Domain::new("randt", Some(Path::new("/run/randt"))).unwrap();
+    let observer = Observer::enter(&domain).unwrap().expect("a stage runs");
     let mut states = observer.subscriber::<OdometryStateTopic>().unwrap();
     let mut corrections = observer.subscriber::<MapperCorrection>().unwrap();
     let mut health = observer.subscriber::<StageHealthTopic>().unwrap();

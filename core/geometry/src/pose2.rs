@@ -5,7 +5,7 @@
 
 use crate::elementary::{sin_cos, wrap};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Below this angle the closed forms lose digits to cancellation; three Taylor terms are exact to 1e-16.
 const SMALL_ANGLE_RAD: f64 = 1e-2;
@@ -23,7 +23,7 @@ pub struct Pose2 {
     sin: f64,
 }
 
-saved!(Pose2 {
+persist!(Pose2 {
     x_m,
     y_m,
     yaw_rad,

@@ -2,7 +2,7 @@
 
 use crate::elementary::{asin, atan2, cos, sin_cos};
 use nalgebra::{Matrix3, Vector3};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// A rotation: v_fixed = q v_body q*.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Quaternion {
     pub z: f64,
 }
 
-saved!(Quaternion { w, x, y, z });
+persist!(Quaternion { w, x, y, z });
 
 impl Default for Quaternion {
     fn default() -> Self {

@@ -1,7 +1,7 @@
 //! A cell: the normal distribution that stands for the points in one square of the grid.
 
 use crate::Distribution;
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Smaller eigenvalue of the position covariance, at least this share of the larger (paper, III-B):
 /// a wall in a cell must not become infinitely thin.
@@ -37,7 +37,7 @@ pub struct Cell {
     pub count: u32,
 }
 
-saved!(Cell {
+persist!(Cell {
     mean,
     covariance,
     count
@@ -130,7 +130,7 @@ pub struct ScanCell {
     pub lever_s: f64,
 }
 
-saved!(ScanCell { cell, lever_s });
+persist!(ScanCell { cell, lever_s });
 
 impl ScanCell {
     /// A cell with its lever.

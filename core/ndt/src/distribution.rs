@@ -1,6 +1,6 @@
 //! Sample statistics of points (x, y, intensity) that add up exactly.
 
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// Count, mean and scatter of points; the recursive update of Saarinen et al. 2013.
 ///
@@ -15,7 +15,7 @@ pub struct Distribution {
     pub scatter: [f64; 6],
 }
 
-saved!(Distribution { count, mean, scatter } sound has_room);
+persist!(Distribution { count, mean, scatter } sound has_room);
 
 impl Distribution {
     /// Whether as many points can be added again as there are.

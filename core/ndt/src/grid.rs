@@ -1,7 +1,7 @@
 //! A regular grid of cells over a square, with a dense index: no tree, no hash.
 
 use crate::{Cell, CellRule, Distribution};
-use randt_saved::{Error, Reader, Saved, Writer};
+use randt_persist::{Error, Persist, Reader, Writer};
 
 const NONE: u32 = u32::MAX;
 /// Squares with points that room is made for at once (10 MB); no sensor's scans fill more, but tiny cells could ask
@@ -189,7 +189,7 @@ impl Grid {
 }
 
 /// Squares and sums say all: the index, and the cells as of a refresh, are made of them again.
-impl Saved for Grid {
+impl Persist for Grid {
     fn save(&self, out: &mut Writer<'_>) {
         self.squares.save(out);
         self.sums.iter().for_each(|sum| sum.save(out));

@@ -7,7 +7,7 @@
 use crate::{AdaptiveLoss, Association, ScanCell, scalar};
 use nalgebra::{Matrix3, Vector3};
 use randt_geometry::Pose2;
-use randt_saved::saved;
+use randt_persist::persist;
 use wide::f64x4;
 
 /// Gauss-Newton normal equations of one scan, not yet weighted.
@@ -33,7 +33,7 @@ pub struct NormalEquations {
     pub weight: f64,
 }
 
-saved!(NormalEquations {
+persist!(NormalEquations {
     pose,
     cross,
     velocity,

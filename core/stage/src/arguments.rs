@@ -1,13 +1,13 @@
 //! The options that every program of the pipeline shares.
 
-use crate::{Error, Realm, Stage};
+use crate::{Domain, Error, Stage};
 use randt_config::SelectionArguments;
 use std::path::PathBuf;
 
 /// Which pipeline a program belongs to.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Pipeline")]
-pub struct RealmArguments {
+pub struct DomainArguments {
     /// Name of the pipeline: programs with the same one see each other, others do not
     #[arg(long, value_name = "NAME", default_value = "randt")]
     pub prefix: String,
@@ -17,10 +17,10 @@ pub struct RealmArguments {
     pub run: Option<PathBuf>,
 }
 
-impl RealmArguments {
-    /// The realm.
-    pub fn realm(&self) -> Result<Realm, Error> {
-        Realm::new(&self.prefix, self.run.as_deref())
+impl DomainArguments {
+    /// The domain.
+    pub fn domain(&self) -> Result<Domain, Error> {
+        Domain::new(&self.prefix, self.run.as_deref())
     }
 }
 
@@ -28,7 +28,7 @@ impl RealmArguments {
 #[derive(Clone, Debug, clap::Args)]
 pub struct StageArguments {
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
     /// What the stage computes by.
     #[command(flatten)]
     pub selection: SelectionArguments,
@@ -43,6 +43,6 @@ impl StageArguments {
         if let Some(parent) = self.parent {
             crate::end_with(parent);
         }
-        Stage::open(name, &self.realm.realm()?)
+        Stage::open(name, &self.domain.domain()?)
     }
 }

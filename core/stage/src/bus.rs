@@ -3,7 +3,7 @@
 use crate::dead_node_cleanup::free_slots;
 use crate::exhausted::Exhausted;
 use crate::held::{Gone, Held};
-use crate::{Error, Qos, Realm, Registry, wire::Wire};
+use crate::{Domain, Error, Qos, Registry, wire::Wire};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::{
@@ -27,25 +27,25 @@ const NODES: usize = 32;
 /// Publisher side of a topic.
 pub(crate) type Service<T> = publish_subscribe::PortFactory<ipc::Service, [u8], Wire<T>>;
 
-/// A node of iceoryx2 in a realm.
+/// A node of iceoryx2 in a domain.
 #[derive(Debug)]
 pub(crate) struct Bus {
     node: Held<Node<ipc::Service>>,
     gone: Gone,
-    realm: Realm,
+    domain: Domain,
     name: String,
     /// Whether a port could not connect because this process has run out of something.
     pub(crate) exhausted: Exhausted,
 }
 
-/// iceoryx2's configuration in a realm; files of its own that lie about are not looked at.
-pub(crate) fn configuration(realm: &Realm) -> Result<Config, Error> {
+/// iceoryx2's configuration in a domain; files of its own that lie about are not looked at.
+pub(crate) fn configuration(domain: &Domain) -> Result<Config, Error> {
     let mut config = Config::default();
-    let root = realm.root();
+    let root = domain.root();
     let root_path = Path::new(root.as_os_str().as_encoded_bytes())
         .map_err(|cause| Error::bus(format!("{}: as a path", root.display()), cause))?;
     config.global.set_root_path(&root_path);
-    let prefix = realm.segment_prefix();
+    let prefix = domain.segment_prefix();
     config.global.prefix = FileName::new(prefix.as_bytes())
         .map_err(|cause| Error::bus(format!("{prefix}: as a prefix"), cause))?;
     config.global.creation_timeout = CREATION_TIMEOUT;
@@ -58,10 +58,10 @@ pub(crate) fn configuration(realm: &Realm) -> Result<Config, Error> {
 
 impl Bus {
     /// Makes the node. Call it under the lock of those who start, after what dead ones have left is cleared away.
-    pub(crate) fn open(realm: &Realm, name: &str) -> Result<Self, Error> {
+    pub(crate) fn open(domain: &Domain, name: &str) -> Result<Self, Error> {
         // Every failure comes back as an error, which is told once.
         set_log_level(LogLevel::Fatal);
-        let config = configuration(realm)?;
+        let config = configuration(domain)?;
         let node_name =
             NodeName::new(name).map_err(|cause| Error::bus(format!("node {name}"), cause))?;
         let node = patiently(
@@ -78,7 +78,7 @@ impl Bus {
         Ok(Self {
             node: gone.hold(node),
             gone,
-            realm: realm.clone(),
+            domain: domain.clone(),
             name: name.to_owned(),
             exhausted: Exhausted::default(),
         })
@@ -89,9 +89,9 @@ impl Bus {
         &self.gone
     }
 
-    /// The realm that it is in.
-    pub(crate) fn realm(&self) -> &Realm {
-        &self.realm
+    /// The domain that it is in.
+    pub(crate) fn domain(&self) -> &Domain {
+        &self.domain
     }
 
     /// The node's id.
@@ -128,7 +128,7 @@ impl Bus {
 
     /// Who has the other layout of a topic.
     fn foreign_layout<T: Topic>(&self) -> Error {
-        let holders: Vec<_> = Registry::all(&self.realm)
+        let holders: Vec<_> = Registry::all(&self.domain)
             .into_iter()
             .filter(|(entry, lives)| *lives && entry.name != self.name)
             .filter_map(|(entry, _)| {
@@ -159,7 +159,7 @@ impl Bus {
         }
     }
 
-    /// Wakes those who listen to a name.
+    /// Waitable those who listen to a name.
     pub(crate) fn notifier(&self, name: &str) -> Result<Held<Notifier<ipc::Service>>, Error> {
         let service = self.event(name)?;
         let notifier = self.patiently(name, || service.notifier_builder().create())?;
@@ -194,7 +194,7 @@ impl Bus {
     ) -> Result<R, Error> {
         let clear = || {
             // Where nothing could be freed the next attempt fails as this one did.
-            let _ = free_slots(&self.realm, Some(self.node_id()));
+            let _ = free_slots(&self.domain, Some(self.node_id()));
         };
         patiently(|| name.to_owned(), clear, attempt)
     }

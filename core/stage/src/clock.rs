@@ -1,6 +1,6 @@
 //! The one clock that all stages share.
 
-use crate::{Error, Realm};
+use crate::{Domain, Error};
 use rustix::fs::{Mode, OFlags, open};
 use rustix::time::{ClockId, clock_gettime};
 use std::fs::{self, File};
@@ -19,15 +19,15 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// The clock of a realm; the first one to ask takes the anchor.
-    pub fn of(realm: &Realm) -> Result<Self, Error> {
-        let path = realm.run().join("clock-anchor");
+    /// The clock of a domain; the first one to ask takes the anchor.
+    pub fn of(domain: &Domain) -> Result<Self, Error> {
+        let path = domain.run().join("clock-anchor");
         if let Some(anchor_ns) = read(&path) {
             return Ok(Self { anchor_ns });
         }
         let anchor_ns = nanoseconds(ClockId::Realtime) - nanoseconds(ClockId::Boottime);
         // Written whole under a name of our own, then linked: only the first one's link succeeds.
-        let own = realm
+        let own = domain
             .run()
             .join(format!("clock-anchor.{}", std::process::id()));
         // One of a process of this number that was killed. The new one is nobody else's, whatever was there.
@@ -88,9 +88,9 @@ mod tests {
     #[test]
     fn two_stages_share_one_clock_that_reads_like_the_date() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("clock", Some(run.path())).unwrap();
-        let first = Clock::of(&realm).unwrap();
-        let second = Clock::of(&realm).unwrap();
+        let domain = Domain::new("clock", Some(run.path())).unwrap();
+        let first = Clock::of(&domain).unwrap();
+        let second = Clock::of(&domain).unwrap();
         assert_eq!(first.anchor_ns, second.anchor_ns);
         let off_ns = first.now_ns() - nanoseconds(ClockId::Realtime);
         assert!(off_ns.abs() < 1_000_000_000);
@@ -101,24 +101,24 @@ mod tests {
     fn an_anchor_is_not_made_through_a_link_nor_read_through_one() {
         let run = tempfile::tempdir().unwrap();
         let path = |name: &str| run.path().join(name);
-        let realm = Realm::new("clock", Some(run.path())).unwrap();
+        let domain = Domain::new("clock", Some(run.path())).unwrap();
         fs::write(path("victim"), "7").unwrap();
         let own = path(&format!("clock-anchor.{}", std::process::id()));
         symlink(path("victim"), &own).unwrap();
-        let clock = Clock::of(&realm).unwrap();
+        let clock = Clock::of(&domain).unwrap();
         assert_eq!(fs::read_to_string(path("victim")).unwrap(), "7");
         assert!(fs::symlink_metadata(&own).is_err(), "it is taken away");
         // Another file of the same name, and what can be opened only by who waits.
         fs::write(&own, "of a process that was killed").unwrap();
         fs::remove_file(path("clock-anchor")).unwrap();
-        assert!(Clock::of(&realm).is_ok());
+        assert!(Clock::of(&domain).is_ok());
         fs::remove_file(path("clock-anchor")).unwrap();
         symlink("victim", path("clock-anchor")).unwrap();
-        assert!(Clock::of(&realm).is_err_and(|error| error.to_string().contains("clock-anchor")));
+        assert!(Clock::of(&domain).is_err_and(|error| error.to_string().contains("clock-anchor")));
         fs::remove_file(path("clock-anchor")).unwrap();
         let mode = Mode::from_raw_mode(0o600);
         mknodat(CWD, path("clock-anchor"), FileType::Fifo, mode, 0).unwrap();
-        assert!(Clock::of(&realm).is_err());
+        assert!(Clock::of(&domain).is_err());
         assert_ne!(clock.anchor_ns(), 7);
     }
 }

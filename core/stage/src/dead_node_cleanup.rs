@@ -14,7 +14,7 @@
 
 use crate::node_files::NodeFiles;
 use crate::service_slots::{Service, Slot, Slots, is_own_file, owner_of, segments, services};
-use crate::{Error, Realm, bus, node_count, realm::SHARED_MEMORY, rights};
+use crate::{Domain, Error, bus, domain::SHARED_MEMORY, node_count, rights};
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::prelude::ipc;
 use iceoryx2::service::{internal::ServiceInternal, service_hash::ServiceHash};
@@ -50,30 +50,30 @@ pub struct CleanUp {
     pub services: usize,
 }
 
-/// Clears away what dead stages have left, while others live. Waits for those who are just
-/// starting. As [`slots_of_nobody`], not for a process that is in the realm itself.
-pub fn clean_up(realm: &Realm) -> Result<CleanUp, Error> {
-    let _start = realm.start()?;
-    clean_up_before_start(realm)
+/// Clears away what dead stages have left, while others live. PortWaiter for those who are just
+/// starting. As [`slots_of_nobody`], not for a process that is in the domain itself.
+pub fn clean_up(domain: &Domain) -> Result<CleanUp, Error> {
+    let _start = domain.start()?;
+    clean_up_before_start(domain)
 }
 
 /// The same under the lock of those who start, before this process has a node of its own.
-pub(crate) fn clean_up_before_start(realm: &Realm) -> Result<CleanUp, Error> {
-    remove_half_made(realm);
-    remove_half_made_memory(realm);
-    rights::close_to_others(realm)?;
-    node_count::prepare(realm)?;
+pub(crate) fn clean_up_before_start(domain: &Domain) -> Result<CleanUp, Error> {
+    remove_half_made(domain);
+    remove_half_made_memory(domain);
+    rights::close_to_others(domain)?;
+    node_count::prepare(domain)?;
     let mut done = CleanUp::default();
-    let files = NodeFiles::of(realm, None);
+    let files = NodeFiles::of(domain, None);
     for _ in 0..ROUNDS {
-        done.slots += free_slots(realm, None)?;
+        done.slots += free_slots(domain, None)?;
         // Deaths first: a node that is dead takes no slot after that.
         let dead: Vec<u128> = files
             .ids()
             .into_iter()
             .filter(|id| !files.lives(*id))
             .collect();
-        let holders = holders(realm);
+        let holders = holders(domain);
         let (held, free): (Vec<u128>, Vec<u128>) = dead
             .into_iter()
             .partition(|id| holders.contains(&owner_of(*id)));
@@ -83,16 +83,16 @@ pub(crate) fn clean_up_before_start(realm: &Realm) -> Result<CleanUp, Error> {
             break;
         }
     }
-    done.services = remove_unusable_services(realm);
-    remove_orphans(realm, &files);
+    done.services = remove_unusable_services(domain);
+    remove_orphans(domain, &files);
     Ok(done)
 }
 
 /// Slots that nobody living holds, by the names of their services. Not for a process that is in
-/// the realm itself: looking at the lock of one's own node gives it up.
-pub fn slots_of_nobody(realm: &Realm) -> BTreeMap<String, usize> {
+/// the domain itself: looking at the lock of one's own node gives it up.
+pub fn slots_of_nobody(domain: &Domain) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
-    for (service, slots) in dead_slots(realm, &NodeFiles::of(realm, None)) {
+    for (service, slots) in dead_slots(domain, &NodeFiles::of(domain, None)) {
         *counts.entry(service.name).or_default() += slots.len();
     }
     counts
@@ -100,11 +100,11 @@ pub fn slots_of_nobody(realm: &Realm) -> BTreeMap<String, usize> {
 
 /// Frees all slots that nobody living holds; gives how many. `own`: the node of this process,
 /// where it has one.
-pub(crate) fn free_slots(realm: &Realm, own: Option<u128>) -> Result<usize, Error> {
-    let files = NodeFiles::of(realm, own);
-    let configuration = bus::configuration(realm)?;
+pub(crate) fn free_slots(domain: &Domain, own: Option<u128>) -> Result<usize, Error> {
+    let files = NodeFiles::of(domain, own);
+    let configuration = bus::configuration(domain)?;
     let mut freed = 0;
-    for (service, slots) in dead_slots(realm, &files) {
+    for (service, slots) in dead_slots(domain, &files) {
         let Ok(hash) = ServiceHash::try_from(service.hash.as_str()) else {
             continue;
         };
@@ -112,7 +112,7 @@ pub(crate) fn free_slots(realm: &Realm, own: Option<u128>) -> Result<usize, Erro
             for port in slots.iter().filter_map(|slot| slot.port) {
                 // Where this fails the slot stays taken, and is met by the next one.
                 let _ = files.restore_port(node, port);
-                remove_half_made_connections(realm, port);
+                remove_half_made_connections(domain, port);
             }
             let Some(id) = node_id(node) else {
                 continue;
@@ -130,10 +130,10 @@ pub(crate) fn free_slots(realm: &Realm, own: Option<u128>) -> Result<usize, Erro
 }
 
 /// Services with the slots in them that nobody living holds.
-fn dead_slots(realm: &Realm, files: &NodeFiles) -> Vec<(Service, Vec<Slot>)> {
+fn dead_slots(domain: &Domain, files: &NodeFiles) -> Vec<(Service, Vec<Slot>)> {
     let mut lives = BTreeMap::new();
     let mut found = Vec::new();
-    for service in services(realm) {
+    for service in services(domain) {
         let Slots::Open(mut slots) = service.slots() else {
             continue;
         };
@@ -152,8 +152,8 @@ fn dead_slots(realm: &Realm, files: &NodeFiles) -> Vec<(Service, Vec<Slot>)> {
 }
 
 /// All who hold a slot of any service.
-fn holders(realm: &Realm) -> BTreeSet<u64> {
-    let slots = services(realm).into_iter().map(|service| service.slots());
+fn holders(domain: &Domain) -> BTreeSet<u64> {
+    let slots = services(domain).into_iter().map(|service| service.slots());
     let open = slots.filter_map(|slots| match slots {
         Slots::Open(slots) => Some(slots),
         Slots::Closed | Slots::Unusable => None,
@@ -188,9 +188,9 @@ fn node_id(node: u128) -> Option<UniqueNodeId> {
 
 /// Services that nobody can join: closed and not removed, cut short, or without a segment. Whoever
 /// still holds one notices it (`memory_watch`).
-fn remove_unusable_services(realm: &Realm) -> usize {
+fn remove_unusable_services(domain: &Domain) -> usize {
     let unusable = || -> Vec<Service> {
-        let all = services(realm).into_iter();
+        let all = services(domain).into_iter();
         all.filter(|service| !matches!(service.slots(), Slots::Open(_)))
             .collect()
     };
@@ -214,19 +214,19 @@ fn remove_unusable_services(realm: &Realm) -> usize {
 /// Memory and sockets of ports that no node has any more, and segments of services that no
 /// definition names. Memory is named by its port, a connection by both of its ports; a port is
 /// listed with its node before it makes any.
-fn remove_orphans(realm: &Realm, files: &NodeFiles) {
+fn remove_orphans(domain: &Domain, files: &NodeFiles) {
     // What is found is looked for among owners that are read later: none is made before its owner.
-    let segments = segments(&realm.segment_prefix());
-    let memory = files_of(realm, Path::new(SHARED_MEMORY));
-    let found: Vec<(PathBuf, Metadata)> = memory.chain(files_of(realm, &realm.root())).collect();
-    let services = services(realm).into_iter();
+    let segments = segments(&domain.segment_prefix());
+    let memory = files_of(domain, Path::new(SHARED_MEMORY));
+    let found: Vec<(PathBuf, Metadata)> = memory.chain(files_of(domain, &domain.root())).collect();
+    let services = services(domain).into_iter();
     let defined: BTreeSet<PathBuf> = services.filter_map(|service| service.segment).collect();
     let ports = files.ports();
     let orphan_segments = segments
         .into_values()
         .filter(|path| !defined.contains(path));
     let orphans = found.into_iter().filter_map(|(path, _)| {
-        let (named, kind) = ports_of(realm, &path)?;
+        let (named, kind) = ports_of(domain, &path)?;
         let is_port = matches!(kind.as_str(), "data" | "event_mgmt" | "event" | CONNECTION);
         (is_port && named.iter().any(|port| !ports.contains(port))).then_some(path)
     });
@@ -238,10 +238,10 @@ fn remove_orphans(realm: &Realm, files: &NodeFiles) {
 
 /// Connections of a dead port that are not whole: iceoryx2 cannot open them, and leaves the port's
 /// slot taken.
-fn remove_half_made_connections(realm: &Realm, port: u128) {
-    for (path, found) in files_of(realm, Path::new(SHARED_MEMORY)) {
+fn remove_half_made_connections(domain: &Domain, port: u128) {
+    for (path, found) in files_of(domain, Path::new(SHARED_MEMORY)) {
         let is_half_made = found.len() == 0 || found.permissions().mode() & WHOLE == 0;
-        let is_its = ports_of(realm, &path)
+        let is_its = ports_of(domain, &path)
             .is_some_and(|(ports, kind)| kind == CONNECTION && ports.contains(&port));
         if is_half_made && is_its {
             // Best effort, as with nodes.
@@ -251,8 +251,8 @@ fn remove_half_made_connections(realm: &Realm, port: u128) {
 }
 
 /// Services whose maker died over them; nobody can join them.
-fn remove_half_made(realm: &Realm) {
-    for (path, found) in files_of(realm, &realm.root().join("services")) {
+fn remove_half_made(domain: &Domain) {
+    for (path, found) in files_of(domain, &domain.root().join("services")) {
         if found.permissions().mode() & HALF_MADE != 0 {
             // Best effort, as with nodes.
             let _ = fs::remove_file(path);
@@ -262,8 +262,8 @@ fn remove_half_made(realm: &Realm) {
 
 /// Shared memory whose maker died over it, or that somebody has emptied: iceoryx2 cannot open it,
 /// or waits for ever.
-fn remove_half_made_memory(realm: &Realm) {
-    for (path, found) in files_of(realm, Path::new(SHARED_MEMORY)) {
+fn remove_half_made_memory(domain: &Domain) {
+    for (path, found) in files_of(domain, Path::new(SHARED_MEMORY)) {
         let kind = path.extension().unwrap_or_default();
         let age = found.modified().ok().and_then(|made| made.elapsed().ok());
         let may_be_in_the_making = kind == CONNECTION && age.is_none_or(|age| age < MADE_WITHIN);
@@ -275,9 +275,9 @@ fn remove_half_made_memory(realm: &Realm) {
     }
 }
 
-/// The realm's files in a folder: this user's, because anybody can make one in /dev/shm.
-fn files_of(realm: &Realm, folder: &Path) -> impl Iterator<Item = (PathBuf, Metadata)> {
-    let prefix = realm.segment_prefix();
+/// The domain's files in a folder: this user's, because anybody can make one in /dev/shm.
+fn files_of(domain: &Domain, folder: &Path) -> impl Iterator<Item = (PathBuf, Metadata)> {
+    let prefix = domain.segment_prefix();
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(move |entry| {
         let found = entry.metadata().ok()?;
@@ -288,10 +288,10 @@ fn files_of(realm: &Realm, folder: &Path) -> impl Iterator<Item = (PathBuf, Meta
 }
 
 /// The ports that a file is named by, one or two, and its kind.
-fn ports_of(realm: &Realm, path: &Path) -> Option<(Vec<u128>, String)> {
+fn ports_of(domain: &Domain, path: &Path) -> Option<(Vec<u128>, String)> {
     let name = path.file_name()?.to_str()?;
     let (stem, kind) = name
-        .strip_prefix(&realm.segment_prefix())?
+        .strip_prefix(&domain.segment_prefix())?
         .split_once('.')?;
     let count = if kind == CONNECTION { 2 } else { 1 };
     let ports = stem.rsplit('_').take(count).map(str::parse);

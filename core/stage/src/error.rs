@@ -15,12 +15,12 @@ pub enum Error {
     /// Sockets in the folder would have longer paths than the system allows.
     #[error("{}: {over} characters too long for the sockets in it: give --run a shorter folder, or a shorter --prefix, which counts twice", path.display())]
     LongPath {
-        /// The realm's folder.
+        /// The domain's folder.
         path: PathBuf,
         /// By how much.
         over: usize,
     },
-    /// A file or folder of the realm.
+    /// A file or folder of the domain.
     #[error("{}: {what}: {cause}", path.display())]
     File {
         /// Which.
@@ -30,7 +30,7 @@ pub enum Error {
         /// Why not.
         cause: std::io::Error,
     },
-    /// The realm belongs to somebody else.
+    /// The domain belongs to somebody else.
     #[error("{}: belongs to user {owner}, this process is user {user}: all stages must run as one user; start it as that user (sudo -u '#{owner}' ...), or give --run another folder", path.display())]
     OtherUser {
         /// The run folder.
@@ -48,7 +48,7 @@ pub enum Error {
         /// Its mode.
         mode: u32,
     },
-    /// Another user made a file of shared memory by the name that this realm's has.
+    /// Another user made a file of shared memory by the name that this domain's has.
     #[error("{}: belongs to user {owner}, this process is user {user}: stages would share memory with that user; remove it (sudo rm {}), or give all stages another --prefix", path.display(), path.display())]
     OtherUsersMemory {
         /// The file.
@@ -71,7 +71,7 @@ pub enum Error {
     /// All places for those who watch are taken.
     #[error("{most} programs watch the pipeline in {} already: end one of them (randt top)", run.display())]
     TooManyWatch {
-        /// The realm's folder.
+        /// The domain's folder.
         run: PathBuf,
         /// How many may.
         most: usize,

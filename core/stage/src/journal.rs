@@ -52,7 +52,7 @@ impl Journal {
     }
 
     /// Says something.
-    pub(crate) fn say(&self, priority: Priority, moment: Moment, text: &str) {
+    pub(crate) fn log(&self, priority: Priority, moment: Moment, text: &str) {
         let sent = self.socket.as_ref().and_then(|socket| {
             let entry = entry(&self.stage, priority, moment, text);
             socket.send(&entry).ok()

@@ -1,6 +1,6 @@
 //! What dead stages leave behind, and how all of it is taken away when none lives.
 
-use crate::{Error, Realm, realm::SHARED_MEMORY, realm::user};
+use crate::{Domain, Error, domain::SHARED_MEMORY, domain::user};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -14,17 +14,17 @@ pub struct Leftover {
     pub bytes: u64,
 }
 
-/// Everything that iceoryx2 has of a realm: shared memory and files. While no stage lives, all of it is left over.
-pub fn leftovers(realm: &Realm) -> Vec<Leftover> {
+/// Everything that iceoryx2 has of a domain: shared memory and files. While no stage lives, all of it is left over.
+pub fn leftovers(domain: &Domain) -> Vec<Leftover> {
     let mut found = Vec::new();
-    let prefix = realm.segment_prefix();
+    let prefix = domain.segment_prefix();
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     for entry in entries {
         if entry.file_name().to_string_lossy().starts_with(&prefix) {
             add(entry.path(), &mut found);
         }
     }
-    add_below(&realm.root(), &mut found);
+    add_below(&domain.root(), &mut found);
     found.sort_by(|a, b| a.path.cmp(&b.path));
     found
 }
@@ -47,23 +47,23 @@ fn add_below(folder: &Path, found: &mut Vec<Leftover>) {
 }
 
 /// Takes away all that dead stages left, and with `state` also what would let new ones go on where they were. Gives
-/// what was removed, or `None` where a stage or tool lives in the realm.
-pub fn wipe(realm: &Realm, state: bool) -> Result<Option<Vec<Leftover>>, Error> {
-    realm.make()?;
-    let _door = realm.lock("door", true)?;
-    let Some(_alone) = realm.try_alone()? else {
+/// what was removed, or `None` where a stage or tool lives in the domain.
+pub fn wipe(domain: &Domain, state: bool) -> Result<Option<Vec<Leftover>>, Error> {
+    domain.make()?;
+    let _entry = domain.lock("entry", true)?;
+    let Some(_alone) = domain.try_alone()? else {
         return Ok(None);
     };
-    let mut removed = leftovers(realm);
+    let mut removed = leftovers(domain);
     if state {
-        add_below(&realm.state(), &mut removed);
-        let path = realm.state();
+        add_below(&domain.state(), &mut removed);
+        let path = domain.state();
         fs::remove_dir_all(&path).map_err(Error::file(path, "cannot be removed"))?;
-        let stages = realm.folder().join("stages");
+        let stages = domain.folder().join("stages");
         // There is none where no stage ever ran.
         let _ = fs::remove_dir_all(stages);
     }
-    remove_all(realm)?;
+    remove_all(domain)?;
     Ok(Some(removed))
 }
 
@@ -72,8 +72,8 @@ fn is_others(path: &Path) -> bool {
 }
 
 /// Removes every file of iceoryx2. Only for whoever is alone.
-pub(crate) fn remove_all(realm: &Realm) -> Result<(), Error> {
-    for leftover in leftovers(realm) {
+pub(crate) fn remove_all(domain: &Domain) -> Result<(), Error> {
+    for leftover in leftovers(domain) {
         let path = leftover.path;
         match fs::remove_file(&path) {
             // Anybody can make a file of such a name in /dev/shm. What is not this user's is not
@@ -82,7 +82,7 @@ pub(crate) fn remove_all(realm: &Realm) -> Result<(), Error> {
             removed => removed.map_err(Error::file(path, "cannot be removed"))?,
         }
     }
-    let root = realm.root();
+    let root = domain.root();
     if root.is_dir() {
         fs::remove_dir_all(&root).map_err(Error::file(&root, "cannot be removed"))?;
     }

@@ -6,12 +6,12 @@
 //!
 //! ```no_run
 //! use randt_messages::{ImuSampleTopic, OdometryStateTopic};
-//! use randt_stage::{Realm, Stage, Woken};
+//! use randt_stage::{Domain, Stage, WakeReason};
 //!
-//! let mut stage = Stage::open("example", &Realm::new("randt", None)?)?;
+//! let mut stage = Stage::open("example", &Domain::new("randt", None)?)?;
 //! let mut samples = stage.subscriber::<ImuSampleTopic>()?;
 //! stage.running()?;
-//! while stage.wait(&[&samples], None)? != Woken::Stop {
+//! while stage.wait(&[&samples], None)? != WakeReason::Stop {
 //!     while let Some(sample) = samples.receive()? {
 //!         println!("{:?}", sample.message().head.rate_rad_s);
 //!     }
@@ -25,7 +25,7 @@ mod checkpoint;
 mod clock;
 mod dead_node_cleanup;
 mod documents;
-mod doors;
+mod domain;
 mod error;
 mod exhausted;
 mod exit;
@@ -34,6 +34,7 @@ mod held;
 mod journal;
 mod keyframes;
 mod leftovers;
+mod locks;
 mod mapped;
 mod memory;
 mod memory_watch;
@@ -48,7 +49,6 @@ mod priority;
 mod private_folder;
 mod publisher;
 mod qos;
-mod realm;
 mod registry;
 mod reload;
 mod rights;
@@ -60,16 +60,17 @@ mod supervised;
 mod wait;
 mod wire;
 
-pub use arguments::{RealmArguments, StageArguments};
+pub use arguments::{DomainArguments, StageArguments};
 pub use checkpoint::Checkpoint;
 pub use clock::Clock;
 pub use dead_node_cleanup::{CleanUp, clean_up, slots_of_nobody};
 pub use documents::parse;
-pub use doors::Presence;
+pub use domain::Domain;
 pub use error::Error;
 pub use exit::ended;
 pub use keyframes::KeyframeRing;
 pub use leftovers::{Leftover, leftovers, wipe};
+pub use locks::Presence;
 pub use mapped::FileBytes;
 pub use memory_watch::memory_gone;
 pub use observer::{Observer, stop_requested};
@@ -77,9 +78,8 @@ pub use parent::end_with;
 pub use priority::go_behind;
 pub use publisher::{Loan, Publisher};
 pub use qos::{Qos, TOPICS};
-pub use realm::Realm;
 pub use registry::{Entry, Registry};
 pub use rights::{Exposed, exposed};
 pub use stage::Stage;
 pub use subscriber::{Received, Subscriber};
-pub use wait::{Descriptor, Wakes, Woken};
+pub use wait::{Descriptor, Waitable, WakeReason};

@@ -98,7 +98,7 @@ fn map_to_read(file: &File) -> std::io::Result<Mmap> {
 }
 
 // SAFETY: a mapping is unsound where somebody else changes or cuts the file while it is borrowed as a slice. These files
-// lie in the realm's folder (mode 0700) and are written by the one process that holds their lock; they are never cut
+// lie in the domain's folder (mode 0700) and are written by the one process that holds their lock; they are never cut
 // while it lives, and their memory is allocated. Readers that do not hold the lock copy and check a checksum.
 #[allow(unsafe_code)]
 fn map(file: &File) -> std::io::Result<MmapMut> {

@@ -1,6 +1,6 @@
 //! Memory is counted before it is used: where it is full, a store is the end of the process, without a word.
 
-use crate::{Error, realm::SHARED_MEMORY};
+use crate::{Error, domain::SHARED_MEMORY};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;

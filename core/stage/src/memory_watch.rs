@@ -6,7 +6,7 @@
 
 use crate::node_files::NodeFiles;
 use crate::service_slots::{Slots, owner_of, services};
-use crate::{Entry, Error, Presence, Realm, realm::SHARED_MEMORY};
+use crate::{Domain, Entry, Error, Presence, domain::SHARED_MEMORY};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ const PAGE: u64 = 4096;
 /// Looks after the memory of this process.
 #[derive(Debug)]
 pub(crate) struct MemoryWatch {
-    realm: Realm,
+    domain: Domain,
     /// The node of this process.
     node: u128,
     /// What was gone before, and what this process has left for that (`Stage::renew`).
@@ -35,11 +35,11 @@ struct Mapping {
 }
 
 impl MemoryWatch {
-    pub(crate) fn new(realm: &Realm, node: u128) -> Self {
+    pub(crate) fn new(domain: &Domain, node: u128) -> Self {
         Self {
-            realm: realm.clone(),
+            domain: domain.clone(),
             node,
-            left: gone_in(realm, std::process::id(), owner_of(node) as u32)
+            left: gone_in(domain, std::process::id(), owner_of(node) as u32)
                 .into_iter()
                 .collect(),
         }
@@ -66,25 +66,25 @@ impl MemoryWatch {
     /// Files of this process that are gone: removed, cut short, or others stand in their place.
     fn gone(&self, presence: &Presence) -> Vec<PathBuf> {
         let number = owner_of(self.node) as u32;
-        let mut gone = gone_in(&self.realm, std::process::id(), number);
+        let mut gone = gone_in(&self.domain, std::process::id(), number);
         gone.retain(|path| !self.left.contains(path));
-        let files = NodeFiles::of(&self.realm, Some(self.node));
+        let files = NodeFiles::of(&self.domain, Some(self.node));
         if let Some(missing) = files.missing(self.node) {
             gone.push(missing);
         }
         if !presence.is_in_place() {
-            gone.push(self.realm.folder());
+            gone.push(self.domain.folder());
         }
         gone
     }
 }
 
-/// Files that a living stage of a realm has mapped and that are gone: removed, cut short, or
+/// Files that a living stage of a domain has mapped and that are gone: removed, cut short, or
 /// segments of services that nobody can join any more. Empty for a process that may not be looked
 /// at.
-pub fn memory_gone(realm: &Realm, stage: &Entry) -> Vec<PathBuf> {
+pub fn memory_gone(domain: &Domain, stage: &Entry) -> Vec<PathBuf> {
     let pid = u32::try_from(stage.pid).unwrap_or(0);
-    let gone = gone_in(realm, pid, pid);
+    let gone = gone_in(domain, pid, pid);
     if gone.len() as u64 > stage.left_files {
         gone
     } else {
@@ -94,17 +94,17 @@ pub fn memory_gone(realm: &Realm, stage: &Entry) -> Vec<PathBuf> {
 
 /// `number`: the process's number in its ports' numbers, which another PID namespace may see as
 /// another `pid`.
-fn gone_in(realm: &Realm, pid: u32, number: u32) -> Vec<PathBuf> {
-    let open: Vec<PathBuf> = services(realm)
+fn gone_in(domain: &Domain, pid: u32, number: u32) -> Vec<PathBuf> {
+    let open: Vec<PathBuf> = services(domain)
         .into_iter()
         .filter(|service| matches!(service.slots(), Slots::Open(_)))
         .filter_map(|service| service.segment)
         .collect();
-    let state = fs::canonicalize(realm.state()).unwrap_or_else(|_| realm.state());
+    let state = fs::canonicalize(domain.state()).unwrap_or_else(|_| domain.state());
     let mut gone = Vec::new();
     for mapping in mappings(pid) {
         let path = &mapping.path;
-        let is_lost = match kind(realm, path, number) {
+        let is_lost = match kind(domain, path, number) {
             Some(Kind::Service) => !open.contains(path) || mapping.is_gone(),
             Some(Kind::Own) => mapping.is_gone(),
             None => path.starts_with(&state) && mapping.is_gone(),
@@ -124,10 +124,10 @@ enum Kind {
     Own,
 }
 
-fn kind(realm: &Realm, path: &Path, number: u32) -> Option<Kind> {
+fn kind(domain: &Domain, path: &Path, number: u32) -> Option<Kind> {
     let name = path.strip_prefix(SHARED_MEMORY).ok()?.to_str()?;
     let (stem, kind) = name
-        .strip_prefix(&realm.segment_prefix())?
+        .strip_prefix(&domain.segment_prefix())?
         .split_once('.')?;
     match kind {
         "dynamic" => Some(Kind::Service),

@@ -1,10 +1,10 @@
-//! The count of nodes: the one piece of shared memory of a realm whose name can be guessed.
+//! The count of nodes: the one piece of shared memory of a domain whose name can be guessed.
 //!
 //! iceoryx2 makes it writable for everybody, whatever the umask, and waits for ever for one that is
 //! empty. So it is made here, for this user alone, before iceoryx2 looks for it.
 
 use crate::service_slots::VERSION;
-use crate::{Error, Realm, realm::SHARED_MEMORY, realm::user};
+use crate::{Domain, Error, domain::SHARED_MEMORY, domain::user};
 use std::fs::{self, File, Metadata};
 use std::io::{ErrorKind, Read, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -19,14 +19,14 @@ const NOBODY_YET: u64 = 0;
 const PRIVATE: u32 = 0o600;
 
 /// Where it is.
-pub(crate) fn path(realm: &Realm) -> PathBuf {
-    Path::new(SHARED_MEMORY).join(format!("{}{NAME}", realm.segment_prefix()))
+pub(crate) fn path(domain: &Domain) -> PathBuf {
+    Path::new(SHARED_MEMORY).join(format!("{}{NAME}", domain.segment_prefix()))
 }
 
 /// Makes it where it is not there, and anew where it is not as it should be. Call it under the lock
 /// of those who start. Refuses another user's that cannot be removed.
-pub(crate) fn prepare(realm: &Realm) -> Result<(), Error> {
-    let path = path(realm);
+pub(crate) fn prepare(domain: &Domain) -> Result<(), Error> {
+    let path = path(domain);
     let found = match fs::symlink_metadata(&path) {
         Ok(found) => Some(found),
         Err(cause) if cause.kind() == ErrorKind::NotFound => None,
@@ -80,8 +80,8 @@ mod tests {
     use std::fs::Permissions;
     use std::os::unix::fs::{PermissionsExt, symlink};
 
-    fn names(realm: &Realm) -> Vec<PathBuf> {
-        let all = crate::leftovers(realm).into_iter().map(|file| file.path);
+    fn names(domain: &Domain) -> Vec<PathBuf> {
+        let all = crate::leftovers(domain).into_iter().map(|file| file.path);
         all.filter(|path| path.to_string_lossy().ends_with("global_mgmt"))
             .collect()
     }
@@ -89,33 +89,33 @@ mod tests {
     #[test]
     fn iceoryx2_opens_the_one_that_is_made_here() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("count", Some(run.path())).unwrap();
-        realm.make().unwrap();
-        let count = |realm: &Realm| fs::read(path(realm)).unwrap()[8];
-        prepare(&realm).unwrap();
-        assert_eq!(count(&realm), 0);
-        drop(Bus::open(&realm, "test").unwrap());
-        assert_eq!(names(&realm), [path(&realm)], "no other one");
-        assert_eq!(count(&realm), 1);
-        let found = fs::metadata(path(&realm)).unwrap();
+        let domain = Domain::new("count", Some(run.path())).unwrap();
+        domain.make().unwrap();
+        let count = |domain: &Domain| fs::read(path(domain)).unwrap()[8];
+        prepare(&domain).unwrap();
+        assert_eq!(count(&domain), 0);
+        drop(Bus::open(&domain, "test").unwrap());
+        assert_eq!(names(&domain), [path(&domain)], "no other one");
+        assert_eq!(count(&domain), 1);
+        let found = fs::metadata(path(&domain)).unwrap();
         assert_eq!((found.mode() & 0o777, found.len()), (PRIVATE, BYTES as u64));
 
         // What an older build made is replaced, and goes on counting.
-        fs::set_permissions(path(&realm), Permissions::from_mode(0o666)).unwrap();
-        let open = File::options().write(true).open(path(&realm)).unwrap();
-        prepare(&realm).unwrap();
+        fs::set_permissions(path(&domain), Permissions::from_mode(0o666)).unwrap();
+        let open = File::options().write(true).open(path(&domain)).unwrap();
+        prepare(&domain).unwrap();
         open.set_len(0).unwrap();
-        drop(Bus::open(&realm, "test").unwrap());
-        assert_eq!(count(&realm), 2);
-        fs::remove_file(path(&realm)).unwrap();
+        drop(Bus::open(&domain, "test").unwrap());
+        assert_eq!(count(&domain), 2);
+        fs::remove_file(path(&domain)).unwrap();
     }
 
     #[test]
     fn what_is_no_count_is_made_anew() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("anew", Some(run.path())).unwrap();
-        realm.make().unwrap();
-        let path = path(&realm);
+        let domain = Domain::new("anew", Some(run.path())).unwrap();
+        domain.make().unwrap();
+        let path = path(&domain);
         let other = run.path().join("other");
         fs::write(&other, [7; 64]).unwrap();
         let fifo = Mode::from_raw_mode(0o600);
@@ -133,8 +133,8 @@ mod tests {
                 }
                 _ => mknodat(CWD, &path, FileType::Fifo, fifo, 0).unwrap(),
             }
-            prepare(&realm).unwrap();
-            drop(Bus::open(&realm, "test").unwrap_or_else(|error| panic!("{what}: {error}")));
+            prepare(&domain).unwrap();
+            drop(Bus::open(&domain, "test").unwrap_or_else(|error| panic!("{what}: {error}")));
             assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, PRIVATE);
             fs::remove_file(&path).unwrap();
         }

@@ -1,6 +1,6 @@
 //! The files of the bus's nodes: who lives, and which ports a node has.
 
-use crate::{Realm, service_slots::owner_of};
+use crate::{Domain, service_slots::owner_of};
 use rustix::process::{Flock, FlockType, fcntl_getlk};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -15,7 +15,7 @@ const BESIDE: [&str; 3] = [MONITOR, ".node_monitor_owner_lock", ".node_monitor_c
 /// slots.
 const PORT_TAG: &str = ".port_tag";
 
-/// The folder with the files of all nodes of a realm.
+/// The folder with the files of all nodes of a domain.
 #[derive(Debug)]
 pub(crate) struct NodeFiles {
     folder: PathBuf,
@@ -26,11 +26,11 @@ pub(crate) struct NodeFiles {
 }
 
 impl NodeFiles {
-    /// Those of a realm. `own`: the node of this process, which lives.
-    pub(crate) fn of(realm: &Realm, own: Option<u128>) -> Self {
+    /// Those of a domain. `own`: the node of this process, which lives.
+    pub(crate) fn of(domain: &Domain, own: Option<u128>) -> Self {
         Self {
-            folder: realm.root().join("nodes"),
-            prefix: realm.segment_prefix(),
+            folder: domain.root().join("nodes"),
+            prefix: domain.segment_prefix(),
             own,
         }
     }

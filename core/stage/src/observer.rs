@@ -1,7 +1,7 @@
 //! Looking at a pipeline without being part of it.
 
 use crate::{
-    Clock, Error, Presence, Realm, Subscriber,
+    Clock, Domain, Error, Presence, Subscriber,
     bus::Bus,
     dead_node_cleanup::clean_up_before_start,
     held::Held,
@@ -18,7 +18,7 @@ use randt_messages::{MessageRef, Topic};
 use std::fs::File;
 use std::time::Duration;
 
-/// A process that watches: it is present, so that nobody wipes the realm under it, but not in the register; it publishes
+/// A process that watches: it is present, so that nobody wipes the domain under it, but not in the register; it publishes
 /// nothing, so that several may run, and holds nobody up, however seldom it looks.
 pub struct Observer {
     // Ports go before the node, the node before the presence: fields are dropped in order.
@@ -27,29 +27,29 @@ pub struct Observer {
     memory: MemoryWatch,
     presence: Presence,
     _place: File,
-    realm: Realm,
+    domain: Domain,
     clock: Clock,
 }
 
 impl Observer {
-    /// Enters the realm, where a stage is in it.
-    pub fn enter(realm: &Realm) -> Result<Option<Self>, Error> {
-        let Some(presence) = realm.visit()? else {
+    /// Enters the domain, where a stage is in it.
+    pub fn enter(domain: &Domain) -> Result<Option<Self>, Error> {
+        let Some(presence) = domain.visit()? else {
             return Ok(None);
         };
-        let place = realm.place_to_watch()?;
-        let _start = realm.start()?;
-        clean_up_before_start(realm)?;
+        let place = domain.place_to_watch()?;
+        let _start = domain.start()?;
+        clean_up_before_start(domain)?;
         Memory::new("top").need("tables", BESIDE)?;
-        let bus = Bus::open(realm, &format!("top-{}", std::process::id()))?;
+        let bus = Bus::open(domain, &format!("top-{}", std::process::id()))?;
         Ok(Some(Self {
             join: bus.notifier(JOINED)?,
-            memory: MemoryWatch::new(realm, bus.node_id()),
+            memory: MemoryWatch::new(domain, bus.node_id()),
             bus,
             presence,
             _place: place,
-            realm: realm.clone(),
-            clock: Clock::of(realm)?,
+            domain: domain.clone(),
+            clock: Clock::of(domain)?,
         }))
     }
 
@@ -70,10 +70,10 @@ impl Observer {
     /// Opens a topic for reading. Open one that a stage has open, and drop it when none has any more: as long as it is
     /// open nobody can come back with another layout.
     pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, Error> {
-        let _start = self.realm.start()?;
+        let _start = self.domain.start()?;
         let service = self.bus.topic::<T>()?;
         let subscriber = Subscriber::new(&self.bus, &service, PortCounters::new(T::NAME, false))?;
-        take_tables(&self.realm)?;
+        take_tables(&self.domain)?;
         // Writers that cannot be woken hand their history over with the next message.
         let _ = self.join.notify();
         Ok(subscriber)

@@ -6,7 +6,7 @@
 //! ones, because the one that was given back last is used next; and whoever starts takes all of
 //! the tables that it has made or joined.
 
-use crate::{Error, Qos, Realm, memory::free, realm::SHARED_MEMORY};
+use crate::{Domain, Error, Qos, domain::SHARED_MEMORY, memory::free};
 use iceoryx2::service::header::publish_subscribe::Header;
 use rustix::fs::{FallocateFlags, fallocate};
 use std::fs::{self, File};
@@ -37,13 +37,13 @@ pub(crate) struct MessageMemory {
 impl MessageMemory {
     /// That of a publisher that was just made, with memory for messages of a usual size.
     pub(crate) fn take(
-        realm: &Realm,
+        domain: &Domain,
         publisher: u128,
         qos: Qos,
         items_bytes: usize,
     ) -> Result<Self, Error> {
         let ending = format!("_{publisher}.{MESSAGES}");
-        let path = segments(realm).find(|path| path.to_string_lossy().ends_with(&ending));
+        let path = segments(domain).find(|path| path.to_string_lossy().ends_with(&ending));
         let path = path.unwrap_or_else(|| Path::new(SHARED_MEMORY).join(&ending));
         let file = open(&path).map_err(Error::file(&path, "cannot be opened"))?;
         let largest = qos.items_bytes_max.max(1);
@@ -102,10 +102,10 @@ fn no_room(path: &Path, what: &str, bytes: u64, cause: std::io::Error) -> Error 
     }
 }
 
-/// Takes the memory of all tables of a realm: those of services, notices, and connections of
+/// Takes the memory of all tables of a domain: those of services, notices, and connections of
 /// ports.
-pub(crate) fn take_tables(realm: &Realm) -> Result<(), Error> {
-    for path in segments(realm) {
+pub(crate) fn take_tables(domain: &Domain) -> Result<(), Error> {
+    for path in segments(domain) {
         if path.extension().is_some_and(|kind| kind == MESSAGES) {
             continue;
         }
@@ -123,8 +123,8 @@ pub(crate) fn take_tables(realm: &Realm) -> Result<(), Error> {
     Ok(())
 }
 
-fn segments(realm: &Realm) -> impl Iterator<Item = PathBuf> {
-    let prefix = realm.segment_prefix();
+fn segments(domain: &Domain) -> impl Iterator<Item = PathBuf> {
+    let prefix = domain.segment_prefix();
     let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
     entries
         .filter(move |entry| entry.file_name().to_string_lossy().starts_with(&prefix))

@@ -5,7 +5,7 @@
 //! root. Nobody else can then change where the path leads, and what lies below a folder that was
 //! checked may be used by its path.
 
-use crate::{Error, realm::user};
+use crate::{Error, domain::user};
 use rustix::fs::{Mode, OFlags, Stat, fchmod, fstat, open};
 use std::fs::{self, DirBuilder};
 use std::io::ErrorKind;

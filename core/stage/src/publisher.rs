@@ -97,7 +97,7 @@ impl<T: Topic> Publisher<T> {
                 .create()
         })?;
         let usual = qos.items_bytes_usual(navtech);
-        let memory = MessageMemory::take(bus.realm(), port.id().value(), qos, usual)?;
+        let memory = MessageMemory::take(bus.domain(), port.id().value(), qos, usual)?;
         Ok(Self {
             outgoing: Rc::new(Outgoing {
                 port: bus.gone().hold(port),

@@ -1,6 +1,6 @@
-//! Who runs: one file a stage in the realm's folder, locked while the stage lives.
+//! Who runs: one file a stage in the domain's folder, locked while the stage lives.
 
-use crate::{Error, Realm};
+use crate::{Domain, Error};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::Read;
@@ -19,7 +19,7 @@ pub struct Entry {
     pub name: String,
     /// Process.
     pub pid: u64,
-    /// When it started, ns of the realm's clock; its epoch on the bus.
+    /// When it started, ns of the domain's clock; its epoch on the bus.
     pub started_ns: i64,
     /// How often a stage of this name has started.
     pub starts: u64,
@@ -48,8 +48,8 @@ pub struct Registry {
 
 impl Registry {
     /// Enters a stage; refuses a second one of the same name.
-    pub fn enter(realm: &Realm, name: &str, started_ns: i64) -> Result<Self, Error> {
-        let folder = folder(realm);
+    pub fn enter(domain: &Domain, name: &str, started_ns: i64) -> Result<Self, Error> {
+        let folder = folder(domain);
         fs::create_dir_all(&folder).map_err(Error::file(&folder, "cannot be made"))?;
         let path = folder.join(format!("{name}.json"));
         let mut file = File::options()
@@ -71,7 +71,7 @@ impl Registry {
                     return Err(Error::RunsAlready {
                         stage: name.to_owned(),
                         pid: read(&mut file).unwrap_or_default().pid,
-                        run: realm.folder(),
+                        run: domain.folder(),
                     });
                 }
                 Err(TryLockError::Error(cause)) => {
@@ -143,9 +143,9 @@ impl Registry {
         written.map_err(Error::file(&self.path, "cannot be written"))
     }
 
-    /// All stages that were ever started in a realm, with whether they live.
-    pub fn all(realm: &Realm) -> Vec<(Entry, bool)> {
-        let Ok(files) = fs::read_dir(folder(realm)) else {
+    /// All stages that were ever started in a domain, with whether they live.
+    pub fn all(domain: &Domain) -> Vec<(Entry, bool)> {
+        let Ok(files) = fs::read_dir(folder(domain)) else {
             return Vec::new();
         };
         let mut entries: Vec<_> = files
@@ -163,9 +163,9 @@ impl Registry {
     }
 
     /// Notes of every stage that has died that nobody expects it any more.
-    pub fn settle(realm: &Realm) -> Result<(), Error> {
-        for (dead, _) in Self::all(realm).into_iter().filter(|(_, lives)| !lives) {
-            let path = folder(realm).join(format!("{}.json", dead.name));
+    pub fn settle(domain: &Domain) -> Result<(), Error> {
+        for (dead, _) in Self::all(domain).into_iter().filter(|(_, lives)| !lives) {
+            let path = folder(domain).join(format!("{}.json", dead.name));
             let file = File::options()
                 .write(true)
                 .open(&path)
@@ -180,8 +180,8 @@ impl Registry {
     }
 }
 
-fn folder(realm: &Realm) -> PathBuf {
-    realm.folder().join("stages")
+fn folder(domain: &Domain) -> PathBuf {
+    domain.folder().join("stages")
 }
 
 fn read(file: &mut File) -> Option<Entry> {
@@ -197,24 +197,27 @@ mod tests {
     #[test]
     fn a_stage_runs_once_and_its_starts_are_counted() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("registry", Some(run.path())).unwrap();
-        realm.make().unwrap();
-        let mut first = Registry::enter(&realm, "filter", 7).unwrap();
+        let domain = Domain::new("registry", Some(run.path())).unwrap();
+        domain.make().unwrap();
+        let mut first = Registry::enter(&domain, "filter", 7).unwrap();
         first.add_topic("radar/scan/v1", "RadarScan-0").unwrap();
-        let twice = Registry::enter(&realm, "filter", 8).unwrap_err();
+        let twice = Registry::enter(&domain, "filter", 8).unwrap_err();
         assert!(
             twice.to_string().contains("runs already as process"),
             "{twice}"
         );
-        assert!(Registry::all(&realm)[0].1, "it lives");
+        assert!(Registry::all(&domain)[0].1, "it lives");
         drop(first);
-        let all = Registry::all(&realm);
+        let all = Registry::all(&domain);
         assert!(!all[0].0.ended, "it has died");
-        Registry::settle(&realm).unwrap();
-        assert!(Registry::all(&realm)[0].0.ended);
+        Registry::settle(&domain).unwrap();
+        assert!(Registry::all(&domain)[0].0.ended);
         assert!(!all[0].1 && all[0].0.topics["radar/scan/v1"] == "RadarScan-0");
         assert_eq!(
-            Registry::enter(&realm, "filter", 9).unwrap().entry().starts,
+            Registry::enter(&domain, "filter", 9)
+                .unwrap()
+                .entry()
+                .starts,
             2
         );
     }
@@ -222,9 +225,9 @@ mod tests {
     #[test]
     fn whoever_looks_keeps_no_stage_from_starting() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("registry", Some(run.path())).unwrap();
-        realm.make().unwrap();
-        let path = Registry::enter(&realm, "filter", 7).unwrap().path.clone();
+        let domain = Domain::new("registry", Some(run.path())).unwrap();
+        domain.make().unwrap();
+        let path = Registry::enter(&domain, "filter", 7).unwrap().path.clone();
         let looking = File::open(path).unwrap();
         looking.try_lock_shared().unwrap();
         let (said, heard) = std::sync::mpsc::channel();
@@ -235,7 +238,10 @@ mod tests {
         });
         heard.recv().unwrap();
         assert_eq!(
-            Registry::enter(&realm, "filter", 8).unwrap().entry().starts,
+            Registry::enter(&domain, "filter", 8)
+                .unwrap()
+                .entry()
+                .starts,
             2
         );
         looker.join().unwrap();

@@ -1,7 +1,7 @@
-//! Who may touch the files of a realm: its user and nobody else.
+//! Who may touch the files of a domain: its user and nobody else.
 
 use crate::service_slots::is_own_file;
-use crate::{Error, Realm, leftovers, realm::user};
+use crate::{Domain, Error, domain::user, leftovers};
 use rustix::fs::{Mode, OFlags, fchmod, open};
 use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Bits by which its group and everybody may touch a file.
 const OTHERS: u32 = 0o077;
 
-/// A file of a realm that somebody else may touch.
+/// A file of a domain that somebody else may touch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exposed {
     /// Where.
@@ -21,10 +21,10 @@ pub struct Exposed {
     pub mode: u32,
 }
 
-/// Files of a realm that others may read or write, or that are another user's than the realm.
-pub fn exposed(realm: &Realm) -> Vec<Exposed> {
-    let owner = fs::symlink_metadata(realm.folder()).map_or(user(), |found| found.uid());
-    let all = files(realm).into_iter();
+/// Files of a domain that others may read or write, or that are another user's than the domain.
+pub fn exposed(domain: &Domain) -> Vec<Exposed> {
+    let owner = fs::symlink_metadata(domain.folder()).map_or(user(), |found| found.uid());
+    let all = files(domain).into_iter();
     all.filter(|(_, found)| found.uid() != owner || found.mode() & OTHERS != 0)
         .map(|(path, found)| Exposed {
             path,
@@ -36,8 +36,8 @@ pub fn exposed(realm: &Realm) -> Vec<Exposed> {
 
 /// Takes the rights of others away from this user's files. Whoever has one open keeps it: stages
 /// make theirs for themselves alone.
-pub(crate) fn close_to_others(realm: &Realm) -> Result<(), Error> {
-    for (path, found) in files(realm) {
+pub(crate) fn close_to_others(domain: &Domain) -> Result<(), Error> {
+    for (path, found) in files(domain) {
         if is_own_file(&found) && found.mode() & OTHERS != 0 {
             close(&path)?;
         }
@@ -58,11 +58,15 @@ fn close(path: &Path) -> Result<(), Error> {
     }
 }
 
-/// Shared memory of a realm, and what lies in its folder: locks, entries of the register,
+/// Shared memory of a domain, and what lies in its folder: locks, entries of the register,
 /// checkpoints. Folders inside are reached by its user alone.
-fn files(realm: &Realm) -> Vec<(PathBuf, Metadata)> {
-    let memory = leftovers(realm).into_iter().map(|file| file.path);
-    let folders = [realm.folder(), realm.folder().join("stages"), realm.state()];
+fn files(domain: &Domain) -> Vec<(PathBuf, Metadata)> {
+    let memory = leftovers(domain).into_iter().map(|file| file.path);
+    let folders = [
+        domain.folder(),
+        domain.folder().join("stages"),
+        domain.state(),
+    ];
     let entries = folders
         .into_iter()
         .filter_map(|folder| fs::read_dir(folder).ok());

@@ -6,7 +6,7 @@
 //! lays them out. A test compares what is read with what iceoryx2 says; a segment that another
 //! version made is damaged to this build, as it is to iceoryx2.
 
-use crate::{Realm, realm::SHARED_MEMORY, realm::user};
+use crate::{Domain, domain::SHARED_MEMORY, domain::user};
 use iceoryx2::service::dynamic_config::{
     event::{ListenerDetails, NotifierDetails},
     publish_subscribe::{PublisherDetails, SubscriberDetails},
@@ -77,11 +77,11 @@ pub(crate) enum Slots {
     Unusable,
 }
 
-/// All services of a realm that are made.
-pub(crate) fn services(realm: &Realm) -> Vec<Service> {
-    let prefix = realm.segment_prefix();
+/// All services of a domain that are made.
+pub(crate) fn services(domain: &Domain) -> Vec<Service> {
+    let prefix = domain.segment_prefix();
     let segments = segments(&prefix);
-    let folder = realm.root().join("services");
+    let folder = domain.root().join("services");
     let files = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut services: Vec<Service> = files
         .filter_map(|file| {
@@ -268,8 +268,8 @@ mod tests {
     use crate::bus::Bus;
     use randt_messages::{ImuSampleTopic, Topic};
 
-    fn service(realm: &Realm, name: &str) -> Vec<Service> {
-        let all = services(realm).into_iter();
+    fn service(domain: &Domain, name: &str) -> Vec<Service> {
+        let all = services(domain).into_iter();
         all.filter(|service| service.name == name).collect()
     }
 
@@ -283,9 +283,9 @@ mod tests {
     #[test]
     fn what_is_read_is_what_iceoryx2_says() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("slots", Some(run.path())).unwrap();
-        realm.make().unwrap();
-        let bus = Bus::open(&realm, "test").unwrap();
+        let domain = Domain::new("slots", Some(run.path())).unwrap();
+        domain.make().unwrap();
+        let bus = Bus::open(&domain, "test").unwrap();
         let topic = bus.topic::<ImuSampleTopic>().unwrap();
         let node = bus.node_id();
         let slot = |port| Slot {
@@ -293,7 +293,7 @@ mod tests {
             node: Some(node),
             port,
         };
-        let found = service(&realm, ImuSampleTopic::NAME);
+        let found = service(&domain, ImuSampleTopic::NAME);
         assert_eq!(found.len(), 1, "one topic, without notices");
         assert_eq!(open(&found[0]), [slot(None)]);
         let reader = topic.subscriber_builder().create().unwrap();
@@ -304,7 +304,7 @@ mod tests {
         assert_eq!(open(&found[0]), [slot(writes), slot(None)]);
 
         let listener = bus.listener("test/notices").unwrap();
-        let notices = &service(&realm, "test/notices")[0];
+        let notices = &service(&domain, "test/notices")[0];
         let hears = Some(listener.id().value());
         assert_eq!(open(notices), [slot(hears), slot(None)]);
         let notifier = bus.notifier("test/notices").unwrap();
@@ -319,6 +319,6 @@ mod tests {
         bytes[0] ^= 1;
         assert_eq!(slots(&bytes), None);
         drop((writer, topic, listener, notifier));
-        assert_eq!(services(&realm), []);
+        assert_eq!(services(&domain), []);
     }
 }

@@ -1,7 +1,7 @@
 //! A stage: a process of the pipeline, from its start to its end.
 
 use crate::{
-    Clock, Error, Presence, Publisher, Qos, Realm, Registry, Subscriber,
+    Clock, Domain, Error, Presence, Publisher, Qos, Registry, Subscriber,
     bus::Bus,
     dead_node_cleanup::clean_up_before_start,
     health::{Condition, PERIOD_NS},
@@ -14,7 +14,7 @@ use crate::{
     publisher::HandsOver,
     reload::Asked,
     supervised::Supervised,
-    wait::{Slept, Waits, Wakes, Woken},
+    wait::{PortWaiter, Slept, Waitable, WakeReason},
 };
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::ipc;
@@ -39,13 +39,13 @@ pub struct Stage {
     health: Publisher<StageHealthTopic>,
     join: Held<Notifier<ipc::Service>>,
     writers: Vec<Rc<dyn HandsOver>>,
-    waits: Waits,
+    waits: PortWaiter,
     bus: Bus,
     registry: Registry,
     presence: Presence,
     /// Held until the loop begins.
     start: Option<File>,
-    realm: Realm,
+    domain: Domain,
     clock: Clock,
     condition: Condition,
     journal: Journal,
@@ -60,20 +60,20 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Enters the realm under a name; refuses where that name is taken or memory is short. One a process: a second one
+    /// Enters the domain under a name; refuses where that name is taken or memory is short. One a process: a second one
     /// would take the first one for dead, because a process does not see its own locks.
-    pub fn open(name: &str, realm: &Realm) -> Result<Self, Error> {
+    pub fn open(name: &str, domain: &Domain) -> Result<Self, Error> {
         let supervised = Supervised::begin()?;
-        let presence = realm.enter()?;
-        let clock = Clock::of(realm)?;
+        let presence = domain.enter()?;
+        let clock = Clock::of(domain)?;
         let started_ns = clock.now_ns();
-        let mut registry = Registry::enter(realm, name, started_ns)?;
-        let start = realm.start()?;
+        let mut registry = Registry::enter(domain, name, started_ns)?;
+        let start = domain.start()?;
         // Before memory is counted: that of a dead one is free.
-        clean_up_before_start(realm)?;
+        clean_up_before_start(domain)?;
         let memory = Memory::new(name);
         memory.need("tables", BESIDE)?;
-        let bus = Bus::open(realm, name)?;
+        let bus = Bus::open(domain, name)?;
         let qos = Qos::of::<StageHealthTopic>();
         memory.need(StageHealthTopic::NAME, qos.bytes_in_use(false))?;
         let service = bus.topic::<StageHealthTopic>()?;
@@ -82,8 +82,8 @@ impl Stage {
         // Not among the ports that are reported: it would only report itself.
         let counters = PortCounters::new(StageHealthTopic::NAME, true);
         let health = Publisher::new(&bus, service, clock, epoch, counters, false)?;
-        let waits = Waits::new(bus.listener(JOINED)?)?;
-        let watch = MemoryWatch::new(realm, bus.node_id());
+        let waits = PortWaiter::new(bus.listener(JOINED)?)?;
+        let watch = MemoryWatch::new(domain, bus.node_id());
         registry.set_left_files(watch.left())?;
         let stage = Self {
             writers: vec![Rc::clone(&health.outgoing) as Rc<dyn HandsOver>],
@@ -93,7 +93,7 @@ impl Stage {
             bus,
             presence,
             start: Some(start),
-            realm: realm.clone(),
+            domain: domain.clone(),
             clock,
             condition: Condition {
                 name: name.to_owned(),
@@ -113,18 +113,18 @@ impl Stage {
             memory,
             watch,
         };
-        stage.say(&qos.budget(false));
+        stage.log_info(&qos.budget(false));
         Ok(stage)
     }
 
     /// Says which radar's scans are to be expected: they decide how much memory is needed.
-    pub fn expect(&mut self, sensor: &Sensor) {
+    pub fn expect_sensor(&mut self, sensor: &Sensor) {
         self.navtech = sensor.range_max_m > LONG_RANGE_M;
     }
 
     /// Says how the configuration is read again on SIGHUP. `reads`: the sections that matter to this stage; `live`: the one
     /// (`radar` or `imu`) that it takes without a restart, by [`Self::take_changed`].
-    pub fn follow(
+    pub fn follow_configuration(
         &mut self,
         selection: &SelectionArguments,
         config: &Config,
@@ -139,9 +139,9 @@ impl Stage {
         self.changed.take()
     }
 
-    /// The realm that it is in.
-    pub fn realm(&self) -> &Realm {
-        &self.realm
+    /// The domain that it is in.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
     }
 
     /// The one clock.
@@ -166,7 +166,7 @@ impl Stage {
         let publisher = Publisher::new(&self.bus, service, self.clock, epoch, counters, navtech)?;
         self.writers
             .push(Rc::clone(&publisher.outgoing) as Rc<dyn HandsOver>);
-        self.say(&qos.budget(self.navtech));
+        self.log_info(&qos.budget(self.navtech));
         Ok(publisher)
     }
 
@@ -199,13 +199,13 @@ impl Stage {
     pub fn running(&mut self) -> Result<(), Error> {
         self.condition.state = StageState::Running;
         // Also what the others' ports will write to on this one's account.
-        take_tables(&self.realm)?;
+        take_tables(&self.domain)?;
         self.start = None;
-        self.tell()
+        self.publish_health()
     }
 
     /// Says what is wrong, or with an empty text that nothing is; data lost in the stage itself are counted.
-    pub fn report(&mut self, message: &str, lost: u64) {
+    pub fn set_status(&mut self, message: &str, lost: u64) {
         let changed = self.condition.message != message;
         self.condition.lost = lost;
         self.condition.state = if message.is_empty() {
@@ -222,26 +222,26 @@ impl Stage {
     }
 
     /// Says what people may want to know while all is well: not for the journal. Nothing is taken back that
-    /// [`Self::report`] has said.
-    pub fn remark(&mut self, message: &str) {
+    /// [`Self::set_status`] has said.
+    pub fn set_remark(&mut self, message: &str) {
         if self.condition.state == StageState::Running && self.condition.message != message {
             message.clone_into(&mut self.condition.message);
         }
     }
 
     /// Something that `systemctl status` shall show beside rate and age, such as "trust good".
-    pub fn note(&mut self, note: &str) {
+    pub fn set_status_note(&mut self, note: &str) {
         self.supervised.set_note(note);
     }
 
     /// There is nothing more to do, but what was sent last stays in reach.
     pub fn finished(&mut self) -> Result<(), Error> {
         self.condition.state = StageState::Finished;
-        self.tell()
+        self.publish_health()
     }
 
     /// A line for the journal.
-    pub fn say(&self, text: &str) {
+    pub fn log_info(&self, text: &str) {
         self.log(Priority::Info, text);
     }
 
@@ -252,25 +252,29 @@ impl Stage {
             epoch: self.epoch(),
             sequence: sent.and_then(|port| port.messages.checked_sub(1)),
         };
-        self.journal.say(priority, moment, text);
+        self.journal.log(priority, moment, text);
     }
 
     /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile, and
     /// signs of life: a loop that does not come here any more hangs. Fails with [`Error::MemoryGone`] where the memory that it shares was removed or cut.
-    pub fn wait(&mut self, on: &[&dyn Wakes], timeout: Option<Duration>) -> Result<Woken, Error> {
+    pub fn wait(
+        &mut self,
+        on: &[&dyn Waitable],
+        timeout: Option<Duration>,
+    ) -> Result<WakeReason, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
             self.bus.exhausted.check()?;
             match self.supervised.asked() {
-                Some(Asked::Stop) => return Ok(Woken::Stop),
-                Some(Asked::Reload) if self.reload() => return Ok(Woken::Event),
+                Some(Asked::Stop) => return Ok(WakeReason::Stop),
+                Some(Asked::Reload) if self.reload() => return Ok(WakeReason::Event),
                 _ => {}
             }
             let now_ns = self.clock.now_ns();
             if now_ns >= self.next_health_ns {
                 // First: telling writes to that memory.
                 self.check_memory()?;
-                self.tell()?;
+                self.publish_health()?;
             }
             let next_ns = self.supervised.works(now_ns).min(self.next_health_ns);
             let to_next = next_ns.saturating_sub(now_ns).max(0);
@@ -280,13 +284,13 @@ impl Stage {
             }
             let slept = self.sleep(on, pause)?;
             if slept.stop {
-                return Ok(Woken::Stop);
+                return Ok(WakeReason::Stop);
             }
             if slept.events {
-                return Ok(Woken::Event);
+                return Ok(WakeReason::Event);
             }
             if end.is_some_and(|end| Instant::now() >= end) {
-                return Ok(Woken::Timeout);
+                return Ok(WakeReason::Timeout);
             }
         }
     }
@@ -305,15 +309,15 @@ impl Stage {
         self.bus.gone().set();
         self.registry.leave();
         let (name, navtech) = (self.condition.name.clone(), self.navtech);
-        *self = Self::open(&name, &self.realm.clone())?;
+        *self = Self::open(&name, &self.domain.clone())?;
         self.navtech = navtech;
         Ok(())
     }
 
-    fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {
+    fn sleep(&self, on: &[&dyn Waitable], pause: Duration) -> Result<Slept, Error> {
         let request = self.supervised.descriptor()?;
-        let request = request.iter().map(|request| request as &dyn Wakes);
-        let on: Vec<&dyn Wakes> = on.iter().copied().chain(request).collect();
+        let request = request.iter().map(|request| request as &dyn Waitable);
+        let on: Vec<&dyn Waitable> = on.iter().copied().chain(request).collect();
         let slept = self.waits.sleep(&on, pause)?;
         if slept.joins {
             self.writers.iter().for_each(|writer| writer.hand_over());
@@ -326,8 +330,8 @@ impl Stage {
     fn reload(&mut self) -> bool {
         match self.supervised.read_again(&self.condition.name) {
             Ok(changes) => {
-                self.say("the configuration was read again");
-                changes.says.iter().for_each(|text| self.say(text));
+                self.log_info("the configuration was read again");
+                changes.says.iter().for_each(|text| self.log_info(text));
                 self.changed = changes.live;
             }
             Err(error) => self.log(
@@ -341,19 +345,20 @@ impl Stage {
     }
 
     /// Sends health now.
-    fn tell(&mut self) -> Result<(), Error> {
+    fn publish_health(&mut self) -> Result<(), Error> {
         let now_ns = self.clock.now_ns();
         self.next_health_ns = now_ns + PERIOD_NS;
         let head = self.condition.health(now_ns, &self.ports);
         let items = &[];
-        self.supervised.tell(now_ns, &self.condition, &self.ports);
+        self.supervised
+            .publish_status(now_ns, &self.condition, &self.ports);
         self.health.publish(MessageRef { head: &head, items })
     }
 
     /// Says goodbye. What was sent last needs a moment to be taken by readers that are just being replaced.
     pub fn close(mut self) -> Result<(), Error> {
         self.condition.state = StageState::Stopping;
-        self.tell()?;
+        self.publish_health()?;
         std::thread::sleep(PARTING);
         self.registry.end()
     }

@@ -64,7 +64,12 @@ impl Supervised {
     }
 
     /// Tells how the stage is.
-    pub(crate) fn tell(&mut self, now_ns: i64, condition: &Condition, ports: &[Rc<PortCounters>]) {
+    pub(crate) fn publish_status(
+        &mut self,
+        now_ns: i64,
+        condition: &Condition,
+        ports: &[Rc<PortCounters>],
+    ) {
         if !self.notify.is_heard() {
             return;
         }

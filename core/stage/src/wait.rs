@@ -15,7 +15,7 @@ use std::time::Duration;
 
 /// Why a wait ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Woken {
+pub enum WakeReason {
     /// Something came; ask all ports, and whoever can take a configuration live, [`crate::Stage::take_changed`].
     Event,
     /// The time was over.
@@ -25,7 +25,7 @@ pub enum Woken {
 }
 
 /// Something that can wake a stage.
-pub trait Wakes {
+pub trait Waitable {
     #[doc(hidden)]
     fn attachment(&self) -> &dyn Attachment;
     #[doc(hidden)]
@@ -37,7 +37,7 @@ pub trait Wakes {
 pub trait Attachment: SynchronousMultiplexing + Debug {}
 impl<A: SynchronousMultiplexing + Debug> Attachment for A {}
 
-impl<T: Topic> Wakes for Subscriber<T> {
+impl<T: Topic> Waitable for Subscriber<T> {
     fn attachment(&self) -> &dyn Attachment {
         &*self.listener
     }
@@ -75,7 +75,7 @@ impl FileDescriptorBased for Descriptor<'_> {
 
 impl SynchronousMultiplexing for Descriptor<'_> {}
 
-impl Wakes for Descriptor<'_> {
+impl Waitable for Descriptor<'_> {
     fn attachment(&self) -> &dyn Attachment {
         self
     }
@@ -96,12 +96,12 @@ pub(crate) struct Slept {
 }
 
 /// The kernel's part of waiting.
-pub(crate) struct Waits {
+pub(crate) struct PortWaiter {
     joined: Held<Listener<ipc::Service>>,
     set: WaitSet<ipc::Service>,
 }
 
-impl Waits {
+impl PortWaiter {
     /// Always sleeps on `joined` too.
     pub(crate) fn new(joined: Held<Listener<ipc::Service>>) -> Result<Self, Error> {
         let set = WaitSetBuilder::new()
@@ -111,7 +111,7 @@ impl Waits {
     }
 
     /// Sleeps once, at most so long. Notices that came are taken: without that they would wake the stage for ever.
-    pub(crate) fn sleep(&self, on: &[&dyn Wakes], pause: Duration) -> Result<Slept, Error> {
+    pub(crate) fn sleep(&self, on: &[&dyn Waitable], pause: Duration) -> Result<Slept, Error> {
         let attach = |attachment| {
             let attached = self.set.attach_notification::<dyn Attachment>(attachment);
             attached.map_err(|cause| Error::bus("something to wait for", cause))

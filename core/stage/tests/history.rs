@@ -2,12 +2,12 @@
 
 use crate::support::{Other, told};
 use randt_messages::{ImuSample, ImuSampleTopic, MessageRef};
-use randt_stage::{Realm, Stage, Woken};
+use randt_stage::{Domain, Stage, WakeReason};
 use std::path::Path;
 use std::time::Duration;
 
-fn realm(run: &Path) -> Realm {
-    Realm::new("history", Some(run)).unwrap()
+fn domain(run: &Path) -> Domain {
+    Domain::new("history", Some(run)).unwrap()
 }
 
 /// What the other process does: it sends three samples, and then nothing more.
@@ -16,7 +16,7 @@ fn writer() {
     let Some(run) = told() else {
         return;
     };
-    let mut stage = Stage::open("writer", &realm(&run)).unwrap();
+    let mut stage = Stage::open("writer", &domain(&run)).unwrap();
     let mut samples = stage.publisher::<ImuSampleTopic>().unwrap();
     stage.running().unwrap();
     for device_ns in 0..3 {
@@ -27,7 +27,7 @@ fn writer() {
         samples.publish(MessageRef { head, items: &[] }).unwrap();
     }
     println!("ready");
-    while stage.wait(&[], None).unwrap() != Woken::Stop {}
+    while stage.wait(&[], None).unwrap() != WakeReason::Stop {}
     stage.close().unwrap();
 }
 
@@ -35,13 +35,13 @@ fn writer() {
 fn a_late_reader_is_woken_by_what_was_sent_before() {
     let run = tempfile::tempdir().unwrap();
     let other = Other::start("history::writer", run.path());
-    let mut stage = Stage::open("reader", &realm(run.path())).unwrap();
+    let mut stage = Stage::open("reader", &domain(run.path())).unwrap();
     let mut samples = stage.subscriber::<ImuSampleTopic>().unwrap();
     stage.running().unwrap();
     let mut got = Vec::new();
     while got.len() < 3 {
         let woken = stage.wait(&[&samples], Some(Duration::from_secs(5)));
-        assert_eq!(woken.unwrap(), Woken::Event, "slept over {got:?}");
+        assert_eq!(woken.unwrap(), WakeReason::Event, "slept over {got:?}");
         while let Some(sample) = samples.receive().unwrap() {
             got.push(sample.message().head.device_ns);
         }

@@ -1,7 +1,7 @@
 //! Two builds whose messages differ by two swapped fields of one size do not talk to each other, and say what to do.
 
 use crate::support::{Other, told};
-use randt_stage::{Error, Realm, Stage, Woken};
+use randt_stage::{Domain, Error, Stage, WakeReason};
 use std::path::Path;
 
 /// This build.
@@ -52,11 +52,11 @@ fn other_build() {
     let Some(run) = told() else {
         return;
     };
-    let mut stage = Stage::open("drive", &Realm::new("layout", Some(&run)).unwrap()).unwrap();
+    let mut stage = Stage::open("drive", &Domain::new("layout", Some(&run)).unwrap()).unwrap();
     let _wheels = stage.publisher::<theirs::WheelTopic>().unwrap();
     stage.running().unwrap();
     println!("ready");
-    while stage.wait(&[], None).unwrap() != Woken::Stop {}
+    while stage.wait(&[], None).unwrap() != WakeReason::Stop {}
     stage.close().unwrap();
 }
 
@@ -91,7 +91,7 @@ fn builds_with_swapped_fields_refuse_each_other_and_name_the_stage_to_restart() 
 
 /// Both ends of the topic as this build has it.
 fn attempt(run: &Path) -> Result<(), Error> {
-    let mut stage = Stage::open("odometer", &Realm::new("layout", Some(run))?)?;
+    let mut stage = Stage::open("odometer", &Domain::new("layout", Some(run))?)?;
     let _wheels = stage.subscriber::<ours::WheelTopic>()?;
     let _again = stage.publisher::<ours::WheelTopic>()?;
     stage.running()

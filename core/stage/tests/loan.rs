@@ -2,12 +2,12 @@
 
 use crate::support::{Other, told};
 use randt_messages::{RadarScan, Return};
-use randt_stage::{Realm, Stage, Woken};
+use randt_stage::{Domain, Stage, WakeReason};
 use std::path::Path;
 use std::time::Duration;
 
-fn realm(run: &Path) -> Realm {
-    Realm::new("loan", Some(run)).unwrap()
+fn domain(run: &Path) -> Domain {
+    Domain::new("loan", Some(run)).unwrap()
 }
 
 fn returns() -> impl Iterator<Item = Return> {
@@ -24,7 +24,7 @@ fn writer() {
     let Some(run) = told() else {
         return;
     };
-    let mut stage = Stage::open("writer", &realm(&run)).unwrap();
+    let mut stage = Stage::open("writer", &domain(&run)).unwrap();
     let mut scans = stage.publisher::<RadarScan>().unwrap();
     stage.running().unwrap();
     // Filled and thrown away: neither sent nor numbered, and its memory is free again.
@@ -46,7 +46,7 @@ fn writer() {
         scans.publish_loan(loan).unwrap();
     }
     println!("ready");
-    while stage.wait(&[], None).unwrap() != Woken::Stop {}
+    while stage.wait(&[], None).unwrap() != WakeReason::Stop {}
     stage.close().unwrap();
 }
 
@@ -54,13 +54,13 @@ fn writer() {
 fn what_is_filled_in_a_loan_arrives() {
     let run = tempfile::tempdir().unwrap();
     let other = Other::start("loan::writer", run.path());
-    let mut stage = Stage::open("reader", &realm(run.path())).unwrap();
+    let mut stage = Stage::open("reader", &domain(run.path())).unwrap();
     let mut scans = stage.subscriber::<RadarScan>().unwrap();
     stage.running().unwrap();
     let mut got = Vec::new();
     while got.len() < 3 {
         let woken = stage.wait(&[&scans], Some(Duration::from_secs(5)));
-        assert_eq!(woken.unwrap(), Woken::Event, "slept over {got:?}");
+        assert_eq!(woken.unwrap(), WakeReason::Event, "slept over {got:?}");
         while let Some(scan) = scans.receive().unwrap() {
             let scan = scan.message();
             assert_eq!(

@@ -3,7 +3,7 @@
 
 use crate::support::{Other, told};
 use randt_messages::{ImuSampleTopic, RadarScan};
-use randt_stage::{Realm, Registry, Stage, Woken, clean_up, slots_of_nobody};
+use randt_stage::{Domain, Registry, Stage, WakeReason, clean_up, slots_of_nobody};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
@@ -15,8 +15,8 @@ const DEATHS: usize = 18;
 /// Where a segment says that nobody may join any more.
 const CLOSED_AT: u64 = 184 + 72;
 
-fn realm(run: &Path) -> Realm {
-    Realm::new("slots", Some(run)).unwrap()
+fn domain(run: &Path) -> Domain {
+    Domain::new("slots", Some(run)).unwrap()
 }
 
 /// What the other processes do: they have ports, and wait.
@@ -24,14 +24,14 @@ fn live(name: &str) {
     let Some(run) = told() else {
         return;
     };
-    let mut stage = Stage::open(name, &realm(&run)).unwrap();
+    let mut stage = Stage::open(name, &domain(&run)).unwrap();
     let _scans = stage.publisher::<RadarScan>().unwrap();
     let _samples = stage.subscriber::<ImuSampleTopic>().unwrap();
     stage.running().unwrap();
     // From the first wait on a SIGTERM is heard.
     stage.wait(&[], Some(Duration::ZERO)).unwrap();
     println!("ready");
-    while stage.wait(&[], None).unwrap() != Woken::Stop {}
+    while stage.wait(&[], None).unwrap() != WakeReason::Stop {}
     stage.close().unwrap();
 }
 
@@ -61,8 +61,8 @@ impl Pipeline {
         }
     }
 
-    fn realm(&self) -> Realm {
-        realm(self.run.path())
+    fn domain(&self) -> Domain {
+        domain(self.run.path())
     }
 
     /// A stage that has lived and is killed; gives the name of its node.
@@ -78,7 +78,7 @@ impl Pipeline {
 
     /// The nodes' folders.
     fn nodes(&self) -> Vec<String> {
-        let all = self.files(&self.realm().root().join("nodes"), "");
+        let all = self.files(&self.domain().root().join("nodes"), "");
         let folders = all.into_iter().filter(|path| path.is_dir());
         folders
             .map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())
@@ -95,7 +95,7 @@ impl Pipeline {
 
     /// Removes files of a dead node.
     fn forget(&self, node: &str, ending: &str) {
-        let nodes = self.realm().root().join("nodes");
+        let nodes = self.domain().root().join("nodes");
         let beside = self.files(&nodes, "").into_iter();
         let own = beside.filter(|path| path.is_file() && path.to_str().unwrap().contains(node));
         for path in own.chain(self.files(&nodes.join(node), "")) {
@@ -105,10 +105,10 @@ impl Pipeline {
         }
     }
 
-    /// Segments of this realm's services.
+    /// Segments of this domain's services.
     fn segments(&self) -> Vec<PathBuf> {
         let mut all = self.files(Path::new("/dev/shm"), ".dynamic");
-        let prefix = self.realm().segment_prefix();
+        let prefix = self.domain().segment_prefix();
         all.retain(|path| path.to_str().unwrap().contains(&prefix));
         all
     }
@@ -116,9 +116,9 @@ impl Pipeline {
     /// A stage starts and ends in order, and nothing is left of a dead one.
     fn check(&self) {
         Other::start("slots::victim", self.run.path()).stop();
-        assert_eq!(slots_of_nobody(&self.realm()), BTreeMap::new());
+        assert_eq!(slots_of_nobody(&self.domain()), BTreeMap::new());
         assert_eq!(self.nodes().len(), 1, "only the keeper is there");
-        let all = Registry::all(&self.realm());
+        let all = Registry::all(&self.domain());
         assert!(
             all.iter()
                 .any(|(entry, lives)| *lives && entry.name == "keeper")
@@ -132,7 +132,7 @@ impl Drop for Pipeline {
             if path
                 .to_str()
                 .unwrap()
-                .contains(&self.realm().segment_prefix())
+                .contains(&self.domain().segment_prefix())
             {
                 let _ = fs::remove_file(path);
             }
@@ -145,7 +145,7 @@ fn a_dead_stage_whose_files_are_gone_leaves_no_slot_taken() {
     let pipeline = Pipeline::start();
     for _ in 0..DEATHS {
         let node = pipeline.death("victim");
-        let held = slots_of_nobody(&pipeline.realm());
+        let held = slots_of_nobody(&pipeline.domain());
         assert!(held["radar/scan/v1"] >= 2, "{held:?}");
         pipeline.forget(&node, "");
     }
@@ -193,7 +193,7 @@ fn reader() {
     let Some(run) = told() else {
         return;
     };
-    let mut stage = Stage::open("reader", &realm(&run)).unwrap();
+    let mut stage = Stage::open("reader", &domain(&run)).unwrap();
     let _states = stage
         .subscriber::<randt_messages::OdometryStateTopic>()
         .unwrap();
@@ -201,7 +201,7 @@ fn reader() {
     // From the first wait on a SIGTERM is heard.
     stage.wait(&[], Some(Duration::ZERO)).unwrap();
     println!("ready");
-    while stage.wait(&[], None).unwrap() != Woken::Stop {}
+    while stage.wait(&[], None).unwrap() != WakeReason::Stop {}
     stage.close().unwrap();
 }
 
@@ -231,13 +231,13 @@ fn what_nobody_living_holds_is_freed_while_others_live() {
     let node = pipeline.death("victim");
     pipeline.forget(&node, "");
     pipeline.death("victim");
-    let held: usize = slots_of_nobody(&pipeline.realm()).values().sum();
-    let done = clean_up(&pipeline.realm()).unwrap();
+    let held: usize = slots_of_nobody(&pipeline.domain()).values().sum();
+    let done = clean_up(&pipeline.domain()).unwrap();
     assert_eq!((done.slots, done.services), (held, 0));
-    assert_eq!(slots_of_nobody(&pipeline.realm()), BTreeMap::new());
+    assert_eq!(slots_of_nobody(&pipeline.domain()), BTreeMap::new());
     // Nothing of whoever lives was touched.
     assert_eq!(
-        clean_up(&pipeline.realm()).unwrap(),
+        clean_up(&pipeline.domain()).unwrap(),
         randt_stage::CleanUp::default()
     );
     pipeline.check();

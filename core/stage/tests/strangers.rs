@@ -2,7 +2,7 @@
 //! ends at once with words.
 
 use crate::support::{command, command_as, program_for_all, told};
-use randt_stage::{Realm, Registry, Stage, exposed};
+use randt_stage::{Domain, Registry, Stage, exposed};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use std::fs::{self, File, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, lchown, symlink};
@@ -22,13 +22,13 @@ fn starts() {
     let Some(run) = told() else {
         return;
     };
-    match Stage::open("filter", &Realm::new(PREFIX, Some(&run)).unwrap()) {
+    match Stage::open("filter", &Domain::new(PREFIX, Some(&run)).unwrap()) {
         Ok(_) => println!("it starts"),
         Err(error) => println!("refused: {error}"),
     }
 }
 
-/// Clears away what dead stages have left, which no process in the realm can do.
+/// Clears away what dead stages have left, which no process in the domain can do.
 #[test]
 fn cleans() {
     if let Some(folder) = told() {
@@ -36,14 +36,14 @@ fn cleans() {
             folder.parent().unwrap(),
             Path::new(folder.file_name().unwrap()),
         ];
-        let realm = Realm::new(prefix.to_str().unwrap(), Some(run)).unwrap();
-        randt_stage::clean_up(&realm).unwrap();
+        let domain = Domain::new(prefix.to_str().unwrap(), Some(run)).unwrap();
+        randt_stage::clean_up(&domain).unwrap();
     }
 }
 
-fn clean(realm: &Realm) {
+fn clean(domain: &Domain) {
     let program = std::env::current_exe().unwrap();
-    let mut other = command(&program, "strangers::cleans", &realm.folder());
+    let mut other = command(&program, "strangers::cleans", &domain.folder());
     assert!(other.status().unwrap().success());
 }
 
@@ -75,7 +75,7 @@ fn run_folder(folder: &Path) -> PathBuf {
 
 /// Where the count of nodes of a pipeline is. Anybody knows that name beforehand.
 fn node_count(run: &Path) -> PathBuf {
-    let prefix = Realm::new(PREFIX, Some(run)).unwrap().segment_prefix();
+    let prefix = Domain::new(PREFIX, Some(run)).unwrap().segment_prefix();
     let name = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
     Path::new("/dev/shm").join(format!("{prefix}{name}"))
 }
@@ -116,8 +116,8 @@ fn memory_that_a_stranger_made_ends_a_start_with_words() {
     chown(&path, Some(STRANGER), Some(STRANGER)).unwrap();
     fs::remove_dir_all(&run).unwrap();
     fs::create_dir(&run).unwrap();
-    let realm = Realm::new(PREFIX, Some(&run)).unwrap();
-    drop(Stage::open("filter", &realm).unwrap());
+    let domain = Domain::new(PREFIX, Some(&run)).unwrap();
+    drop(Stage::open("filter", &domain).unwrap());
     assert_eq!(fs::metadata(&path).unwrap().uid(), 0);
     fs::remove_file(path).unwrap();
 }
@@ -129,10 +129,10 @@ fn a_stranger_can_neither_read_nor_write_what_stages_share() {
         return;
     };
     let run = tempfile::tempdir().unwrap();
-    let realm = Realm::new("shared", Some(run.path())).unwrap();
-    let stage = Stage::open("filter", &realm).unwrap();
-    assert_eq!(exposed(&realm), [], "memory, sockets, locks, register");
-    let prefix = realm.segment_prefix();
+    let domain = Domain::new("shared", Some(run.path())).unwrap();
+    let stage = Stage::open("filter", &domain).unwrap();
+    assert_eq!(exposed(&domain), [], "memory, sockets, locks, register");
+    let prefix = domain.segment_prefix();
     let mut script = String::new();
     for verb in ["truncate -s 0", "cat", "rm -f", "chmod 777", "mv -t /tmp"] {
         script += &format!("for f in /dev/shm/{prefix}*; do {verb} $f && echo did {verb}; done\n");
@@ -144,14 +144,14 @@ fn a_stranger_can_neither_read_nor_write_what_stages_share() {
     assert_eq!(String::from_utf8_lossy(&ended.stdout), "");
 
     // Rights that somebody has given are taken away by the next start, and told until then.
-    let count = crate::support::segment(&realm, "global_mgmt");
+    let count = crate::support::segment(&domain, "global_mgmt");
     fs::set_permissions(&count, Permissions::from_mode(0o666)).unwrap();
-    let lock = realm.folder().join("door.lock");
+    let lock = domain.folder().join("door.lock");
     fs::set_permissions(&lock, Permissions::from_mode(0o644)).unwrap();
-    let told: Vec<PathBuf> = exposed(&realm).into_iter().map(|file| file.path).collect();
+    let told: Vec<PathBuf> = exposed(&domain).into_iter().map(|file| file.path).collect();
     assert_eq!(told, [count, lock]);
-    clean(&realm);
-    assert_eq!(exposed(&realm), []);
+    clean(&domain);
+    assert_eq!(exposed(&domain), []);
     drop(stage);
 }
 
@@ -162,22 +162,22 @@ fn segments_that_a_stranger_plants_beside_the_stages_do_nothing() {
         return;
     };
     let run = tempfile::tempdir().unwrap();
-    let realm = Realm::new("plants", Some(run.path())).unwrap();
-    let stage = Stage::open("filter", &realm).unwrap();
-    let shared = crate::support::segment(&realm, "dynamic");
+    let domain = Domain::new("plants", Some(run.path())).unwrap();
+    let stage = Stage::open("filter", &domain).unwrap();
+    let shared = crate::support::segment(&domain, "dynamic");
     let name = shared.file_name().unwrap().to_str().unwrap();
     let (_, number) = name.rsplit_once('_').unwrap();
     // One that says that it is the segment of a service of the living, and one that means nothing.
     let planted = [format!("zz_{number}"), "zz".to_owned()]
-        .map(|name| PathBuf::from(format!("/dev/shm/{}{name}", realm.segment_prefix())));
+        .map(|name| PathBuf::from(format!("/dev/shm/{}{name}", domain.segment_prefix())));
     for path in &planted {
         fs::write(path, []).unwrap();
         chown(path, Some(STRANGER), Some(STRANGER)).unwrap();
     }
-    clean(&realm);
+    clean(&domain);
     assert!(shared.exists(), "what the living share was taken away");
-    assert!(Registry::all(&realm).iter().all(|(_, lives)| *lives));
-    assert_eq!(exposed(&realm).len(), planted.len(), "they are told");
+    assert!(Registry::all(&domain).iter().all(|(_, lives)| *lives));
+    assert_eq!(exposed(&domain).len(), planted.len(), "they are told");
     drop(stage);
     planted
         .iter()
@@ -195,20 +195,20 @@ fn a_run_folder_of_a_stranger_is_refused_before_anything_is_made() {
     let victim = path("victim");
     fs::create_dir(&victim).unwrap();
     let refused = |run: &Path, words: &str| {
-        let realm = Realm::new(PREFIX, Some(run)).unwrap();
+        let domain = Domain::new(PREFIX, Some(run)).unwrap();
         for error in [
-            Stage::open("filter", &realm).err().unwrap(),
-            randt_stage::wipe(&realm, true).unwrap_err(),
-            realm.check_owner().unwrap_err(),
+            Stage::open("filter", &domain).err().unwrap(),
+            randt_stage::wipe(&domain, true).unwrap_err(),
+            domain.check_owner().unwrap_err(),
         ] {
             assert!(error.to_string().contains(words), "{error}");
         }
         assert_eq!(fs::read_dir(&victim).unwrap().count(), 0);
     };
     let owned = format!("belongs to user {STRANGER}");
-    // Made beforehand, with a realm of this user's in it: its owner may put another one there.
+    // Made beforehand, with a domain of this user's in it: its owner may put another one there.
     fs::create_dir(path("run")).unwrap();
-    Realm::new(PREFIX, Some(&path("run")))
+    Domain::new(PREFIX, Some(&path("run")))
         .unwrap()
         .make()
         .unwrap();
@@ -228,7 +228,7 @@ fn a_run_folder_of_a_stranger_is_refused_before_anything_is_made() {
     fs::create_dir_all(path("theirs/deep/run")).unwrap();
     strangers("theirs");
     refused(&path("theirs/deep/run"), &owned);
-    // A realm that is a link, and one that is another's.
+    // A domain that is a link, and one that is another's.
     fs::create_dir(path("mine")).unwrap();
     symlink(&victim, path("mine").join(PREFIX)).unwrap();
     refused(&path("mine"), "is no folder, or cannot be opened");

@@ -1,7 +1,7 @@
 //! All stages of a pipeline run as one user; another one is told so.
 
 use crate::support::{command_as, program_for_all, told};
-use randt_stage::{Error, Realm, Stage};
+use randt_stage::{Domain, Error, Stage};
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
@@ -15,7 +15,7 @@ fn other_user() {
     let Some(run) = told() else {
         return;
     };
-    match Stage::open("filter", &Realm::new("user", Some(&run)).unwrap()) {
+    match Stage::open("filter", &Domain::new("user", Some(&run)).unwrap()) {
         Ok(_) => println!("it starts"),
         Err(error @ Error::OtherUser { .. }) => println!("refused: {error}"),
         Err(error) => println!("another error: {error}"),
@@ -31,8 +31,8 @@ fn another_user_is_refused_and_told_whose_pipeline_it_is() {
 
     // The run folder is the first user's own.
     let private = folder.path().join("private");
-    let realm = Realm::new("user", Some(&private)).unwrap();
-    let stage = Stage::open("mapper", &realm).unwrap();
+    let domain = Domain::new("user", Some(&private)).unwrap();
+    let stage = Stage::open("mapper", &domain).unwrap();
     assert_refused(&program, &private, &private);
     drop(stage);
     assert_refused(&program, &private, &private);
@@ -47,8 +47,8 @@ fn another_user_is_refused_and_told_whose_pipeline_it_is() {
     let shared = folder.path().join("shared");
     fs::create_dir(&shared).unwrap();
     fs::set_permissions(&shared, fs::Permissions::from_mode(0o1777)).unwrap();
-    let realm = Realm::new("user", Some(&shared)).unwrap();
-    let error = Stage::open("mapper", &realm).err().unwrap().to_string();
+    let domain = Domain::new("user", Some(&shared)).unwrap();
+    let error = Stage::open("mapper", &domain).err().unwrap().to_string();
     assert!(
         error.contains("shared: mode 1777: other users may"),
         "{error}"

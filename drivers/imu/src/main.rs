@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_imu::Imu;
 use randt_messages::{ImuSampleTopic, MessageRef};
-use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, parse};
+use randt_stage::{Descriptor, StageArguments, Waitable, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -28,7 +28,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut imu = imu.map_err(|error| error.in_configuration(&loaded.origins))?;
     let mut stage = arguments.stage.open("imu")?;
     let selection = &arguments.stage.selection;
-    stage.follow(selection, &loaded.config, &["robot"], Some("imu"));
+    stage.follow_configuration(selection, &loaded.config, &["robot"], Some("imu"));
     let mut lost_before = 0;
     let mut samples = stage.publisher::<ImuSampleTopic>()?;
     stage.running()?;
@@ -41,15 +41,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         if let Some(error) = failed {
             return Err(error.into());
         }
-        stage.report(imu.link().text(), lost_before + imu.lost());
+        stage.set_status(imu.link().text(), lost_before + imu.lost());
         let pause_ns = imu.due_ns().saturating_sub(stage.clock().now_ns()).max(0);
         let pause = Duration::from_nanos(pause_ns.unsigned_abs());
         let descriptor = imu.descriptor().map(Descriptor::new).transpose()?;
-        let on: Vec<&dyn Wakes> = descriptor
+        let on: Vec<&dyn Waitable> = descriptor
             .iter()
-            .map(|device| device as &dyn Wakes)
+            .map(|device| device as &dyn Waitable)
             .collect();
-        if stage.wait(&on, Some(pause))? == Woken::Stop {
+        if stage.wait(&on, Some(pause))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         match stage.take_changed().map(|config| Imu::new(&config)) {
@@ -57,7 +57,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                 lost_before += imu.lost();
                 imu = other;
             }
-            Some(Err(error)) => stage.say(&format!("the IMU stays as it was: {error}")),
+            Some(Err(error)) => stage.log_info(&format!("the IMU stays as it was: {error}")),
             None => {}
         }
     }

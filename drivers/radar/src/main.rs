@@ -3,7 +3,7 @@
 use clap::Parser;
 use randt_messages::{RadarScan, SensorKind};
 use randt_radar::{Radar, Sweep};
-use randt_stage::{Descriptor, Publisher, StageArguments, Woken, ended, parse};
+use randt_stage::{Descriptor, Publisher, StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -30,9 +30,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         radar.map_err(|error| -> Box<dyn Error> { error.in_configuration(&loaded.origins) })?;
     let sensor = SensorKind::from_name(&config.sensor.name);
     let mut stage = arguments.stage.open("radar")?;
-    stage.expect(&config.sensor);
+    stage.expect_sensor(&config.sensor);
     let selection = &arguments.stage.selection;
-    stage.follow(selection, &config, &["record", "sensor"], Some("radar"));
+    stage.follow_configuration(selection, &config, &["record", "sensor"], Some("radar"));
     let mut scans = stage.publisher::<RadarScan>()?;
     let mut failure = None;
     let mut lost_before = 0;
@@ -46,11 +46,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         if let Some(error) = failure.take() {
             return Err(error.into());
         }
-        stage.report(radar.link().text(), lost_before + radar.lost());
+        stage.set_status(radar.link().text(), lost_before + radar.lost());
         let pause_ns = radar.due_ns().saturating_sub(stage.clock().now_ns());
         let pause = Duration::from_nanos(pause_ns.max(0).unsigned_abs());
         let descriptor = Descriptor::new(radar.descriptor())?;
-        if stage.wait(&[&descriptor], Some(pause))? == Woken::Stop {
+        if stage.wait(&[&descriptor], Some(pause))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         match stage.take_changed().map(|config| Radar::new(&config)) {
@@ -58,7 +58,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                 lost_before += radar.lost();
                 radar = other;
             }
-            Some(Err(error)) => stage.say(&format!("the radar stays as it was: {error}")),
+            Some(Err(error)) => stage.log_info(&format!("the radar stays as it was: {error}")),
             None => {}
         }
     }

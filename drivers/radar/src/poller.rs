@@ -23,7 +23,7 @@ impl Poller {
         self.epoll.as_fd()
     }
 
-    /// Wakes when a socket can be read.
+    /// Waitable when a socket can be read.
     pub(crate) fn readable(&self, socket: &OwnedFd) -> std::io::Result<()> {
         Ok(epoll::add(
             &self.epoll,
@@ -33,7 +33,7 @@ impl Poller {
         )?)
     }
 
-    /// Wakes when a socket can be written, that is when it is connected or is not going to be.
+    /// Waitable when a socket can be written, that is when it is connected or is not going to be.
     pub(crate) fn writable(&self, socket: &OwnedFd) -> std::io::Result<()> {
         Ok(epoll::add(
             &self.epoll,

@@ -60,13 +60,13 @@ impl Intake {
             JournalFile::open_by(path, config, |path| Ok(Arc::new(FileBytes::open(path)?)))?;
         let name = path.display();
         if let Some(cut) = &opened.cut {
-            stage.say(&format!(
+            stage.log_info(&format!(
                 "{name}: cut at offset {}: {}",
                 cut.offset, cut.what
             ));
         }
         if let Some((aside, why)) = &opened.aside {
-            stage.say(&format!("{name}: {why}; set aside as {}", aside.display()));
+            stage.log_info(&format!("{name}: {why}; set aside as {}", aside.display()));
         }
         let mut journal = opened.journal;
         let past = Past::open(stage)?;
@@ -77,9 +77,9 @@ impl Intake {
         } = Mapper::recall(config, opened.contents, past.newest());
         journal.recalled(&mapper);
         if let Some(why) = restored.passed_over {
-            stage.say(&format!("{name}: {}", in_words(why)));
+            stage.log_info(&format!("{name}: {}", in_words(why)));
         }
-        stage.say(&format!(
+        stage.log_info(&format!(
             "{name}: {} keyframes, {} of them from a snapshot, in {:.3} s; {} are to be taken anew",
             restored.keyframes,
             restored.from_snapshot,
@@ -229,7 +229,7 @@ impl Intake {
         let aside = journal.set_aside()?;
         // Whoever has it open holds its lock.
         drop(past);
-        stage.say(&format!(
+        stage.log_info(&format!(
             "{}: odometry has begun another drive; the map so far is set aside as {}",
             path.display(),
             aside.display()

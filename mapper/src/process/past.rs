@@ -12,7 +12,7 @@ pub struct Past(Checkpoint);
 impl Past {
     /// Opens or makes it.
     pub fn open(stage: &mut Stage) -> Result<Self, Error> {
-        let path = stage.realm().state().join("mapper.map");
+        let path = stage.domain().state().join("mapper.map");
         stage.reserve(&path, 2 * BYTES_MAX)?;
         Ok(Self(Checkpoint::open(&path, BYTES_MAX)?))
     }

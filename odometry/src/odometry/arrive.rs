@@ -7,7 +7,7 @@ use crate::{
     scan,
 };
 use randt_messages::{ImuSample, MessageRef, RadarPoints};
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// A message by its publisher's start and its number: what the source's epoch and sequence say. Later ones are greater.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -18,7 +18,7 @@ pub struct Source {
     pub sequence: u64,
 }
 
-saved!(Source { epoch, sequence });
+persist!(Source { epoch, sequence });
 
 impl Odometry {
     /// Takes an IMU sample; scans that waited for it are processed.

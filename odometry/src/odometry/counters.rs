@@ -1,6 +1,6 @@
 //! What went wrong, counted.
 
-use randt_saved::saved;
+use randt_persist::persist;
 
 /// What was dropped, repaired or lacked support.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,7 +34,7 @@ pub struct Counters {
     pub points_outside: u64,
 }
 
-saved!(Counters {
+persist!(Counters {
     scans_rejected,
     scans_repeated,
     scans_unsupported,

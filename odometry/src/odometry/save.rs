@@ -4,7 +4,7 @@ use super::{Odometry, PENDING};
 use crate::scan;
 use randt_config::Config;
 use randt_messages::PoseRecord;
-use randt_saved::{Error, Label, Reader, Saved, Writer, open, seal};
+use randt_persist::{Error, Persist, Reader, StateIdentity, Writer, decode, encode};
 
 /// The source that gives the bytes their meaning (build.rs).
 const CODE: &str = env!("RANDT_CODE");
@@ -17,13 +17,13 @@ impl Odometry {
     ///
     /// Waiting scans and samples are in it. What the sink was given is not.
     pub fn save(&self, out: &mut [u8]) -> Result<usize, Error> {
-        seal(&self.label, out, |out| self.write(out))
+        encode(&self.identity, out, |out| self.write(out))
     }
 
     /// Goes on from a state that the same build saved under the same configuration.
     pub fn restore(config: &Config, use_imu: bool, bytes: &[u8]) -> Result<Self, Error> {
         let mut odometry = Self::new(config, use_imu);
-        let mut from = open(&odometry.label, bytes)?;
+        let mut from = decode(&odometry.identity, bytes)?;
         odometry.read(&mut from)?;
         from.end()?;
         Ok(odometry)
@@ -33,7 +33,7 @@ impl Odometry {
         // Named one by one, so that a new field is not forgotten.
         let Self {
             config: _,
-            label: _,
+            identity: _,
             heading,
             imu,
             pending,
@@ -122,12 +122,12 @@ impl Odometry {
 }
 
 /// Which states are ours.
-pub(super) fn label(config: &Config, use_imu: bool) -> Label {
+pub(super) fn identity(config: &Config, use_imu: bool) -> StateIdentity {
     let mut code = [b' '; 16];
     code.iter_mut()
         .zip(CODE.bytes())
         .for_each(|(to, from)| *to = from);
-    Label {
+    StateIdentity {
         magic: *b"ODOMETRY",
         code,
         // Without an IMU the state has other parts.

@@ -3,7 +3,7 @@
 use super::Past;
 use crate::{Odometry, Source};
 use randt_messages::{ImuSample, ImuSampleTopic, MessageRef, RadarPoints};
-use randt_saved::Error as SavedError;
+use randt_persist::Error as PersistError;
 use randt_stage::{Clock, Subscriber};
 use std::time::{Duration, Instant};
 
@@ -147,7 +147,7 @@ impl Feed {
     }
 
     /// Keeps the past where something came out; gives whether it did.
-    fn keep(&mut self) -> Result<bool, SavedError> {
+    fn keep(&mut self) -> Result<bool, PersistError> {
         if self.past.outbox().is_empty() {
             return Ok(false);
         }
@@ -165,7 +165,7 @@ impl Feed {
     }
 
     /// What to sleep on: scans, or while one waits for its samples those. 250 wakings a second cost a core 0.7 %.
-    pub fn wakes(&self) -> &dyn randt_stage::Wakes {
+    pub fn wakes(&self) -> &dyn randt_stage::Waitable {
         if self.odometry.waiting_for_ns().is_some() {
             &self.samples
         } else {

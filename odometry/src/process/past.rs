@@ -4,11 +4,11 @@ use super::outbox::{self, Into, Outbox};
 use crate::Odometry;
 use randt_config::Config;
 use randt_messages::{Keyframe, Layout, Message, OdometryState, PoseRecord};
-use randt_saved::Error as SavedError;
+use randt_persist::Error as PersistError;
 use randt_stage::{Checkpoint, Error, KeyframeRing, Stage};
 use std::path::{Path, PathBuf};
 
-/// Files in the realm's folder.
+/// Files in the domain's folder.
 const STATE: &str = "odometry.state";
 const RING: &str = "keyframes.ring";
 /// The files that [`Past::read`] reads.
@@ -28,7 +28,7 @@ pub enum PastError {
     Stage(#[from] Error),
     /// The state cannot be taken over.
     #[error("odometry's last state: {0}")]
-    Saved(#[from] SavedError),
+    Persist(#[from] PersistError),
     /// There is none.
     #[error("odometry left no state behind")]
     Nothing,
@@ -45,7 +45,7 @@ pub struct LeftBehind {
     pub ring: Option<Result<KeyframeRing, Error>>,
 }
 
-/// The records of one realm; their writer is the only one.
+/// The records of one domain; their writer is the only one.
 #[derive(Debug)]
 pub struct Past {
     /// The last states that were published and the whole state, as one: either both are new or neither.
@@ -59,7 +59,7 @@ pub struct Past {
 impl Past {
     /// Opens or makes the records.
     pub fn open(stage: &mut Stage) -> Result<Self, Error> {
-        let folder = stage.realm().state();
+        let folder = stage.domain().state();
         stage.reserve(&folder.join(STATE), 2 * STATE_BYTES)?;
         stage.reserve(&folder.join(RING), KeyframeRing::BYTES)?;
         Self::at(&folder)
@@ -122,7 +122,7 @@ impl Past {
                     // They are in the ring; whether they were sent nobody knows.
                     let next = odometry.pose_record().next_keyframe;
                     self.outbox.keyframes = (next.saturating_sub(AGAIN)..next).collect();
-                    stage.say(&format!(
+                    stage.log_info(&format!(
                         "goes on after scan {}, state and map as they were",
                         odometry.last_scan().unwrap_or_default().sequence
                     ));
@@ -137,7 +137,7 @@ impl Past {
         let newest = self.pose.versions().into_iter().next();
         Ok(match newest.and_then(read_pose) {
             Some(record) => {
-                stage.say(&format!(
+                stage.log_info(&format!(
                     "begins frame {} at the last pose {:?}; keyframes go on at {}",
                     record.odom_frame_id + 1,
                     record.pose,
@@ -148,13 +148,13 @@ impl Past {
             None => {
                 // Whatever is in the ring is of a drive that nobody remembers.
                 self.ring.clear();
-                stage.say("begins anew");
+                stage.log_info("begins anew");
                 (Odometry::new(config, use_imu), false)
             }
         })
     }
 
-    fn set_aside(&self, stage: &Stage, error: &SavedError, bytes: &[u8]) -> Result<(), Error> {
+    fn set_aside(&self, stage: &Stage, error: &PersistError, bytes: &[u8]) -> Result<(), Error> {
         let path = self.folder.join("odometry.state.aside");
         let kept = std::fs::write(&path, bytes);
         kept.map_err(|cause| Error::File {
@@ -162,7 +162,7 @@ impl Past {
             what: "cannot be written",
             cause,
         })?;
-        stage.say(&format!("{error}; it is set aside as {}", path.display()));
+        stage.log_info(&format!("{error}; it is set aside as {}", path.display()));
         Ok(())
     }
 
@@ -175,13 +175,13 @@ impl Past {
     }
 
     /// Keeps everything up to the present scan. To be called before anything of it is published.
-    pub(super) fn keep(&mut self, odometry: &Odometry) -> Result<(), SavedError> {
+    pub(super) fn keep(&mut self, odometry: &Odometry) -> Result<(), PersistError> {
         let outbox = &self.outbox;
         self.state.write(|slot| {
             let room = slot.len();
             let (sent, state) =
                 slot.split_at_mut_checked(outbox::BYTES)
-                    .ok_or(SavedError::Room {
+                    .ok_or(PersistError::Room {
                         needed: outbox::BYTES,
                         room,
                     })?;

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use randt_filter::ClusterFilter;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, SensorKind};
 use randt_ndt::ScanCell;
-use randt_saved::{Reader, Saved, Writer};
+use randt_persist::{Persist, Reader, Writer};
 use randt_simulator::{Event, Robot, Simulation, World};
 
 const SWEEP_NS: i64 = 200_000_000;

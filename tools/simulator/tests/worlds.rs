@@ -322,7 +322,7 @@ fn errors_name_the_line_the_word_and_what_would_be_right() {
 
 proptest! {
     #[test]
-    fn spoilt_worlds_are_errors_or_worlds(
+    fn corrupted_worlds_are_errors_or_worlds(
         text in 0..TEXTS.len(),
         edits in prop::collection::vec((0.0..1.0_f64, 0..3_u8, prop::sample::select(
             "0123456789.,-x# \nwallroughturn\u{e9}\u{0}".chars().collect::<Vec<_>>()
@@ -338,7 +338,7 @@ proptest! {
             }
         }
         let text: String = letters.into_iter().collect();
-        if let Ok(world) = World::parse("spoilt", &text) {
+        if let Ok(world) = World::parse("corrupted", &text) {
             let mut drive = Drive::new(&world, Robot::of(&world).motion, 1);
             prop_assert!(drive.at(5_000_000_000).pose.iter().all(|value| value.is_finite()));
         }

@@ -2,11 +2,11 @@
 
 use crate::Shown;
 use randt_config::Robot;
+use randt_foxglove_schemas::tile::{Detail, of_tile};
+use randt_foxglove_schemas::{Graph, SceneUpdate};
 use randt_messages::{
     Correction, MapperGraph, MapperGrid, Message, MessageRef, OdometryState, RadarPoints,
 };
-use randt_wellknown::tile::{Detail, of_tile};
-use randt_wellknown::{Graph, SceneUpdate};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Over so many poses their rate is told.
@@ -100,10 +100,10 @@ impl Board {
         for (fine, coarse) in fine.into_iter().zip(coarse) {
             let key = (Shown::Grid, fine.name);
             // What was never known need not be taken away.
-            if let Some(bytes) = randt_wellknown::bytes(&fine.update)
+            if let Some(bytes) = randt_foxglove_schemas::bytes(&fine.update)
                 && (!fine.is_empty || self.pieces.contains_key(&key))
             {
-                let coarse = randt_wellknown::bytes(&coarse.update);
+                let coarse = randt_foxglove_schemas::bytes(&coarse.update);
                 self.put(key, Some(fine.middle_m), bytes, coarse);
             }
         }
@@ -114,7 +114,7 @@ impl Board {
         if !self.graph.take(page) {
             return;
         }
-        let pieces = randt_wellknown::pieces(&self.graph);
+        let pieces = randt_foxglove_schemas::pieces(&self.graph);
         let is_there = |name: &String| pieces.iter().any(|(there, _)| there == name);
         let known = self
             .pieces
@@ -126,7 +126,7 @@ impl Board {
             .collect();
         for name in gone {
             // Drawn empty, so that viewers take it away.
-            self.draw(randt_wellknown::nothing(&name), name);
+            self.draw(randt_foxglove_schemas::nothing(&name), name);
         }
         for (name, update) in pieces {
             self.draw(update, name);
@@ -134,7 +134,7 @@ impl Board {
     }
 
     fn draw(&mut self, update: SceneUpdate, name: String) {
-        if let Some(bytes) = randt_wellknown::bytes(&update) {
+        if let Some(bytes) = randt_foxglove_schemas::bytes(&update) {
             self.put((Shown::Path, name), None, bytes, None);
         }
     }

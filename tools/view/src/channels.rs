@@ -1,7 +1,9 @@
 //! The channels: what is shown.
 
+use randt_foxglove_schemas::{
+    FrameTransforms, Log, PointCloud, PoseInFrame, SceneUpdate, channel, topic,
+};
 use randt_log::Channel;
-use randt_wellknown::{FrameTransforms, Log, PointCloud, PoseInFrame, SceneUpdate, channel, topic};
 
 /// What can be subscribed to, in the order of importance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

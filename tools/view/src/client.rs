@@ -3,7 +3,7 @@
 use crate::pieces::Pieces;
 use crate::protocol::Request;
 use crate::{Board, Flow, Shown, protocol, words};
-use randt_wellknown::{bytes, pose_of_state, status, transforms};
+use randt_foxglove_schemas::{bytes, pose_of_state, status, transforms};
 use std::collections::VecDeque;
 
 /// The status is told once a second, also when nothing comes.
@@ -226,7 +226,7 @@ impl Client {
     ) -> Option<Frame> {
         let points = board.points.as_ref()?;
         let bytes_max = (flow.rate() * CLOUD_TAKES_S).max(CLOUD_LEAST);
-        let cloud = randt_wellknown::of_some_points(points.as_ref(), bytes_max as usize);
+        let cloud = randt_foxglove_schemas::of_some_points(points.as_ref(), bytes_max as usize);
         let payload = bytes(&cloud)?;
         if !flow.has_room(payload.len(), 0.0) {
             return None;

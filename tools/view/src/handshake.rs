@@ -28,7 +28,7 @@ pub(crate) struct Handshake {
 /// The state of a handshake after a turn.
 pub(crate) enum Progress {
     /// More is to come.
-    Waits(Box<Handshake>),
+    PortWaiter(Box<Handshake>),
     /// It succeeded.
     Done(Box<Connection>),
     /// It was answered with a refusal.
@@ -84,7 +84,7 @@ impl Handshake {
                 let connection = Connection::new(socket, watched, address, session);
                 Progress::Done(Box::new(connection))
             }
-            Err(HandshakeError::Interrupted(machine)) => Progress::Waits(Box::new(Self {
+            Err(HandshakeError::Interrupted(machine)) => Progress::PortWaiter(Box::new(Self {
                 address,
                 watched,
                 begin_ns,

@@ -1,7 +1,7 @@
 //! What the view reads of the bus.
 
 use randt_messages::{MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic, RadarPoints};
-use randt_stage::{Error, Stage, Subscriber, Wakes};
+use randt_stage::{Error, Stage, Subscriber, Waitable};
 use randt_view::Board;
 
 /// The topics that are shown.
@@ -47,7 +47,7 @@ impl Inputs {
     }
 
     /// What to sleep on.
-    pub fn wakes(&self) -> Vec<&dyn Wakes> {
+    pub fn wakes(&self) -> Vec<&dyn Waitable> {
         vec![
             &self.states,
             &self.points,

@@ -4,7 +4,7 @@ mod inputs;
 
 use clap::Parser;
 use inputs::Inputs;
-use randt_stage::{Descriptor, StageArguments, Wakes, Woken, ended, go_behind, parse};
+use randt_stage::{Descriptor, StageArguments, Waitable, WakeReason, ended, go_behind, parse};
 use randt_view::{AccessPolicy, Board, Server, ViewerLimits, check_address};
 use std::error::Error;
 use std::process::ExitCode;
@@ -44,7 +44,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     go_behind();
     let mut stage = arguments.stage.open("view")?;
     let selection = &arguments.stage.selection;
-    stage.follow(selection, &config, &["robot", "view"], None);
+    stage.follow_configuration(selection, &config, &["robot", "view"], None);
     let clock = stage.clock();
     let mut inputs = Inputs::open(&mut stage)?;
     let mut board = Board::new(config.robot);
@@ -53,14 +53,14 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     loop {
         inputs.drain(&mut board)?;
         let now_ns = clock.now_ns();
-        server.turn(&board, now_ns, &mut |line| stage.say(line));
-        stage.report(server.trouble(), 0);
-        stage.remark(&server.remark(now_ns));
+        server.turn(&board, now_ns, &mut |line| stage.log_info(line));
+        stage.set_status(server.trouble(), 0);
+        stage.set_remark(&server.status_remark(now_ns));
         let sockets = server.descriptors().map(Descriptor::new);
         let sockets = sockets.collect::<Result<Vec<_>, _>>()?;
         let mut on = inputs.wakes();
-        on.extend(sockets.iter().map(|socket| socket as &dyn Wakes));
-        if stage.wait(&on, Some(server.pause()))? == Woken::Stop {
+        on.extend(sockets.iter().map(|socket| socket as &dyn Waitable));
+        if stage.wait(&on, Some(server.pause()))? == WakeReason::Stop {
             break;
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::board::Piece;
 use crate::{Board, Flow, Shown};
-use randt_wellknown::{bytes, clear};
+use randt_foxglove_schemas::{bytes, clear};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 

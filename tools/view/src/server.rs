@@ -156,7 +156,7 @@ impl Server {
         for handshake in std::mem::take(&mut self.handshakes) {
             let address = handshake.address;
             let (event, why) = match handshake.turn(&self.session, now_ns) {
-                Progress::Waits(handshake) => {
+                Progress::PortWaiter(handshake) => {
                     self.handshakes.push(*handshake);
                     continue;
                 }
@@ -189,7 +189,7 @@ impl Server {
     }
 
     /// Who watches and how well.
-    pub fn remark(&self, now_ns: i64) -> String {
+    pub fn status_remark(&self, now_ns: i64) -> String {
         let mut words = match self.viewers.len() {
             0 => "nobody watches".to_owned(),
             1 => "1 viewer".to_owned(),

@@ -1,8 +1,8 @@
 //! How old and how good what is shown is, in words.
 
 use crate::Board;
+use randt_foxglove_schemas::status::Mood;
 use randt_messages::Trust;
-use randt_wellknown::status::Mood;
 
 /// From this age on a pose is said to be old, s: three sweeps of an iSDR-C, and what odometry needs.
 const OLD_S: f64 = 1.0;

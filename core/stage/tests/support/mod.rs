@@ -108,9 +108,9 @@ impl Drop for Other {
     }
 }
 
-/// A piece of shared memory of a realm.
-pub fn segment(realm: &randt_stage::Realm, kind: &str) -> PathBuf {
-    let all = randt_stage::leftovers(realm).into_iter();
+/// A piece of shared memory of a domain.
+pub fn segment(domain: &randt_stage::Domain, kind: &str) -> PathBuf {
+    let all = randt_stage::leftovers(domain).into_iter();
     let mut all = all.map(|file| file.path);
     all.find(|path| path.extension().is_some_and(|it| it == kind))
         .unwrap()

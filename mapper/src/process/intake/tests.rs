@@ -1,14 +1,14 @@
 //! A journal that grows, is opened again, and odometry that is away, has forgotten or is another one.
 
 use super::*;
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::path::PathBuf;
 use tempfile::TempDir;
 
-/// A realm with a mapper in it, and where its journal lies.
+/// A domain with a mapper in it, and where its journal lies.
 struct Scene {
     run: TempDir,
-    realm: Realm,
+    domain: Domain,
     stage: Stage,
 }
 
@@ -16,9 +16,9 @@ impl Scene {
     fn new(name: &str) -> Self {
         let run = tempfile::tempdir().unwrap();
         let prefix = format!("{name}-{}", std::process::id());
-        let realm = Realm::new(&prefix, Some(run.path())).unwrap();
-        let stage = Stage::open("mapper", &realm).unwrap();
-        Self { run, realm, stage }
+        let domain = Domain::new(&prefix, Some(run.path())).unwrap();
+        let stage = Stage::open("mapper", &domain).unwrap();
+        Self { run, domain, stage }
     }
 
     fn journal(&self) -> PathBuf {
@@ -37,7 +37,7 @@ impl Scene {
 
     fn end(self) {
         drop(self.stage);
-        randt_stage::wipe(&self.realm, true).unwrap();
+        randt_stage::wipe(&self.domain, true).unwrap();
     }
 }
 

@@ -19,8 +19,8 @@ const ANSWER: Duration = Duration::from_millis(2);
 /// Fifty bytes, a message, take so long at 921,600 baud: an emulator that was kept from sending does not send all that it
 /// is late with at once, which no port's buffer would hold.
 const ON_THE_WIRE: Duration = Duration::from_micros(500);
-/// Every so many messages one is spoilt.
-const SPOILT: u64 = 10;
+/// Every so many messages one is corrupted.
+const CORRUPTED_EVERY: u64 = 10;
 /// Junk has a signature's first byte in it, as noise may.
 const JUNK: &[u8] = &[0x75, 0x00, 0xFA, 0xFF, 0x75, 0x65, 0x13];
 
@@ -130,7 +130,7 @@ impl SerialImu {
                 moments.begin_clock(moment.stamp_ns);
             }
             if is_wrong
-                && moment.number.is_multiple_of(SPOILT)
+                && moment.number.is_multiple_of(CORRUPTED_EVERY)
                 && let Some(plugged) = &mut self.plugged
             {
                 let message = plugged.device.wrong(&moment, &mut wrong);
@@ -171,24 +171,24 @@ impl SerialImu {
         };
         let at_s = moments.at_s(moment.stamp_ns);
         let on = |kind| moments.faults().is_on(kind, at_s);
-        let spoilt = |kind| on(kind) && moment.number.is_multiple_of(SPOILT);
-        if spoilt(FaultKind::Checksum)
+        let corrupted = |kind| on(kind) && moment.number.is_multiple_of(CORRUPTED_EVERY);
+        if corrupted(FaultKind::Checksum)
             && let Some(last) = message.last_mut()
         {
             *last ^= 0x55;
         }
-        if half || spoilt(FaultKind::Cut) {
+        if half || corrupted(FaultKind::Cut) {
             message.truncate(message.len() / 2);
         }
         let mut bytes = Vec::new();
-        if spoilt(FaultKind::Junk) {
+        if corrupted(FaultKind::Junk) {
             bytes.extend_from_slice(JUNK);
         }
-        if spoilt(FaultKind::Oversize) {
+        if corrupted(FaultKind::Oversize) {
             bytes.extend_from_slice(plugged.device.oversize());
         }
         bytes.extend(message);
-        if on(FaultKind::Doubled) && moment.number.is_multiple_of(SPOILT) {
+        if on(FaultKind::Doubled) && moment.number.is_multiple_of(CORRUPTED_EVERY) {
             bytes.extend_from_within(..);
         }
         plugged.held.extend(bytes);

@@ -1,6 +1,6 @@
 //! A radar that sends beam-udp.
 
-use super::mishap::Spoil;
+use super::mishap::Corruption;
 use super::{Format, Sending, Sent, Wire, play};
 use crate::wrong::Wrong;
 use crate::{Error, Faults, Pace, Recording};
@@ -148,11 +148,11 @@ impl Wire for BeamUdpSender {
         message
     }
 
-    fn spoil(&self, spoil: Spoil, message: &mut Vec<u8>) {
-        match spoil {
-            Spoil::Checksum => message.last_mut().map_or((), |last| *last ^= 0x55),
-            Spoil::Version => message.get_mut(4).map_or((), |version| *version = 9),
-            Spoil::Oversize => message.resize(2 * DATAGRAM_MAX, 0xaa),
+    fn corrupt(&self, corrupt: Corruption, message: &mut Vec<u8>) {
+        match corrupt {
+            Corruption::Checksum => message.last_mut().map_or((), |last| *last ^= 0x55),
+            Corruption::Version => message.get_mut(4).map_or((), |version| *version = 9),
+            Corruption::Oversize => message.resize(2 * DATAGRAM_MAX, 0xaa),
         }
     }
 }

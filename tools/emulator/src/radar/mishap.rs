@@ -4,8 +4,8 @@ use super::Wire;
 use crate::wrong::Wrong;
 use crate::{FaultKind, Faults};
 
-/// Of so many messages one is spoilt.
-const SPOILT: u64 = 10;
+/// Of so many messages one is corrupted.
+const CORRUPTED_EVERY: u64 = 10;
 /// Of so many messages one is lost, doubled or late.
 const ASTRAY: u64 = 20;
 /// How far an unsteady encoder is off, in steps.
@@ -13,9 +13,9 @@ const JITTER_STEPS: f64 = 0.2;
 /// How much too late stamps are at most, ns: a Navtech's come in bursts like that.
 const JITTER_NS: i64 = 8_000_000;
 
-/// How a message is spoilt.
+/// How a message is corrupted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Spoil {
+pub(crate) enum Corruption {
     /// Its checksum is wrong.
     Checksum,
     /// It is of a version that is not there yet.
@@ -86,7 +86,7 @@ impl Mishaps {
             self.closes = closes;
             messages.iter().for_each(|message| wire.close(message));
         }
-        if on(FaultKind::Wrong) && every(SPOILT) {
+        if on(FaultKind::Wrong) && every(CORRUPTED_EVERY) {
             for message in messages.iter() {
                 let message = wire.wrong(message, &mut self.wrong);
                 wire.send(&message);
@@ -101,19 +101,19 @@ impl Mishaps {
             self.held.extend(messages.iter().cloned());
             return 0;
         }
-        if on(FaultKind::Junk) && every(SPOILT) {
+        if on(FaultKind::Junk) && every(CORRUPTED_EVERY) {
             wire.send(&self.junk());
         }
-        for (kind, spoil, seldom) in [
-            (FaultKind::Checksum, Spoil::Checksum, true),
-            (FaultKind::Version, Spoil::Version, false),
-            (FaultKind::Oversize, Spoil::Oversize, true),
+        for (kind, corrupt, seldom) in [
+            (FaultKind::Checksum, Corruption::Checksum, true),
+            (FaultKind::Version, Corruption::Version, false),
+            (FaultKind::Oversize, Corruption::Oversize, true),
         ] {
-            if on(kind) && (!seldom || every(SPOILT)) {
-                messages.iter_mut().for_each(|m| wire.spoil(spoil, m));
+            if on(kind) && (!seldom || every(CORRUPTED_EVERY)) {
+                messages.iter_mut().for_each(|m| wire.corrupt(corrupt, m));
             }
         }
-        if on(FaultKind::Cut) && every(SPOILT) {
+        if on(FaultKind::Cut) && every(CORRUPTED_EVERY) {
             messages.iter_mut().for_each(|m| m.truncate(m.len() / 2));
         }
         let times = if on(FaultKind::Doubled) && every(ASTRAY) {

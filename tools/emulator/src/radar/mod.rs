@@ -51,7 +51,7 @@ trait Wire {
     /// A message like this one, well-formed and with wrong content.
     fn wrong(&self, message: &[u8], wrong: &mut Wrong) -> Vec<u8>;
     /// Spoils a message as only this protocol can be.
-    fn spoil(&self, spoil: mishap::Spoil, message: &mut Vec<u8>);
+    fn corrupt(&self, corrupt: mishap::Corruption, message: &mut Vec<u8>);
 }
 
 /// A beam as it is to be sent.
@@ -120,7 +120,7 @@ fn play(
     Ok(sent)
 }
 
-/// Waits for a stamp, and serves meanwhile; `false` where the end was asked for first.
+/// PortWaiter for a stamp, and serves meanwhile; `false` where the end was asked for first.
 fn wait(wire: &mut dyn Wire, pace: &Pace, stamp_ns: i64, ends: &dyn Fn() -> bool) -> bool {
     let due = pace.due(stamp_ns);
     loop {

@@ -1,6 +1,6 @@
 //! A radar that speaks Navtech's Colossus.
 
-use super::mishap::Spoil;
+use super::mishap::Corruption;
 use super::server::Server;
 use super::turns::Turn;
 use super::{Order, Sending, Sent, Wire, play};
@@ -190,12 +190,12 @@ impl Wire for NavtechServer {
         self.server.unplug(gone);
     }
 
-    fn spoil(&self, spoil: Spoil, message: &mut Vec<u8>) {
-        match spoil {
+    fn corrupt(&self, corrupt: Corruption, message: &mut Vec<u8>) {
+        match corrupt {
             // There is none.
-            Spoil::Checksum => {}
-            Spoil::Version => message.get_mut(16).map_or((), |version| *version = 9),
-            Spoil::Oversize => message.get_mut(18).map_or((), |length| *length = 1),
+            Corruption::Checksum => {}
+            Corruption::Version => message.get_mut(16).map_or((), |version| *version = 9),
+            Corruption::Oversize => message.get_mut(18).map_or((), |length| *length = 1),
         }
     }
 }

@@ -3,7 +3,7 @@
 use crate::stages::{Place, Running, memory};
 use randt_messages::{OdometryState, OdometryStateTopic, RadarScan, Topic};
 use randt_readers::Event;
-use randt_stage::{Realm, Stage};
+use randt_stage::{Domain, Stage};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ const WARM_UP: Duration = Duration::from_secs(3);
 /// The stages that compute, and the recorder where it is asked for.
 pub struct Stages<'a> {
     place: &'a Place,
-    pub realm: Realm,
+    pub domain: Domain,
     pub running: Vec<Running>,
 }
 
@@ -65,10 +65,10 @@ fn processor(running: &Running) -> Duration {
 impl<'a> Stages<'a> {
     /// Starts them for a log; with a recorder beside them where there is a folder for it.
     pub fn start(place: &'a Place, log: &Path, prefix: &str, logs: Option<&Path>) -> Self {
-        let realm = place.realm(prefix);
+        let domain = place.domain(prefix);
         let (profile, _) = place.profile(log);
         let start = |name, logs: Option<&Path>| {
-            let mut command = Place::command(&realm, name);
+            let mut command = Place::command(&domain, name);
             command.arg("--profile").arg(&profile);
             command.args(logs.map(|_| "--out")).args(logs);
             place.start(name, command)
@@ -79,21 +79,21 @@ impl<'a> Stages<'a> {
         running.extend(logs.map(|logs| start("recorder", Some(logs))));
         Self {
             place,
-            realm,
+            domain,
             running,
         }
     }
 
     /// Plays a log to its end.
     pub fn play(&self, log: &Path) -> Running {
-        let mut play = Place::command(&self.realm, "play");
+        let mut play = Place::command(&self.domain, "play");
         play.arg(log);
         self.place.start("play", play)
     }
 
     /// Plays a log and watches.
     pub fn drive(&mut self, log: &Path) -> Drive {
-        let mut stage = Stage::open("bench", &self.realm).unwrap();
+        let mut stage = Stage::open("bench", &self.domain).unwrap();
         let mut states_in = stage.subscriber::<OdometryStateTopic>().unwrap();
         stage.running().unwrap();
         let mut play = self.play(log);
@@ -110,7 +110,7 @@ impl<'a> Stages<'a> {
                 continue;
             }
             looked = Instant::now();
-            most = most.max(memory(&self.realm));
+            most = most.max(memory(&self.domain));
             // Counters of a process that has ended are not there any more.
             if begin.elapsed() < WARM_UP || play.ended().is_some() {
                 continue;

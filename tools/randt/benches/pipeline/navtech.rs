@@ -5,7 +5,7 @@ use randt_messages::{
     Beam, ImuSample, ImuSampleTopic, Message, MessageRef, OdometryStateTopic, RadarScan, Return,
     SensorKind,
 };
-use randt_stage::{Stage, Woken};
+use randt_stage::{Stage, WakeReason};
 use std::time::{Duration, Instant};
 
 const BEAMS: u32 = 400;
@@ -22,13 +22,13 @@ pub fn print(place: &Place) {
         "\nNavtech: {BEAMS} beams, {} returns a scan",
         BEAMS * RETURNS_PER_BEAM
     );
-    let realm = place.realm("navtech");
+    let domain = place.domain("navtech");
     let mut running = ["mapper", "odometry", "filter"].map(|name| {
-        let mut command = Place::command(&realm, name);
+        let mut command = Place::command(&domain, name);
         command.args(["--sensor", "navtech-cts"]);
         place.start(name, command)
     });
-    let mut stage = Stage::open("navtech", &realm).unwrap();
+    let mut stage = Stage::open("navtech", &domain).unwrap();
     let mut scans = stage.publisher::<RadarScan>().unwrap();
     let mut samples = stage.publisher::<ImuSampleTopic>().unwrap();
     let mut states = stage.subscriber::<OdometryStateTopic>().unwrap();
@@ -53,11 +53,11 @@ pub fn print(place: &Place) {
             while let Some(state) = states.receive().unwrap() {
                 (count, points) = (count + 1, points + u64::from(state.message().head.points));
             }
-            if woken != Woken::Event {
+            if woken != WakeReason::Event {
                 break;
             }
         }
-        most = most.max(memory(&realm));
+        most = most.max(memory(&domain));
     }
     println!(
         "{count} of {SCANS} states, {} points a scan, {:.1} MB in use at most",

@@ -17,7 +17,7 @@ mod worlds;
 
 use crate::{exit::Outcome, identity::Identity, output::print};
 use finding::{Finding, Grade};
-use randt_stage::{Realm, RealmArguments};
+use randt_stage::{Domain, DomainArguments};
 use scene::Scene;
 
 /// Arguments of `randt doctor`.
@@ -33,7 +33,7 @@ pub struct Arguments {
     #[arg(long, requires = "clean")]
     state: bool,
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
 }
 
 /// What else there is to examine.
@@ -48,24 +48,24 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     if let Some(Part::Sensors(arguments)) = arguments.part {
         return sensors::run(&arguments);
     }
-    let realm = arguments.realm.realm()?;
-    if let Some(finding) = owner::open_to_all(&realm) {
+    let domain = arguments.domain.domain()?;
+    if let Some(finding) = owner::open_to_all(&domain) {
         // Nothing in it is opened: anybody may have made it.
-        return conclude(&title(&realm), &[finding]);
+        return conclude(&title(&domain), &[finding]);
     }
-    // Root's looks and cleans with the rights of the realm's owner, who may have put links in it.
-    let owner = Identity::of_way_to(&realm.folder())?;
-    owner.run(|| examine(realm, &arguments))
+    // Root's looks and cleans with the rights of the domain's owner, who may have put links in it.
+    let owner = Identity::of_way_to(&domain.folder())?;
+    owner.run(|| examine(domain, &arguments))
 }
 
-fn examine(realm: Realm, arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let scene = Scene::of(realm);
+fn examine(domain: Domain, arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let scene = Scene::of(domain);
     if arguments.clean {
         return clean::run(&scene, arguments.state);
     }
     let mut findings = vec![owner::check(&scene), owner::check_rights(&scene)];
     findings.push(exposed::check(&scene));
-    findings.push(worlds::check(&scene, arguments.realm.run.is_none()));
+    findings.push(worlds::check(&scene, arguments.domain.run.is_none()));
     findings.push(memory::check(&scene));
     findings.push(memory::check_run_folder(&scene));
     findings.push(clock::check(&scene));
@@ -74,11 +74,11 @@ fn examine(realm: Realm, arguments: &Arguments) -> anyhow::Result<Outcome> {
     findings.push(shared_memory::check(&scene));
     findings.push(slots::check(&scene));
     findings.push(leftovers::check(&scene));
-    conclude(&title(&scene.realm), &findings.concat())
+    conclude(&title(&scene.domain), &findings.concat())
 }
 
-fn title(realm: &Realm) -> String {
-    format!("realm {} in {}", realm.prefix(), realm.run().display())
+fn title(domain: &Domain) -> String {
+    format!("domain {} in {}", domain.prefix(), domain.run().display())
 }
 
 /// Prints what was found.

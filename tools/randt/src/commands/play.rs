@@ -4,7 +4,7 @@ mod player;
 
 use crate::{exit::Outcome, input::InputOptions};
 use player::Player;
-use randt_stage::{RealmArguments, Stage};
+use randt_stage::{DomainArguments, Stage};
 use std::path::PathBuf;
 
 /// Arguments of `randt play`.
@@ -23,7 +23,7 @@ pub struct Arguments {
     #[arg(long)]
     stay: bool,
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
     /// End with this process, which has started this one
     #[arg(long, value_name = "PID", hide = true)]
     parent: Option<u32>,
@@ -38,7 +38,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     if let Some(parent) = arguments.parent {
         randt_stage::end_with(parent);
     }
-    let stage = Stage::open("play", &arguments.realm.realm()?)?;
+    let stage = Stage::open("play", &arguments.domain.domain()?)?;
     let mut player = Player::open(stage, arguments.rate)?;
     loop {
         let ended = player.play(source.as_mut())?;

@@ -12,7 +12,7 @@ mod watch;
 
 use crate::{exit::Outcome, output::print};
 use anyhow::{bail, ensure};
-use randt_stage::RealmArguments;
+use randt_stage::DomainArguments;
 use screen::Screen;
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
@@ -36,12 +36,12 @@ pub struct Arguments {
     #[arg(long, value_name = "S", default_value = "1", value_parser = interval)]
     interval: f64,
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
 }
 
 /// Watches.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    let watch = Watch::new(arguments.realm.realm()?);
+    let watch = Watch::new(arguments.domain.domain()?);
     if arguments.once {
         once(watch, arguments.json)
     } else {
@@ -60,7 +60,7 @@ fn once(mut watch: Watch, json: bool) -> anyhow::Result<Outcome> {
     if snapshot.stages.is_empty() {
         bail!(
             "no pipeline is there: no stage ever ran in {}; start one (randt up), or say where it is (--run, --prefix)",
-            watch.realm().folder().display()
+            watch.domain().folder().display()
         );
     }
     print(&if json {

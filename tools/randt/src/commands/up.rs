@@ -16,7 +16,7 @@ use randt_config::{Loaded, SelectionArguments};
 use randt_imu::Imu;
 use randt_radar::Radar;
 use randt_readers::Source;
-use randt_stage::RealmArguments;
+use randt_stage::DomainArguments;
 use std::path::PathBuf;
 
 /// Refuses a configuration that a driver would end by.
@@ -73,7 +73,7 @@ pub struct Arguments {
     #[command(flatten)]
     selection: SelectionArguments,
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
     #[command(flatten)]
     options: InputOptions,
 }
@@ -91,20 +91,20 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         check_drivers(&loaded, arguments.no_imu)?;
     }
     crate::commands::run::prepare_folder(&arguments.out)?;
-    let realm = arguments.realm.realm()?;
-    if randt_stage::wipe(&realm, true)?.is_none() {
+    let domain = arguments.domain.domain()?;
+    if randt_stage::wipe(&domain, true)?.is_none() {
         bail!(
             "{}: a pipeline runs here already, or a stage of one; stop it, or give this one another --prefix (a recorder is started by --record, a view by --view)",
-            realm.folder().display()
+            domain.folder().display()
         );
     }
     earlier::keep_drive(&arguments.out)?;
     let (mut processes, journal) =
-        Processes::start(&arguments, &realm, &loaded, source.as_deref())?;
+        Processes::start(&arguments, &domain, &loaded, source.as_deref())?;
     let end = processes.watch();
     processes.stop();
     let ending = Ending {
-        realm: &realm,
+        domain: &domain,
         out: &arguments.out,
         config: &loaded.config,
         use_imu: !arguments.no_imu,

@@ -138,7 +138,7 @@ impl Client {
     }
 
     /// Bytes that are no packet.
-    pub(super) fn spoil(&mut self, junk: &[u8]) {
+    pub(super) fn corrupt(&mut self, junk: &[u8]) {
         self.waiting.extend_from_slice(junk);
     }
 

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 
 /// It answers within this time.
 const ANSWER: Duration = Duration::from_millis(2);
-/// Every so many messages one is spoilt.
-const SPOILT: u64 = 10;
+/// Every so many messages one is corrupted.
+const CORRUPTED_EVERY: u64 = 10;
 /// A packet begins with other bytes.
 const JUNK: &[u8] = b"no packet";
 
@@ -114,11 +114,11 @@ impl PhidgetServer {
         let at_s = moments.at_s(moment.stamp_ns);
         let on = |kind| moments.faults().is_on(kind, at_s);
         for client in &mut self.clients {
-            if on(FaultKind::Junk) && moment.number.is_multiple_of(SPOILT) {
-                client.spoil(JUNK);
+            if on(FaultKind::Junk) && moment.number.is_multiple_of(CORRUPTED_EVERY) {
+                client.corrupt(JUNK);
             }
             client.measure(moment, moments.interval_ns());
-            if on(FaultKind::Doubled) && moment.number.is_multiple_of(SPOILT) {
+            if on(FaultKind::Doubled) && moment.number.is_multiple_of(CORRUPTED_EVERY) {
                 client.measure(moment, moments.interval_ns());
             }
             let half = close || on(FaultKind::Split);

@@ -10,8 +10,8 @@ use randt_stage::{CleanUp, Registry, clean_up, leftovers, slots_of_nobody, wipe}
 
 /// Cleans, or says who lives.
 pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
-    let realm = &scene.realm;
-    let here = format!("realm {} in {}", realm.prefix(), realm.run().display());
+    let domain = &scene.domain;
+    let here = format!("domain {} in {}", domain.prefix(), domain.run().display());
     let living = living(scene);
     if !living.is_empty() {
         if state {
@@ -22,18 +22,18 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
         }
         return beside_the_living(scene, &here);
     }
-    if scene.owner.is_none() && leftovers(realm).is_empty() {
+    if scene.owner.is_none() && leftovers(domain).is_empty() {
         print(&format!("{here}: not there, nothing to remove\n"))?;
         return Ok(Outcome::Good);
     }
-    let Some(removed) = wipe(realm, state)? else {
+    let Some(removed) = wipe(domain, state)? else {
         bail!(
             "{here}: nothing was removed, for a process is in it that came just now or cannot be seen"
         );
     };
     if !state {
         // Whoever cleans knows that they are dead.
-        Registry::settle(realm)?;
+        Registry::settle(domain)?;
     }
     let sum = bytes(removed.iter().map(|file| file.bytes).sum());
     let removed = count(removed.len() as u64, "file", "files");
@@ -52,14 +52,14 @@ fn beside_the_living(scene: &Scene, here: &str) -> anyhow::Result<Outcome> {
         slots,
         nodes,
         services,
-    } = clean_up(&scene.realm)?;
+    } = clean_up(&scene.domain)?;
     let freed = count(slots as u64, "slot", "slots");
     let nodes = count(nodes as u64, "dead node", "dead nodes");
     let services = count(services as u64, "broken service", "broken services");
     print(&format!(
         "{here}: freed {freed}, removed {nodes} and {services}; the living were left alone\n"
     ))?;
-    let left: usize = slots_of_nobody(&scene.realm).values().sum();
+    let left: usize = slots_of_nobody(&scene.domain).values().sum();
     ensure!(
         left == 0,
         "{here}: {left} slots are still held by nobody: stop all stages, then clean once more"
@@ -67,7 +67,7 @@ fn beside_the_living(scene: &Scene, here: &str) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-/// Everybody in this realm.
+/// Everybody in this domain.
 fn living(scene: &Scene) -> Vec<String> {
     let mut living: Vec<String> = scene.inside().map(ToString::to_string).collect();
     // What the register knows and this process may not look at.

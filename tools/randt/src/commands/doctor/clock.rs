@@ -12,7 +12,7 @@ const SET_S: f64 = 1.0;
 /// Whether the anchor is there and good.
 pub fn check(scene: &Scene) -> Vec<Finding> {
     const ABOUT: &str = "clock";
-    let path = scene.realm.run().join("clock-anchor");
+    let path = scene.domain.run().join("clock-anchor");
     let shown = path.display();
     let lives = scene.living().next().is_some();
     let anew = format!("stop all stages, rm -f {shown}, start them again");

@@ -8,13 +8,13 @@ use randt_stage::exposed;
 /// Bits by which its group and everybody may touch a file.
 const OTHERS: u32 = 0o077;
 
-/// Every file of the realm is its owner's and nobody else's to read or write.
+/// Every file of the domain is its owner's and nobody else's to read or write.
 pub fn check(scene: &Scene) -> Vec<Finding> {
     const ABOUT: &str = "exposed";
     let Some(owner) = scene.owner else {
         return Vec::new();
     };
-    let files = exposed(&scene.realm);
+    let files = exposed(&scene.domain);
     let mut open = files
         .iter()
         .filter(|file| file.owner == owner && file.mode & OTHERS != 0);

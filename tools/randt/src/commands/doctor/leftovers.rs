@@ -11,7 +11,7 @@ use std::time::Duration;
 
 /// What a stage that starts or ends has made and not yet opened is looked at again after this time.
 const AGAIN: Duration = Duration::from_millis(200);
-/// Nobody keeps this open; it stays until the realm is cleaned, and is 16 bytes long.
+/// Nobody keeps this open; it stays until the domain is cleaned, and is 16 bytes long.
 const SHARED_BY_ALL: &str = ".global_mgmt";
 /// A living node keeps this open.
 const NODE: &str = ".node_monitor";
@@ -58,7 +58,7 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
 }
 
 fn everything(scene: &Scene) -> Vec<Leftover> {
-    let mut left = leftovers(&scene.realm);
+    let mut left = leftovers(&scene.domain);
     left.retain(|file| !file.path.to_string_lossy().ends_with(SHARED_BY_ALL));
     left
 }
@@ -70,7 +70,7 @@ fn unheld(scene: &Scene) -> Vec<Leftover> {
         return before;
     }
     std::thread::sleep(AGAIN);
-    let mut still = unheld_now(&Scene::of(scene.realm.clone()));
+    let mut still = unheld_now(&Scene::of(scene.domain.clone()));
     still.retain(|file| before.contains(file));
     still
 }
@@ -83,7 +83,7 @@ fn unheld_now(scene: &Scene) -> Vec<Leftover> {
     let mut left = everything(scene);
     left.retain(|file| {
         let matters = file.path.starts_with("/dev/shm")
-            && !file.path.starts_with(scene.realm.root())
+            && !file.path.starts_with(scene.domain.root())
             || file.path.to_string_lossy().ends_with(NODE);
         matters && fs::metadata(&file.path).is_ok_and(|found| !held.contains(&id(&found)))
     });

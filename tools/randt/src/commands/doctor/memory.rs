@@ -25,12 +25,12 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
         found.f_bavail * found.f_frsize,
         found.f_blocks * found.f_frsize,
     );
-    let used: u64 = leftovers(&scene.realm)
+    let used: u64 = leftovers(&scene.domain)
         .iter()
         .filter(|file| file.path.starts_with(SHARED_MEMORY))
         .map(|file| file.bytes)
         .sum();
-    // What this realm has already is there for it.
+    // What this domain has already is there for it.
     let there = free + used;
     let topics = |navtech| -> usize { TOPICS.iter().map(|qos| qos.bytes_in_use(navtech)).sum() };
     let state = if on_shared_memory(scene) {
@@ -47,7 +47,7 @@ fn judge(there: u64, size: u64, needed: [u64; 2]) -> Finding {
     const ABOUT: &str = "memory";
     let [isdr_c, navtech] = needed;
     let text = format!(
-        "{} of {} in /dev/shm are free or this realm's; it needs {} with an iSDR-C, {} with a Navtech",
+        "{} of {} in /dev/shm are free or this domain's; it needs {} with an iSDR-C, {} with a Navtech",
         bytes(there),
         bytes(size),
         bytes(isdr_c),
@@ -71,7 +71,7 @@ fn judge(there: u64, size: u64, needed: [u64; 2]) -> Finding {
 /// The run folder is in memory and has room for what outlives a stage.
 pub fn check_run_folder(scene: &Scene) -> Vec<Finding> {
     const ABOUT: &str = "run folder";
-    let run = scene.realm.run();
+    let run = scene.domain.run();
     let shown = run.display();
     let (Ok(kind), Ok(found)) = (rustix::fs::statfs(run), rustix::fs::statvfs(run)) else {
         // The first stage makes it.
@@ -109,7 +109,7 @@ fn state_bytes() -> usize {
 }
 
 fn state_on_disk(scene: &Scene) -> u64 {
-    let files = fs::read_dir(scene.realm.state())
+    let files = fs::read_dir(scene.domain.state())
         .into_iter()
         .flatten()
         .flatten();
@@ -120,7 +120,7 @@ fn state_on_disk(scene: &Scene) -> u64 {
 
 fn on_shared_memory(scene: &Scene) -> bool {
     let device = |path: &Path| fs::metadata(path).ok().map(|found| found.dev());
-    device(scene.realm.run()) == device(Path::new(SHARED_MEMORY))
+    device(scene.domain.run()) == device(Path::new(SHARED_MEMORY))
 }
 
 #[cfg(test)]

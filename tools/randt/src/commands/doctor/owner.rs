@@ -1,17 +1,17 @@
-//! Whose the realm is, and what others may do in it. All stages must be one user's: shared memory is.
+//! Whose the domain is, and what others may do in it. All stages must be one user's: shared memory is.
 
 use super::finding::Finding;
 use super::scene::Scene;
-use randt_stage::{Realm, leftovers};
+use randt_stage::{Domain, leftovers};
 use rustix::fs::Access;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// The realm, its shared memory, its stages and this process are one user's.
+/// The domain, its shared memory, its stages and this process are one user's.
 pub fn check(scene: &Scene) -> Vec<Finding> {
     const ABOUT: &str = "user";
-    let folder = scene.realm.folder();
+    let folder = scene.domain.folder();
     let (user, options) = (scene.user, scene.options());
     let Some(owner) = scene.owner else {
         let text = format!("{}: not there, no stage ever ran here", folder.display());
@@ -32,11 +32,11 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
         let theirs = process.user;
         found.push(Finding::bad(
             ABOUT,
-            format!("{process} runs as user {theirs}, the realm belongs to user {owner}"),
+            format!("{process} runs as user {theirs}, the domain belongs to user {owner}"),
             format!("kill {}, and start it with sudo -u '#{owner}'", process.pid),
         ));
     }
-    let foreign = leftovers(&scene.realm).into_iter().filter_map(|file| {
+    let foreign = leftovers(&scene.domain).into_iter().filter_map(|file| {
         let theirs = fs::metadata(&file.path).ok()?.uid();
         (theirs != owner).then_some((theirs, file.path))
     });
@@ -45,26 +45,26 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
         found.push(Finding::bad(
             ABOUT,
             format!(
-                "{} files of user {theirs} in the realm of user {owner}, such as {}",
+                "{} files of user {theirs} in the domain of user {owner}, such as {}",
                 foreign.len(),
                 first.display()
             ),
             format!(
                 "end that user's stages, then sudo rm /dev/shm/{}*",
-                scene.realm.segment_prefix()
+                scene.domain.segment_prefix()
             ),
         ));
     }
     if found.is_empty() {
-        let text = format!("the realm, its stages and this process are user {user}");
+        let text = format!("the domain, its stages and this process are user {user}");
         found.push(Finding::ok(ABOUT, text));
     }
     found
 }
 
-/// A realm's folder in which everybody may write.
-pub fn open_to_all(realm: &Realm) -> Option<Finding> {
-    let folder = realm.folder();
+/// A domain's folder in which everybody may write.
+pub fn open_to_all(domain: &Domain) -> Option<Finding> {
+    let folder = domain.folder();
     let found = fs::symlink_metadata(&folder).ok()?;
     let is_open = found.is_dir() && found.mode() & 0o002 != 0;
     is_open.then(|| written_by_others(&folder, found.mode() & 0o777))
@@ -82,7 +82,7 @@ fn written_by_others(folder: &Path, mode: u32) -> Finding {
 /// The folder is its owner's alone, and can be written.
 pub fn check_rights(scene: &Scene) -> Vec<Finding> {
     const ABOUT: &str = "rights";
-    let folder = scene.realm.folder();
+    let folder = scene.domain.folder();
     let shown = folder.display();
     let Ok(metadata) = fs::metadata(&folder) else {
         return Vec::new();

@@ -1,22 +1,22 @@
 //! The processes of all pipelines on this machine, as the kernel shows them: none has to be asked.
 
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::collections::BTreeSet;
 use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-/// Every stage and tool has this file of its realm open.
+/// Every stage and tool has this file of its domain open.
 const PRESENCE: &str = "alive.lock";
 /// What the kernel adds to the name of a file that is no more.
 const DELETED: &str = " (deleted)";
-/// Commands of randt itself that enter a realm.
+/// Commands of randt itself that enter a domain.
 const COMMANDS: [&str; 3] = ["up", "play", "top"];
 
 /// A file, whatever name it is reached by.
 pub type FileId = (u64, u64);
 
-/// A process in a realm.
+/// A process in a domain.
 #[derive(Debug)]
 pub struct Process {
     /// Its number.
@@ -25,9 +25,9 @@ pub struct Process {
     pub user: u32,
     /// Such as `randt-filter` or `randt play`.
     pub name: String,
-    /// Folder of its realm, as it sees it.
+    /// Folder of its domain, as it sees it.
     pub folder: PathBuf,
-    /// Its realm's presence file; none where this user may not look.
+    /// Its domain's presence file; none where this user may not look.
     pub presence: Option<FileId>,
     /// Whether that was removed under it.
     pub removed: bool,
@@ -103,7 +103,7 @@ impl std::fmt::Display for Process {
     }
 }
 
-/// The identity of a realm's presence file.
+/// The identity of a domain's presence file.
 pub fn presence(folder: &Path) -> Option<FileId> {
     fs::metadata(folder.join(PRESENCE))
         .ok()
@@ -138,7 +138,7 @@ fn is_stage(arguments: &[String]) -> bool {
     name.starts_with("randt-") || command.is_some_and(|command| COMMANDS.contains(&command))
 }
 
-/// The realm that a process was told to be in.
+/// The domain that a process was told to be in.
 fn told(proc: &Path, arguments: &[String], user: u32) -> Option<PathBuf> {
     let option = |name: &str| {
         let with_value = format!("{name}=");
@@ -155,7 +155,7 @@ fn told(proc: &Path, arguments: &[String], user: u32) -> Option<PathBuf> {
             let working = fs::read_link(proc.join("cwd")).unwrap_or_default();
             working.join(run)
         }
-        None => Realm::default_run(user),
+        None => Domain::default_run(user),
     };
     Some(run.join(option("--prefix").unwrap_or_else(|| "randt".to_owned())))
 }
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn stages_and_the_tools_that_enter_a_realm_are_told_from_others() {
+    fn stages_and_the_tools_that_enter_a_domain_are_told_from_others() {
         for stage in [
             "/opt/randt-filter --run /r",
             "randt play x.mcap",
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn a_realm_is_read_from_the_command_line_where_nothing_else_is_known() {
+    fn a_domain_is_read_from_the_command_line_where_nothing_else_is_known() {
         let told = |text: &str| told(Path::new("/proc/no-such"), &words(text), 7).unwrap();
         assert_eq!(told("randt-filter --run /r --prefix p"), Path::new("/r/p"));
         assert_eq!(told("randt-filter --prefix=q --run=/s"), Path::new("/s/q"));

@@ -1,52 +1,52 @@
-//! What the checks look at: the realm, its register, and every process that may have to do with it.
+//! What the checks look at: the domain, its register, and every process that may have to do with it.
 
 use super::processes::{self, FileId, Process};
 use crate::identity::Identity;
-use randt_stage::{Entry, Error, Realm, Registry};
+use randt_stage::{Domain, Entry, Error, Registry};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 
-/// A realm as it was found.
+/// A domain as it was found.
 pub struct Scene {
-    /// The realm.
-    pub realm: Realm,
+    /// The domain.
+    pub domain: Domain,
     /// The user that this process is.
     pub user: u32,
-    /// Owner of the realm's folder, or of the run folder where that hides it; none where it is not there.
+    /// Owner of the domain's folder, or of the run folder where that hides it; none where it is not there.
     pub owner: Option<u32>,
     /// All stages that ever ran in it, with whether they live.
     pub register: Vec<(Entry, bool)>,
-    /// Stages and tools of all realms.
+    /// Stages and tools of all domains.
     pub processes: Vec<Process>,
     presence: Option<FileId>,
 }
 
 impl Scene {
     /// Looks.
-    pub fn of(realm: Realm) -> Self {
-        let folder = realm.folder();
+    pub fn of(domain: Domain) -> Self {
+        let folder = domain.folder();
         Self {
             user: rustix::process::geteuid().as_raw(),
-            owner: owner(&realm),
-            register: Registry::all(&realm),
+            owner: owner(&domain),
+            register: Registry::all(&domain),
             // Root sees those of all users.
             processes: Identity::of_caller()
                 .run(|| Ok(processes::all()))
                 .unwrap_or_default(),
             presence: processes::presence(&folder),
-            realm,
+            domain,
         }
     }
 
-    /// Whether a process is in this realm.
+    /// Whether a process is in this domain.
     pub fn is_in(&self, process: &Process) -> bool {
         match (process.presence, self.presence) {
             (Some(theirs), Some(ours)) => theirs == ours,
-            _ => process.folder == self.realm.folder() && !process.removed,
+            _ => process.folder == self.domain.folder() && !process.removed,
         }
     }
 
-    /// The processes in this realm.
+    /// The processes in this domain.
     pub fn inside(&self) -> impl Iterator<Item = &Process> {
         self.processes.iter().filter(|process| self.is_in(process))
     }
@@ -59,7 +59,7 @@ impl Scene {
 
     /// Options that lead other programs here.
     pub fn options(&self) -> String {
-        let (prefix, run) = (self.realm.prefix(), self.realm.run().display());
+        let (prefix, run) = (self.domain.prefix(), self.domain.run().display());
         format!("--prefix {prefix} --run {run}")
     }
 }
@@ -96,10 +96,10 @@ pub fn program(stage: &str) -> String {
     }
 }
 
-fn owner(realm: &Realm) -> Option<u32> {
-    match realm.check_owner() {
+fn owner(domain: &Domain) -> Option<u32> {
+    match domain.check_owner() {
         Err(Error::OtherUser { owner, .. }) => Some(owner),
-        _ => Some(fs::metadata(realm.folder()).ok()?.uid()),
+        _ => Some(fs::metadata(domain.folder()).ok()?.uid()),
     }
 }
 

@@ -9,7 +9,7 @@ use super::conclude;
 use crate::commands::up::check_drivers;
 use crate::exit::Outcome;
 use randt_config::SelectionArguments;
-use randt_stage::RealmArguments;
+use randt_stage::DomainArguments;
 use std::time::Duration;
 
 /// Arguments of `randt doctor sensors`.
@@ -24,7 +24,7 @@ pub struct Arguments {
     #[command(flatten)]
     selection: SelectionArguments,
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
 }
 
 /// Looks at both sensors at once: through their drivers where these run, else itself.
@@ -34,10 +34,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut config = loaded.config;
     // A look leaves nothing behind.
     config.record.dense.clear();
-    let realm = arguments.realm.realm()?;
+    let domain = arguments.domain.domain()?;
     let time = Duration::from_secs(u64::from(arguments.seconds));
     eprintln!("looking for {} s", arguments.seconds);
-    let seen = look::look(&config, &realm, time, !arguments.no_imu)?;
+    let seen = look::look(&config, &domain, time, !arguments.no_imu)?;
     let mut findings = radar::check(&config, &seen.radar);
     if let Some(of_imu) = &seen.imu {
         findings.extend(imu::check(&config, of_imu));

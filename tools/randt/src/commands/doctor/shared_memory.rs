@@ -16,7 +16,7 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
         return Vec::new();
     }
     std::thread::sleep(AGAIN);
-    let still = self::gone(&Scene::of(scene.realm.clone()));
+    let still = self::gone(&Scene::of(scene.domain.clone()));
     let still: Vec<_> = still.iter().filter(|one| gone.contains(one)).collect();
     let found = still.iter().map(|(name, pid, files, first)| {
         let text = format!(
@@ -34,7 +34,7 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
 /// Living stages whose memory is gone: name, process, how many files, the first of them.
 fn gone(scene: &Scene) -> Vec<(String, u64, usize, String)> {
     let stages = scene.living().filter_map(|entry| {
-        let gone = memory_gone(&scene.realm, entry);
+        let gone = memory_gone(&scene.domain, entry);
         let first = gone.first()?.display().to_string();
         Some((entry.name.clone(), entry.pid, gone.len(), first))
     });

@@ -35,12 +35,12 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
 
 /// Those that are nobody's now and a moment later.
 fn held_by_nobody(scene: &Scene) -> BTreeMap<String, usize> {
-    let before = slots_of_nobody(&scene.realm);
+    let before = slots_of_nobody(&scene.domain);
     if before.is_empty() {
         return before;
     }
     std::thread::sleep(AGAIN);
-    let mut still = slots_of_nobody(&scene.realm);
+    let mut still = slots_of_nobody(&scene.domain);
     still.retain(|service, _| before.contains_key(service));
     still
 }

@@ -3,7 +3,7 @@
 use super::finding::Finding;
 use super::processes::Process;
 use super::scene::Scene;
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
@@ -11,7 +11,7 @@ use std::path::Path;
 
 const ABOUT: &str = "worlds";
 
-/// All stages are in this realm and see the same of it. `by_default`: the run folder was not named.
+/// All stages are in this domain and see the same of it. `by_default`: the run folder was not named.
 pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
     let shared_memory = fs::metadata("/dev/shm").ok().map(|found| found.dev());
     let mut found = Vec::new();
@@ -28,7 +28,7 @@ pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
     }
     for (folder, there) in others {
         let text = format!(
-            "another realm is in {}: {}",
+            "another domain is in {}: {}",
             folder.display(),
             there.join(", ")
         );
@@ -52,7 +52,7 @@ pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
     found
 }
 
-/// In the realm, but with other shared memory.
+/// In the domain, but with other shared memory.
 fn apart(process: &Process, shared_memory: Option<u64>) -> Option<Finding> {
     // Where one of them cannot be seen nothing can be said.
     (process.shared_memory? != shared_memory?).then(|| {
@@ -64,9 +64,9 @@ fn apart(process: &Process, shared_memory: Option<u64>) -> Option<Finding> {
     })
 }
 
-/// In a realm that only looks like this one.
+/// In a domain that only looks like this one.
 fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
-    let (ours, theirs) = (scene.realm.folder(), &process.folder);
+    let (ours, theirs) = (scene.domain.folder(), &process.folder);
     if theirs.file_name() != ours.file_name() {
         return None;
     }
@@ -96,13 +96,13 @@ fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
 /// Without --run a stage takes /run/randt or the folder of its user's session, or where neither is there yet the other
 /// folder.
 fn both_folders(scene: &Scene) -> Option<Finding> {
-    let other = Realm::shared_run(scene.user).join(scene.realm.prefix());
-    let both = scene.realm.folder() != other && Path::new(&other).is_dir();
+    let other = Domain::shared_run(scene.user).join(scene.domain.prefix());
+    let both = scene.domain.folder() != other && Path::new(&other).is_dir();
     both.then(|| {
         let text = format!(
             "{} is there too: stages that started before {} was made were there",
             other.display(),
-            scene.realm.run().display()
+            scene.domain.run().display()
         );
         Finding::warn(
             ABOUT,

@@ -8,7 +8,7 @@ use crate::missions::Missions;
 use crate::output::{print, write_whole};
 use crate::units::seconds;
 use randt_config::SelectionArguments;
-use randt_stage::{RealmArguments, wipe};
+use randt_stage::{DomainArguments, wipe};
 
 /// Arguments of `randt mission boot`.
 #[derive(Debug, clap::Args)]
@@ -16,14 +16,14 @@ pub struct Arguments {
     #[command(flatten)]
     selection: SelectionArguments,
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
 }
 
 /// Goes on with the last mission where it was interrupted a short while ago, else begins a new one.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let realm = arguments.realm.realm()?;
+    let domain = arguments.domain.domain()?;
     let _lock = missions.lock()?;
-    if wipe(&realm, false)?.is_none() {
+    if wipe(&domain, false)?.is_none() {
         return print("the stages run already: the mission is what it is\n")
             .map(|()| Outcome::Good);
     }
@@ -34,7 +34,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
             mission.repair()?;
             recover::set_aside(&mission)?;
             if mission.goes_on(&now) {
-                mission.resume(&now, owner::owns(&mission, &realm))?;
+                mission.resume(&now, owner::owns(&mission, &domain))?;
                 (mission, "goes on".to_owned())
             } else {
                 let how = format!("begins: {}", why_not(&mission, &now));
@@ -43,7 +43,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
         }
         None => (missions.begin(None, &now)?, "begins".to_owned()),
     };
-    owner::hand_to(&mission, missions, &realm)?;
+    owner::hand_to(&mission, missions, &domain)?;
     // A wrong configuration is told by each stage that it stops.
     if let Ok(loaded) = arguments.selection.load(None) {
         let path = mission.folder().join(CONFIGURATION);

@@ -5,7 +5,7 @@ use crate::date::Now;
 use crate::exit::Outcome;
 use crate::missions::Missions;
 use crate::output::print;
-use randt_stage::RealmArguments;
+use randt_stage::DomainArguments;
 
 /// Arguments of `randt mission new`.
 #[derive(Debug, clap::Args)]
@@ -13,13 +13,13 @@ pub struct Arguments {
     /// Its name; if not given, the date
     name: Option<String>,
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
 }
 
 /// Ends the current mission, begins another, and starts the pipeline again where it ran under systemd.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let name = arguments.name.as_deref();
-    let realm = arguments.realm.realm()?;
+    let domain = arguments.domain.domain()?;
     let mut outcome = Outcome::Good;
     let ran;
     {
@@ -30,8 +30,8 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
         }
         ran = match missions.current_or_none() {
             Some(mission) => {
-                let ran = stages::stop(&mission, &realm)?;
-                outcome = stop::end(missions, mission, &realm)?;
+                let ran = stages::stop(&mission, &domain)?;
+                outcome = stop::end(missions, mission, &domain)?;
                 ran
             }
             None => target::stop()?,

@@ -3,7 +3,7 @@
 use super::{owner, target};
 use crate::mission::Mission;
 use anyhow::{Context, bail, ensure};
-use randt_stage::{Entry, Realm, Registry};
+use randt_stage::{Domain, Entry, Registry};
 use rustix::process::{Pid, Signal, kill_process};
 use std::time::{Duration, Instant};
 
@@ -20,28 +20,28 @@ const ASK_EVERY: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Ends them; gives whether systemd has to start them again. An error says what still writes into the mission.
-pub fn stop(mission: &Mission, realm: &Realm) -> anyhow::Result<bool> {
+pub fn stop(mission: &Mission, domain: &Domain) -> anyhow::Result<bool> {
     let is_under_systemd = target::stop()?;
-    if !is_under_systemd && owner::owns(mission, realm) {
-        stop_by_signals(realm)?;
+    if !is_under_systemd && owner::owns(mission, domain) {
+        stop_by_signals(domain)?;
     }
     ensure!(
         !mission.is_written(),
         "{}: a mapper still writes its map, and not one of the pipeline in {}: stop that one, or say where it is by \
          --prefix and --run; the mission goes on",
         mission.name(),
-        realm.folder().display()
+        domain.folder().display()
     );
     Ok(is_under_systemd)
 }
 
-fn stop_by_signals(realm: &Realm) -> anyhow::Result<()> {
+fn stop_by_signals(domain: &Domain) -> anyhow::Result<()> {
     for name in ORDER {
-        if let Some(stage) = living(realm).into_iter().find(|stage| stage.name == name) {
-            end(realm, &stage)?;
+        if let Some(stage) = living(domain).into_iter().find(|stage| stage.name == name) {
+            end(domain, &stage)?;
         }
     }
-    let left: Vec<String> = living(realm)
+    let left: Vec<String> = living(domain)
         .into_iter()
         .map(|stage| format!("randt-{} (process {})", stage.name, stage.pid))
         .collect();
@@ -54,19 +54,19 @@ fn stop_by_signals(realm: &Realm) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn living(realm: &Realm) -> Vec<Entry> {
-    let all = Registry::all(realm).into_iter();
+fn living(domain: &Domain) -> Vec<Entry> {
+    let all = Registry::all(domain).into_iter();
     all.filter(|(_, lives)| *lives)
         .map(|(entry, _)| entry)
         .collect()
 }
 
 /// Asks a stage to end, and waits for it.
-fn end(realm: &Realm, stage: &Entry) -> anyhow::Result<()> {
+fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
     let said = || format!("randt-{} (process {})", stage.name, stage.pid);
     let pid = i32::try_from(stage.pid).ok().and_then(Pid::from_raw);
     let pid = pid.with_context(|| format!("{}: no process has that number", said()))?;
-    let is_there = || living(realm).iter().any(|it| it.pid == stage.pid);
+    let is_there = || living(domain).iter().any(|it| it.pid == stage.pid);
     let end_max = match stage.name.as_str() {
         "recorder" | "up" => LONG_END_MAX,
         _ => END_MAX,

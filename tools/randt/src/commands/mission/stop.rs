@@ -7,31 +7,31 @@ use crate::mission::{Mission, REPORT};
 use crate::missions::Missions;
 use crate::output::{print, warn};
 use anyhow::Context;
-use randt_stage::{Realm, RealmArguments};
+use randt_stage::{Domain, DomainArguments};
 
 /// Arguments of `randt mission stop`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     #[command(flatten)]
-    realm: RealmArguments,
+    domain: DomainArguments,
 }
 
 /// Stops the pipeline and ends the current mission.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let realm = arguments.realm.realm()?;
+    let domain = arguments.domain.domain()?;
     let _lock = missions.lock()?;
     let mission = missions.current()?;
     let mission = mission.context("there is no mission; the pipeline's start begins one")?;
-    stages::stop(&mission, &realm)?;
+    stages::stop(&mission, &domain)?;
     if mission.record.stopped_ns.is_some() {
         print(&format!("{}: was stopped before\n", mission.name()))?;
         return Ok(Outcome::Good);
     }
-    end(missions, mission, &realm)
+    end(missions, mission, &domain)
 }
 
 /// Ends a mission whose stages have ended: whole logs, report, a note. One that has nothing to report is no failure.
-pub fn end(missions: &Missions, mut mission: Mission, realm: &Realm) -> anyhow::Result<Outcome> {
+pub fn end(missions: &Missions, mut mission: Mission, domain: &Domain) -> anyhow::Result<Outcome> {
     if mission.record.stopped_ns.is_some() {
         return Ok(Outcome::Good);
     }
@@ -39,7 +39,7 @@ pub fn end(missions: &Missions, mut mission: Mission, realm: &Realm) -> anyhow::
     mission.stop(missions.date_ns(&Now::read())?)?;
     recover::set_aside(&mission)?;
     recover::mend(&mission)?;
-    let state = owner::state_of(&mission, realm);
+    let state = owner::state_of(&mission, domain);
     let folder = mission.folder().join(REPORT);
     let written = report::write(&mission, &mission.name(), state.as_deref(), &folder);
     let outcome = match written {

@@ -2,7 +2,7 @@
 
 use randt_messages::{ImuSampleTopic, MessageRef, RadarScan};
 use randt_readers::{Event, Source};
-use randt_stage::{Error, Publisher, Stage, Woken};
+use randt_stage::{Error, Publisher, Stage, WakeReason};
 use std::time::{Duration, Instant};
 
 /// A log that begins again does so after this pause, so that odometry opens a new frame: the robot has jumped.
@@ -64,7 +64,7 @@ impl Player {
     /// The log is at its end. With `stay` what was sent last stays in reach until the end is asked for.
     pub fn finish(&mut self, stay: bool) -> anyhow::Result<()> {
         self.stage.finished()?;
-        while stay && self.wait(None)? != Woken::Stop {
+        while stay && self.wait(None)? != WakeReason::Stop {
             // Where it has entered anew.
             self.stage.finished()?;
         }
@@ -72,7 +72,7 @@ impl Player {
     }
 
     /// Sleeps for a time, or for ever. Where the shared memory is gone the player goes on in new memory at the same place.
-    fn wait(&mut self, pause: Option<Duration>) -> anyhow::Result<Woken> {
+    fn wait(&mut self, pause: Option<Duration>) -> anyhow::Result<WakeReason> {
         match self.stage.wait(&[], pause) {
             Err(error @ Error::MemoryGone { .. }) => {
                 eprintln!("randt play: {error}");
@@ -80,7 +80,7 @@ impl Player {
                 self.scans = self.stage.publisher()?;
                 self.samples = self.stage.publisher()?;
                 self.stage.running()?;
-                Ok(Woken::Event)
+                Ok(WakeReason::Event)
             }
             woken => Ok(woken?),
         }
@@ -100,9 +100,9 @@ impl Player {
             let pause = due.saturating_duration_since(Instant::now());
             // Also where it is late already: readers that join are served, and Ctrl-C is heard.
             match self.wait(Some(pause))? {
-                Woken::Stop => return Ok(false),
-                Woken::Timeout => return Ok(true),
-                Woken::Event => {}
+                WakeReason::Stop => return Ok(false),
+                WakeReason::Timeout => return Ok(true),
+                WakeReason::Event => {}
             }
         }
     }

@@ -5,13 +5,13 @@ use crate::{job, progress, recorded};
 use anyhow::{bail, ensure};
 use nalgebra::Vector3;
 use randt_evaluation::Trajectory;
+use randt_foxglove_schemas::Graph;
 use randt_geometry::{Pose2, Quaternion};
 use randt_log::{Entry, LogReader};
 use randt_messages::{
     Correction, ImuSampleTopic, Keyframe, LogDrop, LogDropTopic, MapperCorrection, MapperGraph,
     OdometryState, OdometryStateTopic, RadarPoints, RadarScan, Topic, TruthPoseTopic,
 };
-use randt_wellknown::Graph;
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -79,7 +79,7 @@ impl Screen {
         Ok(())
     }
 
-    /// Waits for a key.
+    /// PortWaiter for a key.
     pub fn wait(&mut self, pause: Duration) -> anyhow::Result<Asked> {
         let reading = "the terminal cannot be read";
         if !event::poll(pause).context(reading)? {

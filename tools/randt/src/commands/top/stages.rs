@@ -25,7 +25,7 @@ impl Stages {
         self.words.insert(key, *health);
     }
 
-    /// The rows of the register. `now_ns`: of the realm's clock, where there is a connection to it.
+    /// The rows of the register. `now_ns`: of the domain's clock, where there is a connection to it.
     pub fn rows(&mut self, register: &[(Entry, bool)], now_ns: Option<i64>) -> Vec<StageRow> {
         let epoch = |entry: &Entry| entry.started_ns.unsigned_abs();
         self.words.retain(|(name, of), _| {

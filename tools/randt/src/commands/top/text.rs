@@ -7,7 +7,7 @@ use super::table::{self, Table};
 /// Everything, one part below the other.
 pub fn of(snapshot: &Snapshot) -> String {
     let mut parts = vec![
-        format!("realm {} in {}\n", snapshot.prefix, snapshot.run),
+        format!("domain {} in {}\n", snapshot.prefix, snapshot.run),
         rows(&table::stages(snapshot)),
         rows(&table::topics(snapshot)),
         lines(&[facts::robot(snapshot), facts::map(snapshot)].concat()),

@@ -9,11 +9,11 @@ use randt_messages::{
     Correction, GraphHead, MapperCorrection, MapperGraph, OdometryState, OdometryStateTopic,
     StageHealthTopic,
 };
-use randt_stage::{Clock, Entry, Observer, Realm, Registry, memory_gone};
+use randt_stage::{Clock, Domain, Entry, Observer, Registry, memory_gone};
 
-/// What was seen of a realm.
+/// What was seen of a domain.
 pub struct Watch {
-    realm: Realm,
+    domain: Domain,
     connection: Option<Connection>,
     /// Of the last connection: what was seen grows old when everybody is gone.
     clock: Option<Clock>,
@@ -35,10 +35,10 @@ struct Connection {
 }
 
 impl Watch {
-    /// Of a realm in which there may be nobody yet.
-    pub fn new(realm: Realm) -> Self {
+    /// Of a domain in which there may be nobody yet.
+    pub fn new(domain: Domain) -> Self {
         Self {
-            realm,
+            domain,
             connection: None,
             clock: None,
             stages: Stages::default(),
@@ -50,9 +50,9 @@ impl Watch {
         }
     }
 
-    /// The realm.
-    pub fn realm(&self) -> &Realm {
-        &self.realm
+    /// The domain.
+    pub fn domain(&self) -> &Domain {
+        &self.domain
     }
 
     /// Whether a pipeline is there.
@@ -63,8 +63,8 @@ impl Watch {
     /// Looks who is there, reads, and says what is known now.
     pub fn refresh(&mut self) -> anyhow::Result<Snapshot> {
         // Before anything in it is opened: another user may have put links there.
-        self.realm.check_owner()?;
-        let register = Registry::all(&self.realm);
+        self.domain.check_owner()?;
+        let register = Registry::all(&self.domain);
         let living: Vec<Entry> = register
             .iter()
             .filter(|(_, lives)| *lives)
@@ -74,14 +74,14 @@ impl Watch {
             // Stages of another build may come next; they would find what this process holds.
             self.connection = None;
         } else if self.connection.is_none() {
-            self.connection = Observer::enter(&self.realm)?.map(Connection::new);
+            self.connection = Observer::enter(&self.domain)?.map(Connection::new);
         }
         if let Some(connection) = &self.connection
             && connection.observer.check_memory().is_err()
         {
             // Stages come back in memory that is made anew; those that do not are told below.
             self.connection = None;
-            self.connection = Observer::enter(&self.realm)?.map(Connection::new);
+            self.connection = Observer::enter(&self.domain)?.map(Connection::new);
         }
         if let Some(connection) = &mut self.connection {
             connection.follow(&living);
@@ -121,17 +121,17 @@ impl Watch {
             .map(|stage| format!("{}: {}", stage.name, stage.message))
             .collect();
         let living = register.iter().filter(|(_, lives)| *lives);
-        notes.extend(living.filter_map(|(entry, _)| memory_note(&self.realm, entry)));
+        notes.extend(living.filter_map(|(entry, _)| memory_note(&self.domain, entry)));
         match &self.connection {
             Some(connection) => notes.extend(connection.troubles()),
             None => notes.push(format!(
                 "no pipeline is there: no stage lives in {}",
-                self.realm.folder().display()
+                self.domain.folder().display()
             )),
         }
         Snapshot {
-            prefix: self.realm.prefix().to_owned(),
-            run: self.realm.run().display().to_string(),
+            prefix: self.domain.prefix().to_owned(),
+            run: self.domain.run().display().to_string(),
             stages,
             topics: now_ns.map_or_else(Vec::new, |now_ns| self.traffic.topics(now_ns)),
             latency_ms: self.latencies.figures(),
@@ -147,8 +147,8 @@ impl Watch {
 }
 
 /// What is to be said of a stage whose shared memory was removed or cut.
-fn memory_note(realm: &Realm, entry: &Entry) -> Option<String> {
-    let gone = memory_gone(realm, entry);
+fn memory_note(domain: &Domain, entry: &Entry) -> Option<String> {
+    let gone = memory_gone(domain, entry);
     let first = gone.first()?.display();
     let files = gone.len();
     let name = &entry.name;

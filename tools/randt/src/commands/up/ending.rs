@@ -17,14 +17,14 @@ use randt_config::Config;
 use randt_messages::OdometryState;
 use randt_odometry::Sink;
 use randt_readers::{Event, Options};
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
 /// A drive whose stages have ended.
 pub struct Ending<'a> {
-    pub realm: &'a Realm,
+    pub domain: &'a Domain,
     pub out: &'a Path,
     pub config: &'a Config,
     pub use_imu: bool,
@@ -56,7 +56,7 @@ impl Ending<'_> {
             self.config,
             self.use_imu,
             self.out,
-            Some(&self.realm.state()),
+            Some(&self.domain.state()),
         );
         counters.extend(remains.counters);
         // Those that odometry has sent, and that nobody has received.

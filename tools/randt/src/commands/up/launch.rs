@@ -6,7 +6,7 @@ use super::watch::STAGES;
 use crate::output::write_private;
 use anyhow::ensure;
 use randt_config::{Config, Loaded, Selection};
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::path::Path;
 
 /// What stands in for the drivers.
@@ -15,21 +15,21 @@ pub const PLAY: &str = "play";
 /// All stages but those at the beginning of the data's way, the last one first: each writes to those before it.
 pub fn stages(
     arguments: &Arguments,
-    realm: &Realm,
+    domain: &Domain,
     profile: &Path,
     journal: &Path,
 ) -> anyhow::Result<Vec<Program>> {
     let mut programs = Vec::new();
     if let Some(folder) = &arguments.record {
-        let mut program = stage("recorder", realm, profile)?;
+        let mut program = stage("recorder", domain, profile)?;
         program.option("--out", std::path::absolute(folder)?);
         programs.push(program);
     }
     if arguments.view {
-        programs.push(stage("view", realm, profile)?);
+        programs.push(stage("view", domain, profile)?);
     }
     for name in STAGES.into_iter().rev() {
-        let mut program = stage(name, realm, profile)?;
+        let mut program = stage(name, domain, profile)?;
         match name {
             "mapper" => program.option("--journal", journal),
             "odometry" if arguments.no_imu => program.flag("--no-imu"),
@@ -43,11 +43,11 @@ pub fn stages(
 /// What stands at the beginning of the data's way.
 pub fn sources(
     arguments: &Arguments,
-    realm: &Realm,
+    domain: &Domain,
     profile: &Path,
 ) -> anyhow::Result<Vec<Program>> {
     if let Some(log) = &arguments.play {
-        let mut program = Program::command(PLAY, realm)?;
+        let mut program = Program::command(PLAY, domain)?;
         program.flag(log);
         program.flag("--stay");
         program.option("--rate", arguments.rate.to_string());
@@ -60,12 +60,12 @@ pub fn sources(
         true => &[] as &[_],
         false => super::drivers(arguments.no_imu),
     };
-    let programs = drivers.iter().map(|name| stage(name, realm, profile));
+    let programs = drivers.iter().map(|name| stage(name, domain, profile));
     programs.collect()
 }
 
-fn stage(name: &str, realm: &Realm, profile: &Path) -> anyhow::Result<Program> {
-    let mut program = Program::stage(name, realm)?;
+fn stage(name: &str, domain: &Domain, profile: &Path) -> anyhow::Result<Program> {
+    let mut program = Program::stage(name, domain)?;
     program.option("--profile", profile);
     Ok(program)
 }

@@ -14,7 +14,7 @@ use anyhow::{bail, ensure};
 use indicatif::ProgressBar;
 use randt_config::Loaded;
 use randt_readers::Source;
-use randt_stage::{Error, Realm, Stage, Woken, stop_requested};
+use randt_stage::{Domain, Error, Stage, WakeReason, stop_requested};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -43,7 +43,7 @@ pub enum End {
 
 /// All stages of a pipeline, and what is seen of them.
 pub struct Processes {
-    realm: Realm,
+    domain: Domain,
     /// The configuration for the stages, in the run folder.
     profile: (PathBuf, String),
     /// `None` while the pipeline cannot be seen.
@@ -64,19 +64,19 @@ impl Processes {
     /// Starts all stages; comes back when those that compute run. Where one of them does not come up nothing is begun.
     pub fn start(
         arguments: &Arguments,
-        realm: &Realm,
+        domain: &Domain,
         loaded: &Loaded,
         source: Option<&dyn Source>,
     ) -> anyhow::Result<(Self, HeldJournal)> {
-        let mut stage = Stage::open("up", realm)?;
-        stage.expect(&loaded.config.sensor);
+        let mut stage = Stage::open("up", domain)?;
+        stage.expect_sensor(&loaded.config.sensor);
         let watch = Watch::open(&mut stage)?;
         stage.running()?;
-        let profile = realm.folder().join("up.toml");
+        let profile = domain.folder().join("up.toml");
         launch::write_profile(&profile, loaded)?;
         let bar = progress::bar(source.and_then(|source| source.info().scans), "scans");
         let mut processes = Self {
-            realm: realm.clone(),
+            domain: domain.clone(),
             profile: (profile, loaded.to_toml()),
             stage: Some(stage),
             reopened: Instant::now(),
@@ -89,12 +89,12 @@ impl Processes {
         };
         let journal = std::path::absolute(arguments.out.join(crate::earlier::JOURNAL))?;
         let profile = processes.profile.0.clone();
-        for program in launch::stages(arguments, realm, &profile, &journal)? {
+        for program in launch::stages(arguments, domain, &profile, &journal)? {
             processes.add(program);
         }
         processes.wait_until_running()?;
         let journal = HeldJournal::open(&journal)?;
-        for program in launch::sources(arguments, realm, &profile)? {
+        for program in launch::sources(arguments, domain, &profile)? {
             processes.add(program);
         }
         Ok((processes, journal))
@@ -106,7 +106,7 @@ impl Processes {
         self.children.insert(0, child);
     }
 
-    /// Waits until every stage says that it runs. Recorder and view may fail: nobody waits for them.
+    /// PortWaiter until every stage says that it runs. Recorder and view may fail: nobody waits for them.
     fn wait_until_running(&mut self) -> anyhow::Result<()> {
         let give_up = Instant::now() + START_MAX;
         loop {
@@ -139,7 +139,7 @@ impl Processes {
                 );
                 return Ok(());
             }
-            if self.wait() == Woken::Stop {
+            if self.wait() == WakeReason::Stop {
                 bail!("interrupted before the pipeline ran; nothing was computed");
             }
         }
@@ -149,7 +149,7 @@ impl Processes {
     pub fn watch(&mut self) -> End {
         let mut some_worked = Instant::now();
         loop {
-            if self.wait() == Woken::Stop {
+            if self.wait() == WakeReason::Stop {
                 return End::Asked;
             }
             let of_stages = self.children.iter().filter(|child| child.name() != PLAY);
@@ -175,20 +175,20 @@ impl Processes {
 
     /// Sleeps until something comes, and takes it. A pipeline that cannot be seen, because something has happened to its
     /// memory, is looked for again: the stages go on meanwhile.
-    fn wait(&mut self) -> Woken {
+    fn wait(&mut self) -> WakeReason {
         // A terminal that was closed; Ctrl-C before the first stage was there.
         if job::interrupted() {
-            return Woken::Stop;
+            return WakeReason::Stop;
         }
         let Some(stage) = &mut self.stage else {
             std::thread::sleep(LOOK);
             if stop_requested() {
-                return Woken::Stop;
+                return WakeReason::Stop;
             }
             if self.reopened.elapsed() > REOPEN_EVERY {
                 self.reopen();
             }
-            return Woken::Timeout;
+            return WakeReason::Timeout;
         };
         let woken = stage.wait(&self.watch.wakes(), Some(LOOK));
         let received = self.watch.receive();
@@ -196,7 +196,7 @@ impl Processes {
             (Ok(woken), Ok(())) => woken,
             (Err(error), _) | (_, Err(error)) => {
                 self.lose_sight(&error);
-                Woken::Timeout
+                WakeReason::Timeout
             }
         }
     }
@@ -223,7 +223,7 @@ impl Processes {
 
     fn reopen(&mut self) {
         self.reopened = Instant::now();
-        let opened = Stage::open("up", &self.realm).map_err(anyhow::Error::from);
+        let opened = Stage::open("up", &self.domain).map_err(anyhow::Error::from);
         let opened = opened.and_then(|mut stage| {
             self.watch.reopen(&mut stage)?;
             stage.running()?;

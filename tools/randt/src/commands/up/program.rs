@@ -1,7 +1,7 @@
 //! A program of the pipeline, and how it is started.
 
 use anyhow::Context;
-use randt_stage::Realm;
+use randt_stage::Domain;
 use std::ffi::{OsStr, OsString};
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -18,31 +18,31 @@ pub struct Program {
 
 impl Program {
     /// A stage's own program, which stands beside this one.
-    pub fn stage(name: &str, realm: &Realm) -> anyhow::Result<Self> {
+    pub fn stage(name: &str, domain: &Domain) -> anyhow::Result<Self> {
         let this = std::env::current_exe().context("where this program is")?;
         let path = this.with_file_name(format!("randt-{name}"));
-        Ok(Self::new(name, path, realm))
+        Ok(Self::new(name, path, domain))
     }
 
     /// A command of this program.
-    pub fn command(name: &str, realm: &Realm) -> anyhow::Result<Self> {
+    pub fn command(name: &str, domain: &Domain) -> anyhow::Result<Self> {
         let this = std::env::current_exe().context("where this program is")?;
-        let mut program = Self::new(name, this, realm);
+        let mut program = Self::new(name, this, domain);
         program.arguments.insert(0, name.into());
         program.once = true;
         Ok(program)
     }
 
     /// One with the options that lead into the pipeline.
-    pub fn new(name: &str, path: PathBuf, realm: &Realm) -> Self {
+    pub fn new(name: &str, path: PathBuf, domain: &Domain) -> Self {
         let mut program = Self {
             name: name.to_owned(),
             path,
             arguments: Vec::new(),
             once: false,
         };
-        program.option("--prefix", realm.prefix());
-        program.option("--run", realm.run());
+        program.option("--prefix", domain.prefix());
+        program.option("--run", domain.run());
         program.option("--parent", std::process::id().to_string());
         program
     }

@@ -7,7 +7,7 @@ use randt_messages::{
     Trust, health::text_of,
 };
 use randt_odometry::Sink;
-use randt_stage::{Stage, Subscriber, Wakes};
+use randt_stage::{Stage, Subscriber, Waitable};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
@@ -64,7 +64,7 @@ impl Watch {
     }
 
     /// What wakes it.
-    pub fn wakes(&self) -> [&dyn Wakes; 3] {
+    pub fn wakes(&self) -> [&dyn Waitable; 3] {
         [&self.states_in, &self.health_in, &self.graph_in]
     }
 

@@ -10,7 +10,7 @@ use randt_messages::{
     StageHealthTopic, SweepHead, health::text_of,
 };
 use randt_radar::Radar;
-use randt_stage::{Clock, Observer, Realm, Registry, Subscriber};
+use randt_stage::{Clock, Domain, Observer, Registry, Subscriber};
 use std::time::{Duration, Instant};
 
 /// Between two looks: a tenth of the shortest silence that is wondered at.
@@ -93,9 +93,14 @@ impl Seen<Sweep> {
 }
 
 /// Looks for so long, or until Ctrl-C.
-pub fn look(config: &Config, realm: &Realm, time: Duration, use_imu: bool) -> anyhow::Result<Both> {
+pub fn look(
+    config: &Config,
+    domain: &Domain,
+    time: Duration,
+    use_imu: bool,
+) -> anyhow::Result<Both> {
     let lives = |name: &str| {
-        let entries = Registry::all(realm);
+        let entries = Registry::all(domain);
         entries
             .iter()
             .any(|(entry, lives)| *lives && entry.name == name)
@@ -106,10 +111,10 @@ pub fn look(config: &Config, realm: &Realm, time: Duration, use_imu: bool) -> an
     };
     let mut bus = Bus::default();
     if lives("radar") || lives("imu") {
-        bus = Bus::open(realm, lives("radar"), use_imu && lives("imu"))?;
+        bus = Bus::open(domain, lives("radar"), use_imu && lives("imu"))?;
     }
     // Without a pipeline there may be no folder for its clock.
-    let clock = Clock::of(realm).unwrap_or_else(|_| Clock::alone());
+    let clock = Clock::of(domain).unwrap_or_else(|_| Clock::alone());
     let mut radar = match bus.scans {
         None => Some(Radar::new(config)?),
         Some(_) => None,
@@ -166,8 +171,8 @@ struct Bus {
 }
 
 impl Bus {
-    fn open(realm: &Realm, radar: bool, imu: bool) -> anyhow::Result<Self> {
-        let Some(observer) = Observer::enter(realm)? else {
+    fn open(domain: &Domain, radar: bool, imu: bool) -> anyhow::Result<Self> {
+        let Some(observer) = Observer::enter(domain)? else {
             return Ok(Self::default());
         };
         Ok(Self {

@@ -1,12 +1,12 @@
 //! Programs that fail, that are not there, and that somebody kills.
 
 use super::*;
-use randt_stage::Realm;
+use randt_stage::Domain;
 
 fn program(path: &str, arguments: &[&str]) -> Program {
     let run = std::env::temp_dir();
-    let realm = Realm::new("child", Some(&run)).unwrap();
-    let mut program = Program::new("test", path.into(), &realm);
+    let domain = Domain::new("child", Some(&run)).unwrap();
+    let mut program = Program::new("test", path.into(), &domain);
     program.arguments = arguments.iter().map(Into::into).collect();
     program
 }

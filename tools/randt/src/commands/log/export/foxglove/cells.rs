@@ -1,11 +1,11 @@
 //! The cells of odometry's submap, made again from the keyframes that went into it.
 
 use randt_config::Config;
+use randt_foxglove_schemas::{SceneUpdate, of_cells};
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, KeyframePoint, Message};
 use randt_ndt::Grid;
 use randt_odometry::cell_rule;
-use randt_wellknown::{SceneUpdate, of_cells};
 use std::collections::VecDeque;
 
 /// A keyframe that may be in the next submap too: submaps overlap.

@@ -3,15 +3,15 @@
 use super::cells::Cells;
 use super::pace::Pace;
 use randt_config::{Config, Robot};
+use randt_foxglove_schemas::topic;
+use randt_foxglove_schemas::{
+    FrameTransforms, Graph, Grid, Log, PointCloud, PoseInFrame, SceneUpdate, Tiles, channel,
+    mounting, of_drop, of_points, of_scan, pose_of_state, transforms,
+};
 use randt_log::{Channel, Entry, Label};
 use randt_messages::{
     Correction, Keyframe, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid, OdometryState,
     OdometryStateTopic, RadarPoints, RadarScan, Topic,
-};
-use randt_wellknown::topic;
-use randt_wellknown::{
-    FrameTransforms, Graph, Grid, Log, PointCloud, PoseInFrame, SceneUpdate, Tiles, channel,
-    mounting, of_drop, of_points, of_scan, pose_of_state, transforms,
 };
 
 /// A topic for viewers.
@@ -192,9 +192,9 @@ struct Out<'a> {
 }
 
 impl Out<'_> {
-    fn show<T: randt_wellknown::Encode>(&mut self, view: &'static str, message: &T) {
+    fn show<T: randt_foxglove_schemas::Encode>(&mut self, view: &'static str, message: &T) {
         let label = self.label;
-        let bytes = randt_wellknown::bytes(message);
+        let bytes = randt_foxglove_schemas::bytes(message);
         self.shown
             .extend(bytes.map(|bytes| Shown { view, label, bytes }));
     }

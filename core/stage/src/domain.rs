@@ -1,4 +1,4 @@
-//! Realm: the world that the stages of one pipeline share, and that no other pipeline sees.
+//! Domain: the world that the stages of one pipeline share, and that no other pipeline sees.
 
 use crate::{Error, private_folder};
 use randt_messages::layout::{FNV_SEED, hash_bytes};
@@ -12,7 +12,7 @@ const SYSTEM_RUN: &str = "/run/randt";
 /// Where shared memory lives.
 pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 
-/// Notices go through sockets in the realm's folder, whose paths the system keeps short.
+/// Notices go through sockets in the domain's folder, whose paths the system keeps short.
 const SOCKET_PATH_MAX: usize = 107;
 /// Most characters of a socket's name after the prefix: iceoryx2's number and ending.
 const SOCKET_NAME: usize = 38;
@@ -20,13 +20,13 @@ const SOCKET_NAME: usize = 38;
 /// A prefix and a run folder. Stages with the same ones find each other; nothing else decides that, above all not the
 /// folder in which a stage was started.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Realm {
+pub struct Domain {
     prefix: String,
     run: PathBuf,
 }
 
-impl Realm {
-    /// The realm of a prefix. `run`: the run folder, on a file system in memory; if not given, [`Self::default_run`].
+impl Domain {
+    /// The domain of a prefix. `run`: the run folder, on a file system in memory; if not given, [`Self::default_run`].
     pub fn new(prefix: &str, run: Option<&Path>) -> Result<Self, Error> {
         let good = |c: char| c.is_ascii_alphanumeric() || c == '-';
         if prefix.is_empty() || prefix.len() > 24 || !prefix.chars().all(good) {
@@ -39,15 +39,15 @@ impl Realm {
             Some(run) => std::path::absolute(run).map_err(Error::file(run, "cannot be found"))?,
             None => Self::default_run(user()),
         };
-        let realm = Self {
+        let domain = Self {
             prefix: prefix.to_owned(),
             run,
         };
-        let longest = realm.root().as_os_str().len() + realm.segment_prefix().len() + SOCKET_NAME;
+        let longest = domain.root().as_os_str().len() + domain.segment_prefix().len() + SOCKET_NAME;
         match longest.checked_sub(SOCKET_PATH_MAX) {
-            None | Some(0) => Ok(realm),
+            None | Some(0) => Ok(domain),
             Some(over) => Err(Error::LongPath {
-                path: realm.folder(),
+                path: domain.folder(),
                 over,
             }),
         }
@@ -80,7 +80,7 @@ impl Realm {
         &self.run
     }
 
-    /// This realm's own folder in it.
+    /// This domain's own folder in it.
     pub fn folder(&self) -> PathBuf {
         self.run.join(&self.prefix)
     }
@@ -95,8 +95,8 @@ impl Realm {
         self.folder().join("state")
     }
 
-    /// How files of this realm in /dev/shm begin: the prefix, and a number made of the run folder, because the same prefix
-    /// in another run folder is another realm. Short, because paths of sockets are. No prefix can hold an underscore, so
+    /// How files of this domain in /dev/shm begin: the prefix, and a number made of the run folder, because the same prefix
+    /// in another run folder is another domain. Short, because paths of sockets are. No prefix can hold an underscore, so
     /// none is another's beginning.
     pub fn segment_prefix(&self) -> String {
         let hash = hash_bytes(FNV_SEED, self.run.as_os_str().as_encoded_bytes());
@@ -118,7 +118,7 @@ impl Realm {
         Ok(())
     }
 
-    /// Refuses a realm that another user made, or a run folder in which somebody else could make or change one.
+    /// Refuses a domain that another user made, or a run folder in which somebody else could make or change one.
     pub fn check_owner(&self) -> Result<(), Error> {
         private_folder::check_way_to(&self.run, false)?;
         let owner = match fs::symlink_metadata(&self.run) {
@@ -173,22 +173,22 @@ mod tests {
     #[test]
     fn a_prefix_is_a_plain_word() {
         for bad in ["", "a_b", "a/b", "..", "a b", &"x".repeat(25)] {
-            assert!(Realm::new(bad, None).is_err(), "{bad:?}");
+            assert!(Domain::new(bad, None).is_err(), "{bad:?}");
         }
-        let realm = Realm::new("test-1", Some(Path::new("/tmp/x"))).unwrap();
-        assert_eq!(realm.root(), Path::new("/tmp/x/test-1/bus"));
-        let begins = realm.segment_prefix();
+        let domain = Domain::new("test-1", Some(Path::new("/tmp/x"))).unwrap();
+        assert_eq!(domain.root(), Path::new("/tmp/x/test-1/bus"));
+        let begins = domain.segment_prefix();
         assert!(begins.starts_with("test-1-") && begins.ends_with('_'));
-        let elsewhere = Realm::new("test-1", Some(Path::new("/tmp/y"))).unwrap();
+        let elsewhere = Domain::new("test-1", Some(Path::new("/tmp/y"))).unwrap();
         assert_ne!(elsewhere.segment_prefix(), begins);
     }
 
     #[test]
     fn a_folder_whose_sockets_would_have_no_name_is_refused() {
         let longest = "x".repeat(24);
-        assert!(Realm::new(&longest, Some(Path::new(SYSTEM_RUN))).is_ok());
+        assert!(Domain::new(&longest, Some(Path::new(SYSTEM_RUN))).is_ok());
         let folder = format!("/tmp/{}", "y".repeat(60));
-        let error = Realm::new("randt", Some(Path::new(&folder))).unwrap_err();
+        let error = Domain::new("randt", Some(Path::new(&folder))).unwrap_err();
         assert!(
             error.to_string().contains("17 characters too long"),
             "{error}"

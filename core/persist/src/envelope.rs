@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 /// Which states belong together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Label {
+pub struct StateIdentity {
     /// The kind of state.
     pub magic: [u8; 8],
     /// Fingerprint of the source that gives the bytes their meaning, as text.
@@ -29,9 +29,9 @@ struct Head {
 
 const HEAD: usize = size_of::<Head>();
 
-/// Writes a state that `save` writes, with its label; gives the number of bytes in use.
-pub fn seal(
-    label: &Label,
+/// Writes a state that `save` writes, with its identity; gives the number of bytes in use.
+pub fn encode(
+    identity: &StateIdentity,
     out: &mut [u8],
     save: impl FnOnce(&mut Writer<'_>),
 ) -> Result<usize, Error> {
@@ -45,9 +45,9 @@ pub fn seal(
         return Err(Error::Room { needed, room });
     };
     let mut head = Head {
-        magic: label.magic,
-        code: label.code,
-        config: label.config,
+        magic: identity.magic,
+        code: identity.code,
+        config: identity.config,
         length: length as u64,
         crc: 0,
         reserved: 0,
@@ -57,10 +57,10 @@ pub fn seal(
     Ok(needed)
 }
 
-/// Reads a state of this label and no other. Damage is told from a foreign state.
-pub fn open<'a>(label: &Label, bytes: &'a [u8]) -> Result<Reader<'a>, Error> {
+/// Reads a state of this identity and no other. Damage is told from a foreign state.
+pub fn decode<'a>(identity: &StateIdentity, bytes: &'a [u8]) -> Result<Reader<'a>, Error> {
     let begins = bytes.get(..8).unwrap_or(bytes);
-    if begins != label.magic {
+    if begins != identity.magic {
         return Err(Error::Foreign(begins.escape_ascii().to_string()));
     }
     let Some((head, state)) = bytes.split_at_checked(HEAD) else {
@@ -81,16 +81,16 @@ pub fn open<'a>(label: &Label, bytes: &'a [u8]) -> Result<Reader<'a>, Error> {
     if found != expected {
         return Err(Error::Checksum { found, expected });
     }
-    if head.code != label.code {
+    if head.code != identity.code {
         return Err(Error::OtherCode {
             saved: head.code.escape_ascii().to_string(),
-            own: label.code.escape_ascii().to_string(),
+            own: identity.code.escape_ascii().to_string(),
         });
     }
-    if head.config != label.config {
+    if head.config != identity.config {
         return Err(Error::OtherConfig {
             saved: head.config,
-            own: label.config,
+            own: identity.config,
         });
     }
     Ok(Reader::new(state))

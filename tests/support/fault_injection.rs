@@ -18,14 +18,14 @@ const SEEN_MAX_MS: f64 = 10_000.0;
 
 /// What is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Blow {
+pub enum InjectedFault {
     Restart,
     StopStart,
     Kill,
     Hang,
 }
 
-impl Blow {
+impl InjectedFault {
     /// Within this time a stage is back, ms: after its unit's WatchdogSec where it hangs.
     fn back_max_ms(self, watchdog_ms: f64) -> f64 {
         match self {
@@ -35,10 +35,10 @@ impl Blow {
     }
 }
 
-/// One blow and what came of it.
+/// One fault and what came of it.
 struct Row {
     stage: &'static str,
-    blow: Blow,
+    fault: InjectedFault,
     back_ms: f64,
     /// From being back to data that flow.
     flows_ms: f64,
@@ -49,14 +49,14 @@ struct Row {
 impl Row {
     fn print(&self) {
         let seen = self.seen_ms.map_or(String::new(), |ms| format!("{ms:.0}"));
-        let (stage, blow) = (self.stage, format!("{:?}", self.blow));
+        let (stage, fault) = (self.stage, format!("{:?}", self.fault));
         let (back_ms, flows_ms) = (self.back_ms, self.flows_ms);
-        println!("{stage:9} {blow:9} {back_ms:8.0} {flows_ms:14.0} {seen:>20}");
+        println!("{stage:9} {fault:9} {back_ms:8.0} {flows_ms:14.0} {seen:>20}");
     }
 }
 
 /// All of them.
-pub struct Blows<'m> {
+pub struct FaultInjector<'m> {
     machine: &'m Machine,
     watch: &'m Watch,
     rows: Vec<Row>,
@@ -81,9 +81,9 @@ fn sent_by(stage: &str) -> &str {
     }
 }
 
-impl<'m> Blows<'m> {
+impl<'m> FaultInjector<'m> {
     pub fn new(machine: &'m Machine, watch: &'m Watch) -> Self {
-        println!("stage     blow       back ms  data ms later  seen by a reader ms");
+        println!("stage     fault       back ms  data ms later  seen by a reader ms");
         Self {
             machine,
             watch,
@@ -92,23 +92,23 @@ impl<'m> Blows<'m> {
     }
 
     /// Does it, waits until the stage is back and data flow, and looks whether the others are who they were.
-    pub fn strike(&mut self, stage: &'static str, blow: Blow) {
+    pub fn strike(&mut self, stage: &'static str, fault: InjectedFault) {
         let unit = format!("randt-{stage}.service");
         let before = pids(self.machine);
         let epoch_before = self.watch.epoch(sent_by(stage));
         let mut begin_us = now_us();
         let mut seen_ms = None;
-        match blow {
-            Blow::Restart => drop(self.machine.good(&["systemctl", "restart", &unit])),
-            Blow::StopStart => {
+        match fault {
+            InjectedFault::Restart => drop(self.machine.good(&["systemctl", "restart", &unit])),
+            InjectedFault::StopStart => {
                 self.machine.good(&["systemctl", "stop", &unit]);
                 let stopped = pids(self.machine);
                 self.others_are(&stopped, &before, &unit);
                 begin_us = now_us();
                 self.machine.good(&["systemctl", "start", &unit]);
             }
-            Blow::Kill => self.signal("KILL", &unit),
-            Blow::Hang => {
+            InjectedFault::Kill => self.signal("KILL", &unit),
+            InjectedFault::Hang => {
                 self.signal("STOP", &unit);
                 seen_ms = self.seen(stage, begin_us);
             }
@@ -128,14 +128,14 @@ impl<'m> Blows<'m> {
         let flows_us = self.watch.first(stage, from_us, flows).at_us;
         let row = Row {
             stage,
-            blow,
+            fault,
             back_ms: (back_us - begin_us) as f64 * 1e-3,
             flows_ms: flows_us.saturating_sub(back_us) as f64 * 1e-3,
             seen_ms,
         };
         row.print();
         self.rows.push(row);
-        // The next blow falls on a pipeline that runs.
+        // The next fault falls on a pipeline that runs.
         std::thread::sleep(Duration::from_millis(600));
     }
 
@@ -211,15 +211,15 @@ impl<'m> Blows<'m> {
     pub fn check(&self) {
         self.trajectory();
         for row in &self.rows {
-            let (stage, blow) = (row.stage, row.blow);
+            let (stage, fault) = (row.stage, row.fault);
             assert!(
-                row.back_ms < blow.back_max_ms(self.watchdog_ms(stage)),
-                "{stage} {blow:?}: {} ms",
+                row.back_ms < fault.back_max_ms(self.watchdog_ms(stage)),
+                "{stage} {fault:?}: {} ms",
                 row.back_ms
             );
             assert!(
                 row.flows_ms < FLOWS_MAX_MS,
-                "{stage} {blow:?}: {} ms",
+                "{stage} {fault:?}: {} ms",
                 row.flows_ms
             );
             assert!(

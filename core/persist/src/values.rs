@@ -1,12 +1,12 @@
 //! How values are saved that structs are made of.
 
-use crate::{Error, Reader, Saved, Writer};
+use crate::{Error, Persist, Reader, Writer};
 use nalgebra::SMatrix;
 use std::collections::VecDeque;
 
 macro_rules! plain {
     ($($ty:ty),+) => { $(
-        impl Saved for $ty {
+        impl Persist for $ty {
             #[inline]
             fn save(&self, out: &mut Writer<'_>) {
                 out.plain(self);
@@ -21,7 +21,7 @@ macro_rules! plain {
 }
 plain!(u32, u64, i64, f64);
 
-impl Saved for usize {
+impl Persist for usize {
     fn save(&self, out: &mut Writer<'_>) {
         out.plain(&(*self as u64));
     }
@@ -31,7 +31,7 @@ impl Saved for usize {
     }
 }
 
-impl Saved for bool {
+impl Persist for bool {
     fn save(&self, out: &mut Writer<'_>) {
         out.plain(&u8::from(*self));
     }
@@ -45,7 +45,7 @@ impl Saved for bool {
     }
 }
 
-impl<const R: usize, const C: usize> Saved for SMatrix<f64, R, C> {
+impl<const R: usize, const C: usize> Persist for SMatrix<f64, R, C> {
     fn save(&self, out: &mut Writer<'_>) {
         self.iter().for_each(|value| value.save(out));
     }
@@ -54,7 +54,7 @@ impl<const R: usize, const C: usize> Saved for SMatrix<f64, R, C> {
     }
 }
 
-impl<T: Saved, const N: usize> Saved for [T; N] {
+impl<T: Persist, const N: usize> Persist for [T; N] {
     fn save(&self, out: &mut Writer<'_>) {
         self.iter().for_each(|value| value.save(out));
     }
@@ -63,7 +63,7 @@ impl<T: Saved, const N: usize> Saved for [T; N] {
     }
 }
 
-impl<A: Saved, B: Saved> Saved for (A, B) {
+impl<A: Persist, B: Persist> Persist for (A, B) {
     fn save(&self, out: &mut Writer<'_>) {
         self.0.save(out);
         self.1.save(out);
@@ -74,7 +74,7 @@ impl<A: Saved, B: Saved> Saved for (A, B) {
     }
 }
 
-impl<T: Saved + Default> Saved for Option<T> {
+impl<T: Persist + Default> Persist for Option<T> {
     fn save(&self, out: &mut Writer<'_>) {
         self.is_some().save(out);
         self.iter().for_each(|value| value.save(out));
@@ -90,7 +90,7 @@ impl<T: Saved + Default> Saved for Option<T> {
 /// A list: its length, then its values. It grows as they come, so that a false length cannot ask for memory.
 macro_rules! list {
     ($list:ident, $push:ident) => {
-        impl<T: Saved + Default> Saved for $list<T> {
+        impl<T: Persist + Default> Persist for $list<T> {
             fn save(&self, out: &mut Writer<'_>) {
                 self.len().save(out);
                 self.iter().for_each(|value| value.save(out));
@@ -110,7 +110,7 @@ macro_rules! list {
 list!(Vec, push);
 list!(VecDeque, push_back);
 
-fn next<T: Saved + Default>(from: &mut Reader<'_>) -> Result<T, Error> {
+fn next<T: Persist + Default>(from: &mut Reader<'_>) -> Result<T, Error> {
     let mut value = T::default();
     value.restore(from)?;
     Ok(value)

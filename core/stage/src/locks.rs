@@ -1,6 +1,6 @@
-//! The locks of a realm: who is in, who may wipe it, who starts, who watches.
+//! The locks of a domain: who is in, who may wipe it, who starts, who watches.
 
-use crate::{Error, Realm};
+use crate::{Domain, Error};
 use std::fs::{self, File, TryLockError};
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -12,7 +12,7 @@ const WATCHERS: usize = 8;
 const START_WAIT: Duration = Duration::from_secs(2);
 const START_PAUSE: Duration = Duration::from_millis(3);
 
-/// While it is held, nobody wipes the realm.
+/// While it is held, nobody wipes the domain.
 #[derive(Debug)]
 pub struct Presence {
     // The lock goes with the file.
@@ -28,11 +28,11 @@ impl Presence {
     }
 }
 
-impl Realm {
-    /// Enters the realm: from now on nobody wipes it. The first one in clears away what earlier stages left behind.
+impl Domain {
+    /// Enters the domain: from now on nobody wipes it. The first one in clears away what earlier stages left behind.
     pub fn enter(&self) -> Result<Presence, Error> {
         self.make()?;
-        let _door = self.lock("door", true)?;
+        let _entry = self.lock("entry", true)?;
         if let Some(alone) = self.try_alone()? {
             crate::leftovers::remove_all(self)?;
             drop(alone);
@@ -40,13 +40,13 @@ impl Realm {
         self.presence()
     }
 
-    /// Enters only where a stage is in: whoever watches makes no realm, and clears none away.
+    /// Enters only where a stage is in: whoever watches makes no domain, and clears none away.
     pub(crate) fn visit(&self) -> Result<Option<Presence>, Error> {
         if !self.folder().is_dir() {
             return Ok(None);
         }
         self.check_owner()?;
-        let _door = self.lock("door", true)?;
+        let _entry = self.lock("entry", true)?;
         Ok(match self.try_alone()? {
             Some(_alone) => None,
             None => Some(self.presence()?),
@@ -114,7 +114,7 @@ impl Realm {
         }
     }
 
-    /// Waits for a lock of this realm.
+    /// PortWaiter for a lock of this domain.
     pub(crate) fn lock(&self, name: &str, exclusive: bool) -> Result<File, Error> {
         let path = self.folder().join(format!("{name}.lock"));
         let file = open_lock(&path)?;
@@ -156,23 +156,23 @@ mod tests {
     #[test]
     fn only_the_first_one_in_is_alone() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("alone", Some(run.path())).unwrap();
-        let presence = realm.enter().unwrap();
-        assert!(realm.try_alone().unwrap().is_none());
-        let second = realm.visit().unwrap().unwrap();
+        let domain = Domain::new("alone", Some(run.path())).unwrap();
+        let presence = domain.enter().unwrap();
+        assert!(domain.try_alone().unwrap().is_none());
+        let second = domain.visit().unwrap().unwrap();
         drop(presence);
-        assert!(realm.try_alone().unwrap().is_none());
+        assert!(domain.try_alone().unwrap().is_none());
         drop(second);
-        assert!(realm.try_alone().unwrap().is_some());
-        assert!(realm.visit().unwrap().is_none(), "nobody to be watched");
+        assert!(domain.try_alone().unwrap().is_some());
+        assert!(domain.visit().unwrap().is_none(), "nobody to be watched");
     }
 
     #[test]
     fn one_that_is_stopped_while_it_starts_keeps_nobody_waiting() {
         let run = tempfile::tempdir().unwrap();
-        let realm = Realm::new("stopped", Some(run.path())).unwrap();
-        realm.make().unwrap();
-        let held = realm.start().unwrap();
+        let domain = Domain::new("stopped", Some(run.path())).unwrap();
+        domain.make().unwrap();
+        let held = domain.start().unwrap();
         let mut stopped = std::process::Command::new("sleep")
             .arg("60")
             .spawn()
@@ -182,7 +182,7 @@ mod tests {
         let pid = rustix::process::Pid::from_child(&stopped);
         rustix::process::kill_process(pid, rustix::process::Signal::STOP).unwrap();
         let begin = Instant::now();
-        realm.start().unwrap();
+        domain.start().unwrap();
         assert!(begin.elapsed() < START_WAIT / 2);
         stopped.kill().unwrap();
         stopped.wait().unwrap();

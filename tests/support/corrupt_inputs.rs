@@ -7,7 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-/// Scans of the drive that is spoilt: 2.5 s of standstill, then 5.5 s on the way.
+/// Scans of the drive that is corrupted: 2.5 s of standstill, then 5.5 s on the way.
 pub const SCANS: usize = 40;
 /// The scan at which things go wrong: on the way, with as many before as after.
 pub const BAD: usize = 20;
@@ -103,16 +103,16 @@ pub fn checked(input: &Path, more: &[&str]) -> Ran {
     }
 }
 
-/// Runs the simulated drive after it was spoilt.
+/// Runs the simulated drive after it was corrupted.
 #[track_caller]
-pub fn spoilt(spoil: impl FnOnce(&mut Vec<Event>)) -> Ran {
-    spoilt_with(&[], spoil)
+pub fn corrupted(corrupt: impl FnOnce(&mut Vec<Event>)) -> Ran {
+    corrupted_with(&[], corrupt)
 }
 
 #[track_caller]
-pub fn spoilt_with(more: &[&str], spoil: impl FnOnce(&mut Vec<Event>)) -> Ran {
+pub fn corrupted_with(more: &[&str], corrupt: impl FnOnce(&mut Vec<Event>)) -> Ran {
     let mut events = DRIVE.clone();
-    spoil(&mut events);
+    corrupt(&mut events);
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("drive.mcap");
     drive::write(&events, &log);

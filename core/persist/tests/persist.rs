@@ -6,7 +6,7 @@
 )]
 
 use nalgebra::Matrix3;
-use randt_saved::{Error, Label, Reader, Saved, Writer, open, saved, seal};
+use randt_persist::{Error, Persist, Reader, StateIdentity, Writer, decode, encode, persist};
 use std::collections::VecDeque;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -14,7 +14,7 @@ struct Part {
     at: Option<i64>,
     pairs: Vec<(f64, u32)>,
 }
-saved!(Part { at, pairs });
+persist!(Part { at, pairs });
 
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Whole {
@@ -24,7 +24,7 @@ struct Whole {
     used: usize,
     room: usize,
 }
-saved!(Whole { parts, matrix, on, used } kept { room } sound is_sound);
+persist!(Whole { parts, matrix, on, used } kept { room } sound is_sound);
 
 impl Whole {
     fn is_sound(&self) -> bool {
@@ -32,7 +32,7 @@ impl Whole {
     }
 }
 
-const LABEL: Label = Label {
+const LABEL: StateIdentity = StateIdentity {
     magic: *b"A STATE ",
     code: *b"00112233aabbccdd",
     config: 7,
@@ -54,17 +54,17 @@ fn whole() -> Whole {
 
 fn bytes(whole: &Whole) -> Vec<u8> {
     let mut bytes = vec![0; 1000];
-    let length = seal(&LABEL, &mut bytes, |out| whole.save(out)).unwrap();
+    let length = encode(&LABEL, &mut bytes, |out| whole.save(out)).unwrap();
     bytes.truncate(length);
     bytes
 }
 
-fn read(label: &Label, bytes: &[u8], room: usize) -> Result<Whole, Error> {
+fn read(identity: &StateIdentity, bytes: &[u8], room: usize) -> Result<Whole, Error> {
     let mut whole = Whole {
         room,
         ..Whole::default()
     };
-    let mut from = open(label, bytes)?;
+    let mut from = decode(identity, bytes)?;
     whole.restore(&mut from)?;
     from.end()?;
     Ok(whole)
@@ -79,7 +79,7 @@ fn what_was_saved_comes_back() {
 fn a_buffer_that_is_too_small_is_told_how_much_is_needed() {
     let length = bytes(&whole()).len();
     for room in 0..length {
-        let result = seal(&LABEL, &mut vec![0; room], |out| whole().save(out));
+        let result = encode(&LABEL, &mut vec![0; room], |out| whole().save(out));
         let needed = length;
         assert_eq!(result, Err(Error::Room { needed, room }));
     }
@@ -109,13 +109,13 @@ fn every_cut_and_every_flipped_bit_is_found() {
 #[test]
 fn a_state_of_another_build_or_configuration_is_refused_by_name() {
     let bytes = bytes(&whole());
-    let text = |label: &Label| read(label, &bytes, 4).unwrap_err().to_string();
+    let text = |identity: &StateIdentity| read(identity, &bytes, 4).unwrap_err().to_string();
     let code = *b"ffeeddccbbaa9988";
-    let other_code = text(&Label { code, ..LABEL });
+    let other_code = text(&StateIdentity { code, ..LABEL });
     assert!(other_code.contains("other source") && other_code.contains("00112233aabbccdd"));
-    assert!(text(&Label { config: 8, ..LABEL }).contains("another configuration"));
+    assert!(text(&StateIdentity { config: 8, ..LABEL }).contains("another configuration"));
     let magic = *b"B STATE ";
-    assert!(text(&Label { magic, ..LABEL }).contains("A STATE "));
+    assert!(text(&StateIdentity { magic, ..LABEL }).contains("A STATE "));
 }
 
 #[test]
