@@ -177,7 +177,7 @@ impl Up {
         fs::read_to_string(&self.stderr).unwrap()
     }
 
-    /// PortWaiter for its end, which comes by itself; gives what it said.
+    /// Waits for its end, which comes by itself; gives what it said.
     fn end(&mut self) -> String {
         let begin = Instant::now();
         let status = loop {

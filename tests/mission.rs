@@ -224,7 +224,7 @@ fn a_robot_without_missions_says_so() {
     assert!(nowhere.stderr.contains("--root"), "{}", nowhere.stderr);
 }
 
-/// PortWaiter until the drive was played and computed to its end.
+/// Waits until the drive was played and computed to its end.
 fn until_driven(pipeline: &Pipeline, journal: &Path) {
     let mut keyframes_before = 0;
     let mut quiet = 0;

@@ -347,7 +347,7 @@ fn attacks() {
 struct Attacker(Child);
 
 impl Attacker {
-    /// PortWaiter until it has begun.
+    /// Waits until it has begun.
     fn begin(robot: &Robot, program: &Path) -> Self {
         let mut command = Command::new("setpriv");
         let id = USER.to_string();

@@ -34,7 +34,7 @@ impl Watched<'_> {
             .clone()
     }
 
-    /// PortWaiter until it is in a state and says all these words.
+    /// Waits until it is in a state and says all these words.
     fn becomes(&self, state: &str, words: &[&str]) {
         let begin = Instant::now();
         loop {

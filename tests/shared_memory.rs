@@ -95,7 +95,7 @@ impl Stages {
         self.running.push(started);
     }
 
-    /// PortWaiter until every stage has ended by itself; gives what each has said, and the longest
+    /// Waits until every stage has ended by itself; gives what each has said, and the longest
     /// time.
     fn all_end(&mut self) -> (Vec<(String, std::process::ExitStatus, String)>, Duration) {
         let begin = Instant::now();
@@ -115,7 +115,7 @@ impl Stages {
         serde_json::from_str(&top.stdout).unwrap_or_else(|error| panic!("{error}: {}", top.stderr))
     }
 
-    /// PortWaiter until new poses come; gives the odometry frame.
+    /// Waits until new poses come; gives the odometry frame.
     fn poses_come(&self) -> u64 {
         let begin = Instant::now();
         loop {

@@ -45,7 +45,7 @@ fn row<'a>(figures: &'a Value, table: &str, name: &str) -> &'a Value {
         .unwrap_or_else(|| panic!("no {name} in {figures}"))
 }
 
-/// PortWaiter as long as a slow link needs.
+/// Waits as long as a slow link needs.
 fn until_slowly(what: &str, mut holds: impl FnMut() -> bool) {
     let begin = Instant::now();
     while !holds() {

@@ -63,7 +63,7 @@ pub fn emulate(machine: &Machine) {
     }
 }
 
-/// PortWaiter until something is so on a machine; gives how long it took.
+/// Waits until something is so on a machine; gives how long it took.
 pub fn until(what: &str, time_max: Duration, mut is_so: impl FnMut() -> bool) -> Duration {
     let begin = Instant::now();
     while !is_so() {
@@ -73,7 +73,7 @@ pub fn until(what: &str, time_max: Duration, mut is_so: impl FnMut() -> bool) ->
     begin.elapsed()
 }
 
-/// PortWaiter until poses come, at full rate and good.
+/// Waits until poses come, at full rate and good.
 pub fn until_alive(machine: &Machine) -> Duration {
     until("all is alive", BOOTED_MAX, || {
         // What is not as it should be, such as IMU samples that come late on a busy machine, stands behind that.

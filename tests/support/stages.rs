@@ -144,7 +144,7 @@ impl Running {
         self.child.try_wait().unwrap()
     }
 
-    /// PortWaiter for its own end.
+    /// Waits for its own end.
     pub fn wait(&mut self, time_max: Duration) -> ExitStatus {
         let begin = Instant::now();
         loop {

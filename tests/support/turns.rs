@@ -24,7 +24,7 @@ pub struct RealTime(());
 pub struct Computing(());
 
 impl RealTime {
-    /// PortWaiter until what computes is done.
+    /// Waits until what computes is done.
     pub fn begin() -> Self {
         let mut now = under_way();
         // At once, so that nothing new begins to compute meanwhile.
@@ -37,7 +37,7 @@ impl RealTime {
 }
 
 impl Computing {
-    /// PortWaiter until what is lived is over.
+    /// Waits until what is lived is over.
     pub fn begin() -> Self {
         let mut now = under_way();
         while now.real_time > 0 {

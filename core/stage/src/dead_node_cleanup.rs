@@ -50,7 +50,7 @@ pub struct CleanUp {
     pub services: usize,
 }
 
-/// Clears away what dead stages have left, while others live. PortWaiter for those who are just
+/// Clears away what dead stages have left, while others live. Waits for those who are just
 /// starting. As [`slots_of_nobody`], not for a process that is in the domain itself.
 pub fn clean_up(domain: &Domain) -> Result<CleanUp, Error> {
     let _start = domain.start()?;

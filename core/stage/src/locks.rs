@@ -114,7 +114,7 @@ impl Domain {
         }
     }
 
-    /// PortWaiter for a lock of this domain.
+    /// Waits for a lock of this domain.
     pub(crate) fn lock(&self, name: &str, exclusive: bool) -> Result<File, Error> {
         let path = self.folder().join(format!("{name}.lock"));
         let file = open_lock(&path)?;

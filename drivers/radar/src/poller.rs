@@ -23,7 +23,7 @@ impl Poller {
         self.epoll.as_fd()
     }
 
-    /// Waitable when a socket can be read.
+    /// Wakes when a socket can be read.
     pub(crate) fn readable(&self, socket: &OwnedFd) -> std::io::Result<()> {
         Ok(epoll::add(
             &self.epoll,
@@ -33,7 +33,7 @@ impl Poller {
         )?)
     }
 
-    /// Waitable when a socket can be written, that is when it is connected or is not going to be.
+    /// Wakes when a socket can be written, that is when it is connected or is not going to be.
     pub(crate) fn writable(&self, socket: &OwnedFd) -> std::io::Result<()> {
         Ok(epoll::add(
             &self.epoll,

@@ -76,7 +76,7 @@ impl Count {
 }
 
 impl JournalFile {
-    /// Opens a journal, or begins one. PortWaiter for no other mapper: two never write one journal.
+    /// Opens a journal, or begins one. Waits for no other mapper: two never write one journal.
     pub fn open(path: impl Into<PathBuf>, config: &Config) -> Result<Opened, Error> {
         Self::open_by(path, config, |path| Ok(Arc::new(fs::read(path)?)))
     }

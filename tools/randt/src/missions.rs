@@ -53,7 +53,7 @@ impl Missions {
         self.root.join(CURRENT)
     }
 
-    /// PortWaiter until no other command begins or ends a mission, and keeps others from it.
+    /// Waits until no other command begins or ends a mission, and keeps others from it.
     pub fn lock(&self) -> anyhow::Result<fs::File> {
         let path = self.folder();
         // Of a pipe it would be waited for a writer.

@@ -120,7 +120,7 @@ fn play(
     Ok(sent)
 }
 
-/// PortWaiter for a stamp, and serves meanwhile; `false` where the end was asked for first.
+/// Waits for a stamp, and serves meanwhile; `false` where the end was asked for first.
 fn wait(wire: &mut dyn Wire, pace: &Pace, stamp_ns: i64, ends: &dyn Fn() -> bool) -> bool {
     let due = pace.due(stamp_ns);
     loop {

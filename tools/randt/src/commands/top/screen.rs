@@ -79,7 +79,7 @@ impl Screen {
         Ok(())
     }
 
-    /// PortWaiter for a key.
+    /// Waits for a key.
     pub fn wait(&mut self, pause: Duration) -> anyhow::Result<Asked> {
         let reading = "the terminal cannot be read";
         if !event::poll(pause).context(reading)? {

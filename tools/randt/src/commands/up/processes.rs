@@ -106,7 +106,7 @@ impl Processes {
         self.children.insert(0, child);
     }
 
-    /// PortWaiter until every stage says that it runs. Recorder and view may fail: nobody waits for them.
+    /// Waits until every stage says that it runs. Recorder and view may fail: nobody waits for them.
     fn wait_until_running(&mut self) -> anyhow::Result<()> {
         let give_up = Instant::now() + START_MAX;
         loop {
