@@ -217,12 +217,8 @@ fn spoofed_sweeps_change_nothing_or_are_told() {
     let (clean, _) = wire(&samples, None);
     let (clean_scans, clean_states) = drive(&open, &clean, &samples);
     assert_eq!(clean_scans.len() as u64, scans);
-    let good = |states: &[OdometryState]| {
-        states
-            .iter()
-            .filter(|s| s.trust == Trust::Good as u32)
-            .count()
-    };
+    let good =
+        |states: &[OdometryState]| states.iter().filter(|s| s.trust() == Trust::Good).count();
     assert!(good(&clean_states) > 120, "{}", good(&clean_states));
 
     for attack in [Attack::Random, Attack::Ahead, Attack::InStep] {
@@ -234,7 +230,7 @@ fn spoofed_sweeps_change_nothing_or_are_told() {
             let (attacked, _) = wire(&samples, Some((attack, from.into())));
             let (scans, states) = drive(&open, &attacked, &samples);
             let doubted =
-                |s: &&OdometryState| s.header.stamp_ns > begin_ns && s.trust != Trust::Good as u32;
+                |s: &&OdometryState| s.header.stamp_ns > begin_ns && s.trust() != Trust::Good;
             let first = states.iter().find(doubted).unwrap().header.stamp_ns - begin_ns;
             let end_ns = begin_ns + 18_000_000_000;
             let told = begin_ns + TOLD_MAX_NS..end_ns;
@@ -306,7 +302,7 @@ fn recorded_after(folder: &Path, begin_ns: i64) -> (Option<f64>, Option<f64>) {
                 said.get_or_insert(after_s);
             }
             if let Some(state) = entry.decode::<OdometryStateTopic>().unwrap()
-                && state.head.trust != Trust::Good as u32
+                && state.head.trust() != Trust::Good
             {
                 doubted.get_or_insert(after_s);
             }

@@ -1,7 +1,7 @@
 //! The attitude filter: gyro and accelerometer to roll, pitch and a free-running heading.
 //!
-//! Responsible for the quaternion of the IMU's body in a level frame. Not responsible for the gyro's bias,
-//! whose owner sets it, nor for the true heading: without a magnetometer nothing shows it.
+//! Responsible for the quaternion of the IMU's body in a level frame. Not responsible for the gyro's bias, which its owner
+//! sets, nor for the true heading, which cannot be observed without a magnetometer.
 //! The complementary filter of Valenti, Dryanovski and Xiao, "Keeping a Good Attitude" (Sensors 2015).
 
 use crate::clock::{Pace, SampleClock};

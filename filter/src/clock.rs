@@ -5,17 +5,17 @@
 use nalgebra::Vector3;
 use randt_persist::persist;
 
-/// The longest gap that is a step. Over a longer one, or a step back as long, the clock or the log broke off
-/// (DESIGN, invariant 6).
+/// The longest gap that is a step. After a longer one, or a step back of that length, the clock was set or the log
+/// broke off, and nothing is bridged.
 const GAP_MAX_NS: i64 = 1_000_000_000;
 
 /// The largest rate or specific force of a real sensor, in any unit; beyond it squares might overflow.
 const VALUE_MAX: f64 = 1e6;
 
-/// How a sample stands to the one before.
+/// How a sample relates to the one before.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// So many seconds after the one before.
+    /// That many seconds after the one before.
     Step(f64),
     /// The first one, or the first after the stamps broke off.
     Start,

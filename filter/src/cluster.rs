@@ -1,9 +1,12 @@
-//! The beam-wise cluster filter: of every beam only the strongest echo, with its flanks.
+//! The beam-wise cluster filter (RaNDT, III-A): of every beam only the strongest echo, with its flanks.
 //!
 //! Responsible for choosing returns, scan by scan, without memory of earlier scans. Not responsible for
 //! motion inside the sweep: points stay polar, and keep their beam's time and azimuth.
 
-use randt_messages::{Header, Message, MessageRef, RadarPoints, RadarScan, Return, Topic};
+use core::ops::Range;
+use randt_messages::{
+    Header, MAX_BEAMS, Message, MessageRef, PointsHead, RadarPoints, RadarScan, Return, Topic,
+};
 
 /// Reduces a sweep to one cluster of returns a beam (RaNDT SLAM, III-A).
 ///
@@ -34,6 +37,69 @@ pub struct ClusterFilter {
     intensity_min: f32,
     connectivity_m: f32,
     sequence: u64,
+    /// Those of the sweep at hand, beam by beam.
+    clusters: Vec<Cluster>,
+}
+
+/// What is kept of a beam.
+#[derive(Clone, Debug)]
+struct Cluster {
+    /// The sweep's returns that belong to it, those below the threshold included.
+    returns: Range<usize>,
+    /// Index of its first point.
+    first_point: u32,
+}
+
+/// A sweep that was filtered, to be laid out where its readers find it.
+#[derive(Debug)]
+pub struct FilteredSweep<'a> {
+    filter: &'a ClusterFilter,
+    scan: MessageRef<'a, RadarScan>,
+    sequence: u64,
+    len: usize,
+}
+
+impl FilteredSweep<'_> {
+    /// How many points there are: the items of the message.
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether no return was kept.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// Lays out the head of the message. Epoch and publish time are left to the publisher.
+    pub fn write_head(&self, head: &mut PointsHead) {
+        let scan = self.scan.head;
+        head.header = Header {
+            sequence: self.sequence,
+            stamp_ns: scan.header.stamp_ns,
+            epoch: 0,
+            published_ns: 0,
+        };
+        head.scan_sequence = scan.header.sequence;
+        head.scan_epoch = scan.header.epoch;
+        head.scan_published_ns = scan.header.published_ns;
+        head.sweep = scan.sweep;
+        let clusters = &self.filter.clusters;
+        head.sweep.beam_count = clusters.len() as u32;
+        for (beam, cluster) in head.sweep.beams.iter_mut().zip(clusters) {
+            beam.first_return = cluster.first_point;
+        }
+    }
+
+    /// Lays out the items of the message, [`Self::len`] of them.
+    pub fn write_items(&self, points: &mut [Return]) {
+        let mut points = points.iter_mut();
+        for (cluster, beam) in self.filter.clusters.iter().zip(0..) {
+            let kept = self.filter.kept(self.scan.items, &cluster.returns);
+            for (from, to) in kept.zip(&mut points) {
+                *to = Return { beam, ..*from };
+            }
+        }
+    }
 }
 
 impl ClusterFilter {
@@ -45,61 +111,70 @@ impl ClusterFilter {
             intensity_min: sensor.intensity_min as f32,
             connectivity_m: sensor.connectivity_m as f32,
             sequence: 0,
+            clusters: Vec::with_capacity(MAX_BEAMS),
         }
     }
 
-    /// Filters one sweep into `points`, whatever that held before.
+    /// Filters one sweep. Broken input (table entries that go back, ranges out of order, values that are not finite)
+    /// costs the returns concerned and nothing else.
     ///
     /// Times, beam table and counters are the sweep's, `first_return` counts the points.
-    /// Epoch and publish time are left to who publishes. Broken input (table entries that go back, ranges out
-    /// of order, values that are not finite) costs the returns concerned and nothing else.
-    /// Reuse `points`: the first call reserves all that later ones can need.
-    pub fn process(&mut self, scan: MessageRef<RadarScan>, points: &mut Message<RadarPoints>) {
-        let missing = RadarPoints::MAX_ITEMS.saturating_sub(points.items.len());
-        points.items.reserve_exact(missing);
-        points.items.clear();
-
-        let head = &mut *points.head;
-        head.header = Header {
-            sequence: self.sequence,
-            stamp_ns: scan.head.header.stamp_ns,
-            epoch: 0,
-            published_ns: 0,
-        };
-        self.sequence += 1;
-        head.scan_sequence = scan.head.header.sequence;
-        head.scan_epoch = scan.head.header.epoch;
-        head.scan_published_ns = scan.head.header.published_ns;
-        head.sweep = scan.head.sweep;
-
+    pub fn filter<'a>(&'a mut self, scan: MessageRef<'a, RadarScan>) -> FilteredSweep<'a> {
         let total = scan.items.len().min(RadarScan::MAX_ITEMS);
-        let count = scan.head.sweep.beams().len();
-        head.sweep.beam_count = count as u32;
+        self.clusters.clear();
         let mut taken = 0;
-        for (index, beam) in head.sweep.beams.iter_mut().take(count).enumerate() {
-            beam.first_return = points.items.len() as u32;
+        let mut len = 0;
+        for index in 0..scan.head.sweep.beams().len() {
             let range = scan.head.sweep.returns_of(index, total);
             // A table that goes back must not use a return twice.
             let range = range.start.max(taken)..range.end.max(taken);
             taken = range.end;
-            let returns = scan.items.get(range).unwrap_or_default();
-            let kept = self.cluster(returns).iter();
-            points
-                .items
-                .extend(
-                    kept.filter(|r| r.intensity > self.intensity_min)
-                        .map(|r| Return {
-                            beam: index as u16,
-                            ..*r
-                        }),
-                );
+            let begin = range.start;
+            let cluster = self.cluster(scan.items.get(range).unwrap_or_default());
+            let returns = begin + cluster.start..begin + cluster.end;
+            let first_point = len as u32;
+            len += self.kept(scan.items, &returns).count();
+            self.clusters.push(Cluster {
+                returns,
+                first_point,
+            });
+        }
+        self.sequence += 1;
+        FilteredSweep {
+            sequence: self.sequence - 1,
+            filter: self,
+            scan,
+            len,
         }
     }
 
+    /// Filters one sweep into `points`, replacing what that held before. Reuse `points`: the first call reserves all that
+    /// later ones can need.
+    pub fn process(&mut self, scan: MessageRef<RadarScan>, points: &mut Message<RadarPoints>) {
+        let missing = RadarPoints::MAX_ITEMS.saturating_sub(points.items.len());
+        points.items.reserve_exact(missing);
+        points.items.clear();
+        let filtered = self.filter(scan);
+        points.items.resize(filtered.len(), Return::default());
+        filtered.write_head(&mut points.head);
+        filtered.write_items(&mut points.items);
+    }
+
+    /// The returns of a cluster that are above the threshold.
+    fn kept<'a>(
+        &self,
+        returns: &'a [Return],
+        cluster: &Range<usize>,
+    ) -> impl Iterator<Item = &'a Return> + use<'a> {
+        let intensity_min = self.intensity_min;
+        let cluster = returns.get(cluster.clone()).unwrap_or_default();
+        cluster.iter().filter(move |r| r.intensity > intensity_min)
+    }
+
     /// The strongest return of a beam with its flanks; empty where none is between the limits.
-    fn cluster<'a>(&self, beam: &'a [Return]) -> &'a [Return] {
+    fn cluster(&self, beam: &[Return]) -> Range<usize> {
         let Some((peak, strongest)) = self.strongest(beam) else {
-            return &[];
+            return 0..0;
         };
         // Counts the neighbours that follow on one side; `sign` makes the step positive outwards from the peak.
         let flank = |side: &mut dyn Iterator<Item = &Return>, sign: f32| {
@@ -116,8 +191,7 @@ impl ClusterFilter {
         };
         let inwards = flank(&mut beam.iter().take(peak).rev(), -1.0);
         let outwards = flank(&mut beam.iter().skip(peak + 1), 1.0);
-        beam.get(peak - inwards..=peak + outwards)
-            .unwrap_or_default()
+        peak - inwards..peak + outwards + 1
     }
 
     /// The strongest return between the limits with its index; the first of equals.
@@ -142,173 +216,4 @@ impl ClusterFilter {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-    use randt_messages::MAX_BEAMS;
-
-    fn filter() -> ClusterFilter {
-        ClusterFilter::new(&Default::default(), &Default::default())
-    }
-
-    /// A sweep of these beams, each a list of (range, intensity).
-    fn sweep(beams: &[&[(f32, f32)]]) -> Message<RadarScan> {
-        let mut scan = Message::<RadarScan>::default();
-        scan.head.sweep.beam_count = beams.len() as u32;
-        for (index, beam) in beams.iter().enumerate() {
-            scan.head.sweep.beams[index].first_return = scan.items.len() as u32;
-            scan.items
-                .extend(beam.iter().map(|&(range_m, intensity)| Return {
-                    range_m,
-                    intensity,
-                    beam: index as u16,
-                    bin: 0,
-                }));
-        }
-        scan
-    }
-
-    fn filtered(scan: &Message<RadarScan>) -> Message<RadarPoints> {
-        let mut points = Message::default();
-        filter().process(scan.as_ref(), &mut points);
-        points
-    }
-
-    fn kept(beam: &[(f32, f32)]) -> Vec<(f32, f32)> {
-        let points = filtered(&sweep(&[beam]));
-        points
-            .items
-            .iter()
-            .map(|p| (p.range_m, p.intensity))
-            .collect()
-    }
-
-    #[test]
-    fn the_strongest_with_both_flanks_is_kept() {
-        let beam = [
-            (2.00, 9.0),
-            (2.02, 8.0),
-            (2.04, 12.0),
-            (2.06, 20.0),
-            (2.08, 11.0),
-            (2.10, 7.0),
-            (2.12, 9.0),
-        ];
-        assert_eq!(kept(&beam), beam[1..6]);
-    }
-
-    #[test]
-    fn a_gap_ends_the_cluster_on_either_side() {
-        let beam = [
-            (2.00, 9.0),
-            (2.05, 12.0),
-            (2.07, 20.0),
-            (2.09, 11.0),
-            (2.14, 7.0),
-        ];
-        assert_eq!(kept(&beam), beam[1..4]);
-    }
-
-    #[test]
-    fn equal_neighbours_end_the_cluster_and_the_nearest_of_equal_peaks_wins() {
-        let beam = [(2.00, 12.0), (2.02, 12.0), (2.04, 8.0)];
-        assert_eq!(kept(&beam), beam[..1]);
-    }
-
-    #[test]
-    fn the_flanks_below_the_threshold_and_beyond_the_limits_are_left_out() {
-        let beam = [
-            (0.59, 50.0),
-            (0.61, 30.0),
-            (0.63, 40.0),
-            (0.65, 6.0),
-            (0.67, 5.0),
-        ];
-        assert_eq!(kept(&beam), beam[1..3]);
-        assert_eq!(kept(&[(16.0, 50.0), (3.0, 6.0)]), []);
-    }
-
-    #[test]
-    fn every_beam_counts_even_the_last_and_the_table_is_indexed_anew() {
-        let mut scan = sweep(&[
-            &[(2.00, 5.0), (2.02, 9.0)],
-            &[],
-            &[(3.0, 9.0), (3.02, 8.0), (9.0, 7.0)],
-            &[(4.0, 9.0)],
-        ]);
-        scan.head.header.sequence = 7;
-        scan.head.header.stamp_ns = 9_000;
-        scan.head.sweep.beams[2].stamp_ns = 8_000;
-        scan.head.sweep.beams_lost = 3;
-        let points = filtered(&scan);
-        let firsts: Vec<u32> = points
-            .head
-            .sweep
-            .beams()
-            .iter()
-            .map(|b| b.first_return)
-            .collect();
-        assert_eq!(firsts, [0, 1, 1, 3]);
-        assert_eq!(points.items.len(), 4);
-        assert_eq!(points.items[3].beam, 3);
-        assert_eq!(
-            (points.head.scan_sequence, points.head.header.stamp_ns),
-            (7, 9_000)
-        );
-        assert_eq!(points.head.sweep.beams[2].stamp_ns, 8_000);
-        assert_eq!(points.head.sweep.beams_lost, 3);
-    }
-
-    #[test]
-    fn own_messages_are_counted() {
-        let mut filter = filter();
-        let mut points = Message::default();
-        for sequence in 0..3 {
-            filter.process(sweep(&[&[(2.0, 9.0)]]).as_ref(), &mut points);
-            assert_eq!(points.head.header.sequence, sequence);
-            assert_eq!(points.items.len(), 1);
-        }
-    }
-
-    #[test]
-    fn values_that_are_not_finite_cost_only_themselves() {
-        let nan = f32::NAN;
-        let beam = [
-            (1.0, f32::INFINITY),
-            (nan, 50.0),
-            (2.00, nan),
-            (2.02, 9.0),
-            (nan, 8.0),
-            (2.06, 7.0),
-        ];
-        assert_eq!(kept(&beam), beam[3..4]);
-    }
-
-    proptest! {
-        #[test]
-        fn broken_tables_and_values_give_each_return_at_most_once(
-            firsts in prop::collection::vec(0_u32..200, 0..40),
-            beam_count in 0_u32..2 * MAX_BEAMS as u32,
-            values in prop::collection::vec((0.0_f32..20.0, 0.0_f32..30.0), 0..150),
-        ) {
-            let mut scan = sweep(&[&values]);
-            scan.head.sweep.beam_count = beam_count;
-            for (beam, first) in scan.head.sweep.beams.iter_mut().zip(&firsts) {
-                beam.first_return = *first;
-            }
-            for (bin, r) in scan.items.iter_mut().enumerate() {
-                r.bin = bin as u16;
-            }
-            let points = filtered(&scan);
-            prop_assert!(points.items.windows(2).all(|w| w[0].bin < w[1].bin));
-            let mut seen = 0;
-            for beam in 0..points.head.sweep.beams().len() {
-                let range = points.head.sweep.returns_of(beam, points.items.len());
-                prop_assert_eq!(range.start, seen);
-                seen = range.end;
-                prop_assert!(points.items[range].iter().all(|p| p.beam as usize == beam));
-            }
-            prop_assert!(points.head.sweep.beams().is_empty() || seen == points.items.len());
-        }
-    }
-}
+mod tests;

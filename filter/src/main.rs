@@ -2,15 +2,15 @@
 
 use clap::Parser;
 use randt_filter::{ClusterFilter, check_sweep};
-use randt_messages::{Message, RadarPoints, RadarScan};
-use randt_stage::{StageArguments, WakeReason, ended, parse};
+use randt_messages::{MessageRef, RadarPoints, RadarScan};
+use randt_stage::{Publisher, StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 
 /// The filter stage: reduces every sweep of the radar to the returns that matter.
 ///
-/// It remembers nothing: when it is started again it filters what is still in reach once more, and whoever reads the
-/// points knows each scan by its number.
+/// It has no state: when it is started again it filters the sweeps that are still in the history once more, and readers
+/// of the points recognise each scan by its number.
 #[derive(Debug, Parser)]
 #[command(name = "randt-filter", version, max_term_width = 100)]
 struct Arguments {
@@ -31,7 +31,6 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut points = stage.publisher::<RadarPoints>()?;
     let mut scans = stage.subscriber::<RadarScan>()?;
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
-    let mut filtered = Message::default();
     let mut misfits = 0;
     stage.running()?;
     loop {
@@ -42,11 +41,23 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                 stage.set_status(&misfit.to_string(), misfits);
                 continue;
             }
-            filter.process(scan, &mut filtered);
-            points.publish(filtered.as_ref())?;
+            publish(&mut points, &mut filter, scan)?;
         }
         if stage.wait(&[&scans], None)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }
+}
+
+/// Filters a sweep into shared memory, where the readers of the points find it.
+fn publish(
+    points: &mut Publisher<RadarPoints>,
+    filter: &mut ClusterFilter,
+    scan: MessageRef<'_, RadarScan>,
+) -> Result<(), randt_stage::Error> {
+    let filtered = filter.filter(scan);
+    let mut loan = points.loan(filtered.len())?;
+    filtered.write_head(loan.head_mut());
+    filtered.write_items(loan.items_mut());
+    points.publish_loan(loan)
 }

@@ -1,15 +1,15 @@
-//! How an IMU is mounted: where gravity says up is, and whether that is upside down.
+//! How an IMU is mounted: where up is by gravity, and whether that is upside down.
 //!
-//! Responsible for a verdict early in a recording or after power-up. Not responsible for the attitude of a moving
+//! Responsible for a decision early in a recording or after power-up. Not responsible for the attitude of a moving
 //! robot: the attitude filter is.
 
 use crate::clock::{Pace, SampleClock};
 use nalgebra::Vector3;
 
-/// Gravity is averaged over this time before the verdict: several periods of a body's swing on its wheels.
+/// Gravity is averaged over this time before the decision: several periods of a body's swing on its wheels.
 const AVERAGED_S: f64 = 0.5;
 
-/// Below this share of the vertical on the z axis neither up nor down is said (a tilt of 60 degrees).
+/// Below this share of the vertical on the z axis neither up nor down is decided (a tilt of 60 degrees).
 const UPRIGHT_MIN: f64 = 0.5;
 
 /// Which way the IMU's z axis points.
@@ -31,12 +31,12 @@ pub struct MountingCheck {
     first_ns: Option<i64>,
     count: f64,
     sum: Vector3<f64>,
-    verdict: Option<Verdict>,
+    result: Option<MountingResult>,
 }
 
-/// What gravity said.
+/// How gravity shows the IMU to be mounted.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Verdict {
+pub struct MountingResult {
     /// Which way z points.
     pub mounting: Mounting,
     /// The vertical, upwards, in the body; of length one.
@@ -45,7 +45,7 @@ pub struct Verdict {
     pub known_after_s: f64,
 }
 
-impl Verdict {
+impl MountingResult {
     /// The body's axis nearest to the vertical, such as `-z`.
     pub fn up_axis(&self) -> &'static str {
         let (axis, value) = self
@@ -67,10 +67,14 @@ impl Verdict {
 }
 
 impl MountingCheck {
-    /// Takes one sample: specific force, m/s^2, in the body. Gives the verdict as soon as it is there.
-    pub fn push(&mut self, stamp_ns: i64, acceleration_m_s2: Vector3<f64>) -> Option<Verdict> {
-        if self.verdict.is_some() {
-            return self.verdict;
+    /// Takes one sample: specific force, m/s^2, in the body. Gives the result as soon as it is there.
+    pub fn push(
+        &mut self,
+        stamp_ns: i64,
+        acceleration_m_s2: Vector3<f64>,
+    ) -> Option<MountingResult> {
+        if self.result.is_some() {
+            return self.result;
         }
         match self
             .clock
@@ -101,12 +105,12 @@ impl MountingCheck {
         } else {
             Mounting::OnItsSide
         };
-        self.verdict = Some(Verdict {
+        self.result = Some(MountingResult {
             mounting,
             up,
             known_after_s: stamp_ns.saturating_sub(first_ns) as f64 * 1e-9,
         });
-        self.verdict
+        self.result
     }
 
     fn begin(&mut self, stamp_ns: i64) {
@@ -120,27 +124,27 @@ impl MountingCheck {
 mod tests {
     use super::*;
 
-    fn verdict(force: Vector3<f64>) -> Option<Verdict> {
+    fn result(force: Vector3<f64>) -> Option<MountingResult> {
         let mut check = MountingCheck::default();
         (0..500).find_map(|i| check.push(i * 4_000_000, force))
     }
 
     #[test]
-    fn gravity_tells_up_from_down() {
+    fn gravity_shows_up_and_down() {
         for (force, mounting, axis) in [
             (Vector3::new(0.3, 0.0, 9.8), Mounting::Upright, "+z"),
             (Vector3::new(-0.2, -0.1, -9.87), Mounting::UpsideDown, "-z"),
             (Vector3::new(0.2, -9.7, 1.0), Mounting::OnItsSide, "-y"),
         ] {
-            let verdict = verdict(force).unwrap();
-            assert_eq!((verdict.mounting, verdict.up_axis()), (mounting, axis));
-            assert!((verdict.known_after_s - 0.5).abs() < 0.01);
+            let result = result(force).unwrap();
+            assert_eq!((result.mounting, result.up_axis()), (mounting, axis));
+            assert!((result.known_after_s - 0.5).abs() < 0.01);
         }
     }
 
     #[test]
-    fn a_sensor_without_gravity_gives_no_verdict() {
-        assert_eq!(verdict(Vector3::zeros()), None);
-        assert_eq!(verdict(Vector3::repeat(f64::NAN)), None);
+    fn a_sensor_without_gravity_gives_no_result() {
+        assert_eq!(result(Vector3::zeros()), None);
+        assert_eq!(result(Vector3::repeat(f64::NAN)), None);
     }
 }

@@ -1,7 +1,7 @@
 //! Standstill from an IMU alone, and the gyro bias that it shows.
 //!
-//! Responsible for saying, sample by sample and without looking ahead, when the robot stands. Not responsible
-//! for the bias as a whole: every measurement is given away once, and whoever owns the bias fuses it.
+//! Responsible for deciding, sample by sample and without looking ahead, when the robot stands. Not responsible for the
+//! bias as a whole: every measurement is given out once, and the owner of the bias fuses it.
 
 use crate::clock::{Pace, SampleClock};
 use crate::statistics::Statistics;
@@ -15,7 +15,7 @@ const BLOCKS: usize = 20;
 /// as a whole may end in the first jerk of a departure or begin in the last swing of a stop.
 const GUARD: usize = BLOCKS / 5;
 
-/// Fewest samples in a window; with fewer a spread says little.
+/// Fewest samples in a window; with fewer the spread is not significant.
 const SAMPLES_MIN: f64 = 20.0;
 
 /// What no average of a MEMS gyro goes below within a minute (bias instability, 20 deg/h), rad/s.
@@ -30,7 +30,7 @@ pub struct StandstillBias {
     pub end_ns: i64,
     /// Mean rate about the body's axes, which is the bias.
     pub bias_rad_s: Vector3<f64>,
-    /// Standard deviation of it, axis by axis.
+    /// Its standard deviation, axis by axis.
     pub sigma_rad_s: Vector3<f64>,
     /// Mean specific force in the body, m/s^2: gravity alone.
     pub gravity_m_s2: Vector3<f64>,
@@ -57,9 +57,9 @@ pub struct Standstill {
     next: usize,
     filled: usize,
     still_since_ns: Option<i64>,
-    /// What this standstill has shown and was not given away.
+    /// What this standstill has shown and was not given out.
     pending: Pending,
-    /// Last instant that was given away.
+    /// Last instant that was given out.
     given_ns: Option<i64>,
 }
 
@@ -192,8 +192,8 @@ impl Standstill {
 
     /// Adds a whole block and judges the window anew.
     fn take(&mut self, block: Block) -> Option<StandstillBias> {
-        if let Some(slot) = self.ring.get_mut(self.next) {
-            *slot = block;
+        if let Some(oldest) = self.ring.get_mut(self.next) {
+            *oldest = block;
         }
         self.next = (self.next + 1) % BLOCKS;
         self.filled = (self.filled + 1).min(BLOCKS);
@@ -208,10 +208,10 @@ impl Standstill {
             }
         }
         self.pend(GUARD);
-        self.give_away()
+        self.take_pending()
     }
 
-    /// Adds a block to what is not given away, unless an earlier standstill gave it away already.
+    /// Adds a block to what is not given out, unless an earlier standstill gave it out already.
     fn pend(&mut self, age: usize) {
         let given_ns = self.given_ns;
         let fresh = |block: &&Block| given_ns.is_none_or(|given_ns| block.begin_ns > given_ns);
@@ -222,7 +222,7 @@ impl Standstill {
     }
 
     /// The measurement, where enough has come together.
-    fn give_away(&mut self) -> Option<StandstillBias> {
+    fn take_pending(&mut self) -> Option<StandstillBias> {
         let Pending { samples, means } = self.pending;
         if means.count() < (BLOCKS / 2) as f64 {
             return None;

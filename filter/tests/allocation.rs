@@ -1,36 +1,12 @@
-//! Steady state allocates nothing (DESIGN, invariant 12). Alone in its file: the allocator is the process's.
-#![allow(unsafe_code, reason = "a counting allocator cannot be written without")]
+//! Steady state allocates nothing. Alone in its file: the allocator is the process's.
 
 use nalgebra::Vector3;
+use randt_counting_allocator::{CountingAllocator, allocations};
 use randt_filter::{AttitudeFilter, ClusterFilter, Standstill};
 use randt_messages::{Message, RadarPoints, RadarScan, Return};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: hands every call to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
-static COUNTING: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// A sweep with `per_beam` returns in each of 220 beams.
 fn sweep(per_beam: u16) -> Message<RadarScan> {
@@ -59,7 +35,7 @@ fn nothing_is_allocated_in_steady_state() {
     let mut standstill = Standstill::new(&Default::default());
     let mut measurements = 0;
 
-    let before = ALLOCATIONS.load(Ordering::Relaxed);
+    let before = allocations();
     for scan in &sweeps {
         filter.process(scan.as_ref(), &mut points);
     }
@@ -68,7 +44,7 @@ fn nothing_is_allocated_in_steady_state() {
         measurements += u32::from(standstill.push(stamp_ns, rate, up).is_some());
         attitude.push(stamp_ns, rate, up);
     }
-    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    let after = allocations();
     assert_eq!(after - before, 0, "allocations in {} sweeps", sweeps.len());
     assert!(!points.items.is_empty() && measurements > 0);
 }

@@ -9,6 +9,7 @@ use randt_config::Config;
 use randt_geometry::{
     Pose2,
     elementary::{atan2, sin_cos},
+    marginalize_yaw,
 };
 use randt_ndt::{AdaptiveLoss, Association, Grid, ScanCell};
 
@@ -64,13 +65,11 @@ impl Registration {
 
     /// Information about the position with the heading free: xx, xy, yy.
     fn reduced(&self) -> [f64; 3] {
-        let h = &self.information;
-        let yaw = h.m33.max(f64::MIN_POSITIVE);
-        [
-            h.m11 - h.m13 * h.m13 / yaw,
-            h.m12 - h.m13 * h.m23 / yaw,
-            h.m22 - h.m23 * h.m23 / yaw,
-        ]
+        let mut information = self.information;
+        // Rounding leaves it slightly asymmetric: the upper half counts.
+        information.fill_lower_triangle_with_upper_triangle();
+        let reduced = marginalize_yaw(&information);
+        [reduced.m11, reduced.m12, reduced.m22]
     }
 
     /// Standard deviations along the least and most certain direction of the position, m, with the heading free.

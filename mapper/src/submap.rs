@@ -8,7 +8,7 @@ use crate::Place;
 use nalgebra::Vector2;
 use randt_config::Config;
 use randt_geometry::Pose2;
-use randt_ndt::{CellRule, Grid, ScanCell};
+use randt_ndt::{Grid, ScanCell};
 use std::cell::OnceCell;
 
 /// A root every so many keyframe distances of path: each place has one within two keyframes.
@@ -166,13 +166,7 @@ impl Trail {
 
 /// An empty grid for what is seen within a reach of path.
 fn local_grid(config: &Config) -> Grid {
-    let rule = CellRule {
-        points_min: config.ndt.points_min,
-        use_intensity: config.ndt.intensity,
-        cell_size_m: config.cell_size_m(),
-        slack: config.ndt.slack,
-    };
-    Grid::new(config.map_extent_m(), rule)
+    Grid::new(config.map_extent_m(), config.cell_rule())
 }
 
 /// Whether odometry joins two places within so much path.
@@ -223,7 +217,7 @@ mod tests {
     }
 
     fn points(grid: &Grid) -> u32 {
-        let slots = (0..grid.slots()).filter_map(|slot| grid.distribution(slot));
+        let slots = (0..grid.occupied()).filter_map(|square| grid.distribution(square));
         slots.map(|sum| sum.count).sum()
     }
 

@@ -61,19 +61,19 @@ fn measure(world: &World, config: &Config) -> Result<(), Error> {
             Event::Truth(_) => {}
         }
     }
-    let of = |values: &mut Vec<u128>, unit: f64| {
+    let percentiles = |values: &mut Vec<u128>, unit: f64| {
         values.sort_unstable();
         let at = |share: usize| {
-            let place = (values.len() - 1) * share / 100;
-            values.get(place).map_or(0.0, |v| *v as f64 / unit)
+            let index = (values.len() - 1) * share / 100;
+            values.get(index).map_or(0.0, |v| *v as f64 / unit)
         };
         format!("{:.3} (p99 {:.3}, max {:.3})", at(50), at(99), at(100))
     };
     println!(
         "save {} ms, restore {} ms, {} kB",
-        of(&mut saves, 1e6),
-        of(&mut restores, 1e6),
-        of(&mut lengths, 1e3)
+        percentiles(&mut saves, 1e6),
+        percentiles(&mut restores, 1e6),
+        percentiles(&mut lengths, 1e3)
     );
     Ok(())
 }

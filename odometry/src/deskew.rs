@@ -3,7 +3,7 @@
 //! A return measured at t < T, T the sweep's end, is moved into the robot's frame at T: rotation from the
 //! integrated gyro, translation from the velocity, which runs straight from the last scan's to this one's.
 
-use crate::{heading::Heading, tilt::Tilt};
+use crate::{gyro_integrator::GyroIntegrator, tilt::Tilt};
 use nalgebra::{Vector2, Vector3};
 use randt_config::Robot;
 use randt_geometry::{Pose2, elementary::sin_cos};
@@ -19,7 +19,7 @@ pub struct Point {
     /// In the sensor's unit.
     pub intensity: f64,
     /// d position / d velocity at the sweep's end, s.
-    pub lever_s: f64,
+    pub velocity_jacobian_s: f64,
     /// Index of its beam.
     pub beam: u16,
 }
@@ -32,7 +32,7 @@ pub struct BeamPose {
     /// Unit vector of the beam; shorter where it is tilted out of the level plane.
     pub direction: Vector2<f64>,
     /// d position / d velocity, s.
-    pub lever_s: f64,
+    pub velocity_jacobian_s: f64,
 }
 
 /// How the robot moved during a sweep, as far as is known.
@@ -43,7 +43,7 @@ pub struct Motion<'a> {
     /// Velocity at the end of the sweep before, and how long before that was, s.
     pub previous: Option<(Vector3<f64>, f64)>,
     /// The gyro, where there is one, and its yaw bias.
-    pub gyro: Option<(&'a Heading, f64)>,
+    pub gyro: Option<(&'a GyroIntegrator, f64)>,
     /// Roll and pitch.
     pub tilt: Tilt,
 }
@@ -71,16 +71,17 @@ pub fn beam_poses(
     motion: Option<&Motion>,
     out: &mut Vec<BeamPose>,
 ) {
-    let radar = Pose2::new(robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad);
+    let base_from_radar = Pose2::new(robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad);
     let tilt = motion.map_or(Tilt::LEVEL, |m| m.tilt);
     let end_ns = scan.head.sweep.end_ns;
     let end_heading = motion
         .and_then(|m| m.gyro)
-        .and_then(|(heading, _)| heading.at(end_ns));
+        .and_then(|(gyro, _)| gyro.heading_rad(end_ns));
     let beams = scan.head.sweep.beams();
     out.clear();
     out.resize(beams.len(), BeamPose::default());
-    let (mut position, mut yaw, mut lever, mut after) = (Vector2::zeros(), 0.0, 0.0, 0.0);
+    let (mut position, mut yaw, mut velocity_jacobian_s, mut after) =
+        (Vector2::zeros(), 0.0, 0.0, 0.0);
     for (beam, out) in beams.iter().zip(out).rev() {
         if let Some(motion) = motion {
             let stamp_ns = beam.stamp_ns.clamp(scan.head.sweep.begin_ns, end_ns);
@@ -88,8 +89,8 @@ pub fn beam_poses(
             let (step, middle) = (after - s, 0.5 * (after + s));
             let velocity = motion.velocity_at(middle);
             let new_yaw = match (motion.gyro, end_heading) {
-                (Some((heading, bias)), Some(end)) => {
-                    heading.at(stamp_ns).unwrap_or(end) - end - bias * s
+                (Some((gyro, bias)), Some(end)) => {
+                    gyro.heading_rad(stamp_ns).unwrap_or(end) - end - bias * s
                 }
                 _ => yaw - velocity.z * step,
             };
@@ -98,15 +99,15 @@ pub fn beam_poses(
                 cos * velocity.x - sin * velocity.y,
                 sin * velocity.x + cos * velocity.y,
             ) * step;
-            lever -= motion.share_at(middle) * step;
+            velocity_jacobian_s -= motion.share_at(middle) * step;
             (yaw, after) = (new_yaw, s);
         }
-        let robot = Pose2::new(position.x, position.y, yaw);
-        let (sin, cos) = sin_cos(radar.yaw_rad + f64::from(beam.azimuth_rad));
+        let end_from_base = Pose2::new(position.x, position.y, yaw);
+        let (sin, cos) = sin_cos(base_from_radar.yaw_rad + f64::from(beam.azimuth_rad));
         let direction = tilt.level(Vector2::new(cos, sin));
-        out.origin = robot.transform(tilt.level(radar.translation()));
-        out.direction = robot.rotation() * direction;
-        out.lever_s = lever;
+        out.origin = end_from_base.transform(tilt.level(base_from_radar.translation()));
+        out.direction = end_from_base.rotation() * direction;
+        out.velocity_jacobian_s = velocity_jacobian_s;
     }
 }
 
@@ -120,7 +121,7 @@ pub fn deskew(scan: &Message<RadarPoints>, beams: &[BeamPose], out: &mut Vec<Poi
             x_m: position.x,
             y_m: position.y,
             intensity: f64::from(r.intensity),
-            lever_s: beam.lever_s,
+            velocity_jacobian_s: beam.velocity_jacobian_s,
             beam: r.beam,
         })
     }));
@@ -137,7 +138,7 @@ mod tests {
     const PERIOD_NS: i64 = 200_000_000;
 
     /// What a radar mounted at `radar` sees of fixed points while the robot drives an arc at a constant twist: the
-    /// points stand in the robot's frame at the sweep's end.
+    /// points are in the robot's frame at the sweep's end.
     fn sweep(points: &[Vector2<f64>], twist: Vector3<f64>, radar: &Pose2) -> Message<RadarPoints> {
         let mut scan = Message::<RadarPoints>::default();
         let sweep = &mut scan.head.sweep;
@@ -186,7 +187,7 @@ mod tests {
         }
 
         #[test]
-        fn the_lever_is_the_derivative_by_the_velocity(speed in 0.0..9.0, before in 0.0..9.0) {
+        fn the_velocity_jacobian_is_the_derivative_by_the_velocity(speed in 0.0..9.0, before in 0.0..9.0) {
             let points = [Vector2::new(3.0, 1.0)];
             let scan = sweep(&points, Vector3::new(speed, 0.0, 0.0), &Pose2::IDENTITY);
             let at = |speed: f64| {
@@ -201,7 +202,7 @@ mod tests {
             let h = 1e-3;
             let (low, middle, high) = (at(speed - h), at(speed), at(speed + h));
             for ((a, p), b) in low.iter().zip(&middle).zip(&high) {
-                prop_assert!(((b.x_m - a.x_m) / (2.0 * h) - p.lever_s).abs() < 1e-9);
+                prop_assert!(((b.x_m - a.x_m) / (2.0 * h) - p.velocity_jacobian_s).abs() < 1e-9);
             }
         }
     }

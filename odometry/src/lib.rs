@@ -5,24 +5,24 @@
 //! methods: no I/O, no clock, no thread, no randomness; the same scans and the same samples give the same bits,
 //! however the two interleave, and whether or not the state was saved and restored in between.
 
-mod chain;
 mod deskew;
-mod factors;
-mod heading;
-mod imu_queue;
-mod keyframe;
-mod ndt_term;
+mod gyro_integrator;
+mod gyro_measurement;
+mod initializer;
+mod keyframe_selector;
 mod odometry;
+mod odometry_frame;
 #[cfg(feature = "process")]
-pub mod process;
+pub mod runtime;
 mod scan;
-mod slot;
-mod state;
-mod submap;
+mod sliding_window;
+mod stamps;
+mod state_publisher;
+mod submaps;
+mod synchronizer;
 mod tilt;
-mod trust;
-mod window;
+mod tracking_monitor;
 
-pub use odometry::{Counters, Odometry, Sink, Source};
+pub use odometry::{Counters, Odometry, Sink};
 pub use randt_persist::Error;
-pub use slot::cell_rule;
+pub use synchronizer::MessageId;

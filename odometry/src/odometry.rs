@@ -1,40 +1,29 @@
 //! Odometry: the paper's motion estimation, scan by scan.
 
-mod arrive;
 mod counters;
-mod founding;
-mod predict;
-mod publish;
+mod persistence;
 mod resume;
-mod save;
-mod settle;
 
 use crate::{
-    heading::{Heading, STAMPS_NS},
-    imu_queue::ImuQueue,
-    keyframe::KeyframeMaker,
-    scan,
-    slot::{CellMaker, Slot},
-    state::{State, StateMatrix},
-    submap::Submaps,
-    trust::TrustJudge,
-    window::{Prior, Problem, Solution, Solver},
+    gyro_integrator::GyroIntegrator,
+    gyro_measurement::GyroMeasurement,
+    initializer::Initializer,
+    keyframe_selector::{KeyframeSelector, step_covariance},
+    odometry_frame::OdometryFrame,
+    sliding_window::{SlidingWindow, Solution},
+    state_publisher::{Estimate, StatePublisher},
+    submaps::Submaps,
+    synchronizer::{MessageId, ScanImuSynchronizer, SynchronizedScan},
+    tracking_monitor::TrackingMonitor,
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
-use randt_messages::{Keyframe, Message, MessageRef, OdometryState, PoseRecord, RadarPoints};
-use randt_persist::{StateIdentity, persist};
-use std::collections::VecDeque;
+use randt_messages::{
+    ImuSample, ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust,
+};
+use randt_persist::StateIdentity;
 
-pub use arrive::Source;
 pub use counters::Counters;
-
-/// Rounds in which the first scan is de-skewed again with the speed that the second one shows.
-const FOUNDING_ROUNDS: u32 = 8;
-/// Change of speed below which those rounds end, m/s: 1 mm in a sweep.
-const FOUNDING_SPEED_CHANGE_M_S: f64 = 0.005;
-/// Scans that may wait for the IMU; a wait of 0.1 s never holds more than one or two.
-const PENDING: usize = 4;
 
 /// Where the results go.
 pub trait Sink {
@@ -46,239 +35,320 @@ pub trait Sink {
 
 /// The live estimate from filtered scans and IMU samples, each given in order of their stamps.
 ///
-/// How scans and samples interleave has no say in the result, as long as no scan's wait for the IMU runs out.
+/// How scans and samples interleave does not change the result, as long as no scan's wait for the IMU runs out.
 #[derive(Debug)]
 pub struct Odometry {
     config: Config,
     identity: StateIdentity,
-    heading: Option<Heading>,
-    /// Samples that the heading has not seen yet.
-    imu: ImuQueue,
-    /// Scans that wait for the IMU, and messages to reuse.
-    pending: VecDeque<Message<RadarPoints>>,
-    spare: Vec<Message<RadarPoints>>,
-    /// Deadline of the last scan that was computed because its wait was over.
-    ended_wait_ns: Option<i64>,
-    standstill: Option<(f64, f64)>,
-    /// One more than the window; the first `used` are in it, oldest first.
-    slots: Vec<Slot>,
-    used: usize,
-    prior: Prior,
-    /// The last state that left the window, and whether the frame's first scan did.
-    settled: Option<State>,
-    /// The scan that left the window since the last state was published: stamp and final pose.
-    leaving: Option<(i64, Pose2)>,
-    inserted: Option<Pose2>,
-    solver: Solver,
+    synchronizer: ScanImuSynchronizer,
+    /// `None` where no IMU is used.
+    gyro: Option<GyroIntegrator>,
+    initializer: Initializer,
+    window: SlidingWindow,
     submaps: Submaps,
-    cells: CellMaker,
-    keyframes: KeyframeMaker,
-    judge: TrustJudge,
-    frame: Frame,
-    /// Number of the next state.
-    sequence: u64,
+    tracking: TrackingMonitor,
+    keyframes: KeyframeSelector,
+    frame: OdometryFrame,
+    publisher: StatePublisher,
     counters: Counters,
-    /// The last state, as far as another process can go on from it alone.
-    record: PoseRecord,
-    last_scan: Option<Source>,
-    last_imu: Option<Source>,
-}
-
-/// The odometry frame in force.
-#[derive(Clone, Copy, Debug, Default)]
-struct Frame {
-    id: u64,
-    last_stamp_ns: Option<i64>,
-    /// Whether the clock was set back for the scans and not yet for the IMU.
-    imu_is_old: bool,
-    lost: bool,
-    /// Where its first scan stands.
-    origin: Pose2,
-}
-
-persist!(Frame { id, last_stamp_ns, imu_is_old, lost, origin } sound is_sound);
-
-impl Frame {
-    /// Whether there are numbers left, and the stamp is one.
-    fn is_sound(&self) -> bool {
-        self.id <= u64::MAX / 2 && self.last_stamp_ns.is_none_or(|t| STAMPS_NS.contains(&t))
-    }
 }
 
 impl Odometry {
     /// Ready for the first scan. `use_imu`: whether scans wait for IMU samples.
     pub fn new(config: &Config, use_imu: bool) -> Self {
-        let window = config.odometry.window.max(1) as usize;
         Self {
-            heading: use_imu
-                .then(|| Heading::new(&config.attitude, &config.robot, &config.odometry)),
-            imu: ImuQueue::new(),
-            pending: VecDeque::with_capacity(PENDING),
-            spare: (0..PENDING).map(|_| scan::with_room()).collect(),
-            ended_wait_ns: None,
-            standstill: None,
-            slots: (0..=window).map(|_| Slot::with_room()).collect(),
-            used: 0,
-            prior: Prior {
-                mean: State::default(),
-                information: StateMatrix::identity(),
-            },
-            settled: None,
-            leaving: None,
-            inserted: None,
-            solver: Solver::new(window),
+            identity: persistence::identity(config, use_imu),
+            synchronizer: ScanImuSynchronizer::new(&config.odometry),
+            gyro: use_imu
+                .then(|| GyroIntegrator::new(&config.attitude, &config.robot, &config.odometry)),
+            initializer: Initializer::new(config),
+            window: SlidingWindow::new(config),
             submaps: Submaps::new(config),
-            cells: CellMaker::new(config),
-            keyframes: KeyframeMaker::new(&config.keyframe),
-            judge: TrustJudge::default(),
-            frame: Frame::default(),
-            sequence: 0,
+            tracking: TrackingMonitor::default(),
+            keyframes: KeyframeSelector::new(&config.keyframe),
+            frame: OdometryFrame::default(),
+            publisher: StatePublisher::default(),
             counters: Counters::default(),
-            record: PoseRecord::default(),
-            last_scan: None,
-            last_imu: None,
-            identity: save::identity(config, use_imu),
             config: config.clone(),
         }
+    }
+
+    /// Takes an IMU sample; scans that waited for it are processed.
+    pub fn push_imu(&mut self, sample: &ImuSample, sink: &mut impl Sink) {
+        let Some(gyro) = &mut self.gyro else {
+            return;
+        };
+        if let Some(oldest) = self.synchronizer.push_imu(sample, &mut self.counters) {
+            gyro.push(&oldest);
+        }
+        self.process_covered(sink);
+    }
+
+    /// Takes a filtered scan; it is processed as soon as the IMU covers its sweep. A later scan ends the wait of those
+    /// whose sweep ended `imu_wait_max_s` before its own: in a file there is no other clock. A process, whose scans may
+    /// run ahead of their samples, keeps the next scan back while [`Self::waiting_for_ns`] has one, and [proceeds]
+    /// when its own clock says that nothing will come before [`Self::deadline_ns`].
+    ///
+    /// [proceeds]: Self::proceed
+    pub fn push_points(&mut self, points: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
+        let Some(end_ns) = self.synchronizer.push_scan(points, &mut self.counters) else {
+            return;
+        };
+        self.process_covered(sink);
+        while self.synchronizer.is_wait_over(end_ns) {
+            self.proceed(sink);
+        }
+    }
+
+    /// The wait of the first scan that waits is over: it is processed with the IMU samples that are there, which its
+    /// state shows.
+    pub fn proceed(&mut self, sink: &mut impl Sink) {
+        if let Some(scan) = self.synchronizer.take_uncovered() {
+            self.process(scan, sink);
+        }
+        self.process_covered(sink);
+    }
+
+    /// Ends: processes the scans that wait and hands the window's scans over.
+    pub fn finish(&mut self, sink: &mut impl Sink) {
+        while self.waiting_for_ns().is_some() {
+            self.proceed(sink);
+        }
+        // No scan needs the samples that are left, but they are counted.
+        self.integrate(self.synchronizer.imu_len());
+        self.retire_all(sink);
+    }
+
+    /// The last scan that was pushed: a process that comes back pushes those after it.
+    pub fn last_scan(&self) -> Option<MessageId> {
+        self.synchronizer.last_scan()
+    }
+
+    /// The last IMU sample that was pushed.
+    pub fn last_imu(&self) -> Option<MessageId> {
+        self.synchronizer.last_imu()
+    }
+
+    /// End of the sweep that waits for the IMU, ns; of the first one where there are several.
+    pub fn waiting_for_ns(&self) -> Option<i64> {
+        self.synchronizer.waiting_for_ns()
+    }
+
+    /// Until when samples must be published that the first scan that waits may use, by the clock that publishes: the
+    /// bounded wait in terms of what the messages carry, so that a log of them gives the same. `i64::MAX` where the scan
+    /// was never published.
+    pub fn deadline_ns(&self) -> Option<i64> {
+        self.synchronizer.deadline_ns()
     }
 
     /// What was dropped, repaired or lacked support so far.
     pub fn counters(&self) -> Counters {
         let mut counters = self.counters;
         counters.points_outside = self.submaps.outside;
-        if let Some(heading) = &self.heading {
-            counters.imu_rejected += heading.rejected;
-            counters.imu_holes = heading.holes;
+        if let Some(gyro) = &self.gyro {
+            counters.imu_rejected += gyro.rejected;
+            counters.imu_holes = gyro.holes;
         }
         counters
     }
 
-    /// One scan (paper, III): predict, de-skew, make cells, estimate over the window, judge, publish. So many of the
-    /// waiting IMU samples are the scan's.
+    /// Processes waiting scans as far as the IMU covers them.
+    fn process_covered(&mut self, sink: &mut impl Sink) {
+        while let Some(scan) = self.synchronizer.take_covered(self.gyro.as_ref()) {
+            self.process(scan, sink);
+        }
+    }
+
+    fn process(&mut self, synchronized: SynchronizedScan, sink: &mut impl Sink) {
+        let SynchronizedScan { scan, samples } = synchronized;
+        self.step(&scan, samples, sink);
+        self.synchronizer.recycle(scan);
+    }
+
+    /// One scan (RaNDT, III), for which that many of the waiting IMU samples are used.
     fn step(&mut self, scan: &Message<RadarPoints>, samples: usize, sink: &mut impl Sink) {
-        let stamp_ns = scan.head.sweep.end_ns;
-        if self.frame.last_stamp_ns == Some(stamp_ns) {
+        let end_ns = scan.head.sweep.end_ns;
+        if self.synchronizer.last_end_ns() == Some(end_ns) {
             self.counters.scans_repeated += 1;
             return;
         }
-        let gap_max_ns = (self.config.odometry.gap_max_s * 1e9) as i64;
-        let follows = self
-            .frame
-            .last_stamp_ns
-            .is_some_and(|last| stamp_ns > last && stamp_ns - last <= gap_max_ns);
-        if !follows || self.frame.lost {
+        if self.frame.is_lost || !self.follows_last_scan(end_ns) {
             self.open_frame(sink);
         }
-        self.feed(samples);
-        self.frame.imu_is_old = self.imu_is_old(stamp_ns);
-        self.frame.last_stamp_ns = Some(stamp_ns);
+        self.integrate(samples);
+        self.synchronizer.advance(end_ns, self.gyro.as_ref());
 
         let imu_use = self.predict(scan);
-        self.slide(sink);
+        if self.window.is_over_full() {
+            let submap = self.submaps.active();
+            self.window.marginalize_oldest(submap, &self.config);
+            self.retire_oldest(sink);
+        }
+        self.deskew_and_build_cells();
         let solution = self.estimate();
-        self.publish(&solution, imu_use, sink);
-        self.found_later();
-        self.forget();
+        let trust = self.judge(solution.as_ref());
+        self.publish(solution, trust, imu_use, sink);
+
+        self.initializer.drop_sparse_first_scan(&mut self.window);
+        self.forget_gyro_before_window();
     }
 
-    /// The heading before the window's oldest sweep is of no more use.
-    fn forget(&mut self) {
-        let oldest = self.slots.first().filter(|_| self.used > 0);
-        if let (Some(heading), Some(oldest)) = (&mut self.heading, oldest) {
-            heading.forget_before(oldest.scan.head.sweep.begin_ns);
-        }
+    /// Whether the sweep comes after the last one, without a gap that the motion model cannot bridge.
+    fn follows_last_scan(&self, end_ns: i64) -> bool {
+        let gap_max_ns = (self.config.odometry.gap_max_s * 1e9) as i64;
+        let last_ns = self.synchronizer.last_end_ns();
+        last_ns.is_some_and(|last_ns| end_ns > last_ns && end_ns - last_ns <= gap_max_ns)
     }
 
-    /// A new odometry frame: nothing of the old one is carried over but the gyro.
+    /// A new odometry frame: of the old one only the gyro is carried over.
     fn open_frame(&mut self, sink: &mut impl Sink) {
-        if self.frame.last_stamp_ns.is_some() {
-            self.settle_all(sink);
+        if self.synchronizer.last_end_ns().is_some() {
+            self.retire_all(sink);
             self.counters.frames_reopened += 1;
-            self.frame.id += 1;
-            self.frame.origin = Pose2::IDENTITY;
+            self.frame = OdometryFrame::after(self.frame.id, Pose2::IDENTITY);
         }
-        (self.used, self.settled, self.inserted, self.frame.lost) = (0, None, None, false);
-        self.leaving = None;
-        self.judge = TrustJudge::default();
+        self.frame.is_lost = false;
+        self.window.restart();
+        self.publisher.set_retired_scan(None);
+        self.tracking = TrackingMonitor::default();
         self.keyframes.restart();
         self.submaps
-            .restart(self.keyframes.next_id(), self.frame.origin);
+            .restart(self.keyframes.next_id(), self.frame.odom_from_first);
     }
 
-    /// De-skew, cells, least squares; while the map is founded also the first scan's de-skew anew.
-    fn estimate(&mut self) -> Option<Solution> {
-        let newest = self.used.checked_sub(1)?;
-        self.prepare(newest);
-        if newest == 0 && self.is_founding() {
-            return None;
-        }
-        if self.is_founding() && newest == 1 {
-            self.search_start_speed();
-        }
-        let rounds = if self.is_founding() {
-            FOUNDING_ROUNDS
-        } else {
-            1
+    /// Integrates the oldest of the waiting samples.
+    fn integrate(&mut self, samples: usize) {
+        let Some(gyro) = &mut self.gyro else {
+            return;
         };
-        let mut solution = None;
-        for _ in 0..rounds {
-            let founding = self.is_founding();
-            if founding {
-                self.prepare(0);
-                self.prepare(newest);
-                let first = self.slots.first()?;
-                self.submaps.seed(&first.state.pose, &first.points);
-            }
-            let speed_before = self.slots.first()?.state.velocity;
-            let slots = self.slots.get_mut(..self.used)?;
-            let predicted = slots.last()?.state;
-            let problem = Problem {
-                prior: &self.prior,
-                submap: self.submaps.active(),
-                seeded: founding,
-                config: &self.config,
+        for _ in 0..samples {
+            let Some(sample) = self.synchronizer.pop_imu() else {
+                return;
             };
-            solution = self.solver.solve(slots, &problem);
-            if solution.is_none() {
-                self.counters.solver_failures += 1;
-                self.slots.get_mut(newest)?.state = predicted;
-                break;
-            }
-            let change = self.slots.first()?.state.velocity - speed_before;
-            if change.xy().norm() < FOUNDING_SPEED_CHANGE_M_S {
-                break;
-            }
+            gyro.push(&sample);
         }
-        let bias_rad_s = self.slots.get(newest)?.state.bias_rad_s;
-        if let Some(heading) = &mut self.heading {
-            heading.set_yaw_bias(bias_rad_s);
+    }
+
+    /// Predicts the scan's state by motion model and gyro.
+    fn predict(&mut self, scan: &Message<RadarPoints>) -> ImuUse {
+        let gyro = GyroMeasurement::during_sweep(
+            self.gyro.as_mut(),
+            &scan.head.sweep,
+            self.window.last_end_ns(),
+        );
+        let odom_from_first = self.frame.odom_from_first;
+        self.window
+            .predict(scan, &gyro, odom_from_first, &self.config);
+        gyro.count_imu_use(&mut self.counters)
+    }
+
+    /// De-skews the newest scan by its predicted state and builds its NDT cells.
+    fn deskew_and_build_cells(&mut self) {
+        if let Some(newest) = self.window.len().checked_sub(1) {
+            self.window.deskew(newest, self.gyro.as_ref(), &self.config);
+            self.window.build_cells(newest);
+        }
+    }
+
+    /// Estimates the window's states; `None` for the first scan of a frame, and where the solver fails.
+    fn estimate(&mut self) -> Option<Solution> {
+        let (gyro, config) = (self.gyro.as_ref(), &self.config);
+        let solution = if self.initializer.is_running(&self.window) {
+            self.initializer
+                .estimate(&mut self.window, &mut self.submaps, gyro, config)
+        } else {
+            self.window.solve(self.submaps.active(), config)
+        };
+        if solution.is_none() && !self.window.is_first_of_frame() {
+            self.counters.solver_failures += 1;
+        }
+        if let (Some(gyro), Some(newest)) = (&mut self.gyro, self.window.newest()) {
+            gyro.set_yaw_bias(newest.state.bias_rad_s);
         }
         solution
     }
 
-    /// De-skews a scan of the window by the present states and makes its cells.
-    fn prepare(&mut self, i: usize) {
-        self.deskew(i);
-        if let Some(slot) = self.slots.get_mut(i) {
-            self.cells.make(&slot.points, &mut slot.cells);
+    /// Judges how far the newest pose can be believed.
+    fn judge(&mut self, solution: Option<&Solution>) -> Trust {
+        let trust = match solution.zip(self.window.newest()) {
+            Some((solution, scan)) => self.tracking.judge(solution, scan, &self.config),
+            None => Trust::Degraded,
+        };
+        if trust != Trust::Good && !self.window.is_first_of_frame() {
+            self.counters.scans_unsupported += 1;
+        }
+        self.frame.is_lost = trust == Trust::Lost;
+        trust
+    }
+
+    /// Publishes the newest state.
+    fn publish(
+        &mut self,
+        solution: Option<Solution>,
+        trust: Trust,
+        imu_use: ImuUse,
+        sink: &mut impl Sink,
+    ) {
+        let Some(scan) = self.window.newest() else {
+            return;
+        };
+        let loss_scale = self.config.odometry.loss_scale;
+        let estimate = Estimate {
+            scan,
+            solution,
+            is_first_of_frame: self.window.is_first_of_frame(),
+            imu_use,
+            trust,
+            odom_frame_id: self.frame.id,
+            submap_id: self.submaps.active().id,
+            inlier_max: loss_scale * loss_scale,
+        };
+        self.publisher.publish(&estimate, self.gyro.as_ref(), sink);
+    }
+
+    /// The gyro's samples before the window's oldest sweep are not needed any more.
+    fn forget_gyro_before_window(&mut self) {
+        if let (Some(gyro), Some(oldest)) = (&mut self.gyro, self.window.oldest()) {
+            gyro.forget_before(oldest.message.head.sweep.begin_ns);
         }
     }
 
-    fn deskew(&mut self, i: usize) {
-        let previous = i
-            .checked_sub(1)
-            .and_then(|before| self.slots.get(before))
-            .map(|slot| slot.state)
-            .or(self.settled);
-        let Some(slot) = self.slots.get_mut(i) else {
+    fn retire_all(&mut self, sink: &mut impl Sink) {
+        while self.window.len() > 0 {
+            self.retire_oldest(sink);
+        }
+    }
+
+    /// The oldest scan leaves the window: de-skewed once more by its final state, it becomes a keyframe where one is
+    /// due and enters the submaps.
+    fn retire_oldest(&mut self, sink: &mut impl Sink) {
+        self.window.deskew(0, self.gyro.as_ref(), &self.config);
+        let Some(scan) = self.window.oldest() else {
             return;
         };
-        let motion = self.config.odometry.deskew;
-        slot.deskew(
-            &self.config.robot,
-            previous.as_ref().filter(|_| slot.dt_s > 0.0),
-            self.heading.as_ref(),
-            motion,
-        );
+        let odom_from_base = scan.state.odom_from_base;
+        match self.window.retired() {
+            Some(last) => {
+                let last_from_base = last.odom_from_base.between(&odom_from_base);
+                let step = step_covariance(scan, &self.config);
+                self.keyframes.propagate(&last_from_base, &step);
+            }
+            None => self
+                .initializer
+                .complete(&mut self.submaps, &odom_from_base),
+        }
+        if self.keyframes.is_due(&odom_from_base) {
+            self.submaps
+                .open_next(self.keyframes.next_id(), &odom_from_base);
+            let active = self.submaps.active();
+            let submap = (active.id, active.root_keyframe);
+            let keyframe = self.keyframes.make(scan, self.frame.id, submap);
+            sink.keyframe(keyframe.as_ref());
+        }
+        self.submaps.insert(&odom_from_base, &scan.points);
+        let stamp_ns = scan.message.head.header.stamp_ns;
+        self.publisher
+            .set_retired_scan(Some((stamp_ns, odom_from_base)));
+        self.window.pop_oldest();
     }
 }

@@ -1,39 +1,15 @@
-//! Steady state allocates nothing (DESIGN, invariant 12). Alone in its file: the allocator is the process's.
-#![allow(unsafe_code, reason = "a counting allocator cannot be written without")]
+//! Steady state allocates nothing. Alone in its file: the allocator is the process's.
 #![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 use randt_config::Config;
+use randt_counting_allocator::{CountingAllocator, allocations};
 use randt_filter::ClusterFilter;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, Topic};
 use randt_odometry::{Odometry, Sink};
 use randt_simulator::{Event, Robot, Simulation, World};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: hands every call to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
-static COUNTING: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// Counts what comes out, and stores nothing.
 #[derive(Default)]
@@ -69,7 +45,7 @@ fn nothing_is_allocated_in_steady_state() {
     let (mut steady, mut allocating) = (0, Vec::with_capacity(events.len()));
 
     // From one sweep to the next, the IMU samples between them included.
-    let mut before = (ALLOCATIONS.load(Ordering::Relaxed), 0, 0);
+    let mut before = (allocations(), 0, 0);
     for event in &events {
         match event {
             Event::Scan(scan) => {
@@ -87,19 +63,15 @@ fn nothing_is_allocated_in_steady_state() {
             }
             Event::Truth(_) => continue,
         }
-        let now = (
-            ALLOCATIONS.load(Ordering::Relaxed),
-            outcome.keyframes,
-            outcome.submap_id,
-        );
-        // Steady state (DESIGN): after the 50th, no keyframe, no new submap.
+        let now = (allocations(), outcome.keyframes, outcome.submap_id);
+        // Steady state: after the 50th, no keyframe, no new submap.
         if outcome.states > 50 && (now.1, now.2) == (before.1, before.2) {
             steady += 1;
             if now.0 > before.0 {
                 allocating.push((outcome.states, now.0 - before.0));
             }
         }
-        before = (ALLOCATIONS.load(Ordering::Relaxed), now.1, now.2);
+        before = (allocations(), now.1, now.2);
     }
     assert!(outcome.keyframes > 10, "{} keyframes", outcome.keyframes);
     assert!(steady > 50, "{steady} scans in steady state");

@@ -108,13 +108,13 @@ fn shift(event: &mut Event, by_ns: i64) {
     }
 }
 
-/// Place of a scan among the events.
-fn place(events: &[Event], scan: usize) -> usize {
+/// Index of a scan among the events.
+fn index_of(events: &[Event], scan: usize) -> usize {
     let scans = events
         .iter()
         .enumerate()
         .filter(|(_, event)| matches!(event, Event::Scan(_)));
-    scans.map(|(place, _)| place).nth(scan).unwrap()
+    scans.map(|(index, _)| index).nth(scan).unwrap()
 }
 
 /// True poses at the sweeps' ends.
@@ -176,8 +176,8 @@ fn a_start_at_speed_is_found_from_two_scans() {
         .unwrap();
     assert!(speed(from) > 0.8, "{} m/s", speed(from));
     // Cut before the sweep, so that the gyro covers it.
-    let begin = place(&events, from - 2) + 1;
-    let outcome = run(&events[begin..place(&events, from + 25) + 10]);
+    let begin = index_of(&events, from - 2) + 1;
+    let outcome = run(&events[begin..index_of(&events, from + 25) + 10]);
     let error_m = error_m(&outcome.states, &poses[from - 1..]);
     assert_eq!(outcome.frames(), [(0, 27)]);
     // No standstill has shown the gyro's bias: along a corridor the heading drifts until it is known.
@@ -195,12 +195,12 @@ fn standstill_makes_no_keyframes_and_no_way() {
     let poses = truth(&DRIVE);
     let standing = poses.iter().take_while(|pose| **pose == poses[0]).count();
     assert!(standing >= 10, "{standing} scans while standing");
-    let outcome = run(&DRIVE[..=place(&DRIVE, standing - 1)]);
+    let outcome = run(&DRIVE[..=index_of(&DRIVE, standing - 1)]);
     assert_eq!(outcome.states.len(), standing);
     assert_eq!(
         outcome.keyframes.len(),
         1,
-        "only the one that founds the map"
+        "only the one that initialises the map"
     );
     for (number, state) in outcome.states.iter().enumerate() {
         let moved_m = Pose2::from_array(state.pose).translation().norm();
@@ -239,7 +239,7 @@ fn a_gap_of_more_than_a_second_opens_a_new_frame_and_a_shorter_one_does_not() {
 fn a_clock_that_is_set_back_opens_a_new_frame() {
     for seconds in [2, 5000] {
         let mut events = DRIVE.clone();
-        let from = place(&events, 34) + 1;
+        let from = index_of(&events, 34) + 1;
         events[from..]
             .iter_mut()
             .for_each(|event| shift(event, -seconds * SECOND_NS));
@@ -259,7 +259,7 @@ fn a_clock_that_is_set_back_opens_a_new_frame() {
 #[test]
 fn a_repeated_scan_is_left_out_and_counted() {
     let mut events = DRIVE.clone();
-    let twice = place(&events, 30);
+    let twice = index_of(&events, 30);
     let again = events[twice].clone();
     events.insert(twice + 1, again);
     let outcome = run(&events);
@@ -304,8 +304,8 @@ fn an_imu_that_never_speaks_delays_a_scan_by_no_more_than_the_next() {
 }
 
 #[test]
-fn an_imu_that_stops_and_comes_back_is_told() {
-    let (from, to) = (place(&DRIVE, 29) + 1, place(&DRIVE, 44));
+fn an_imu_that_stops_and_comes_back_is_counted() {
+    let (from, to) = (index_of(&DRIVE, 29) + 1, index_of(&DRIVE, 44));
     let events: Vec<Event> = DRIVE
         .iter()
         .enumerate()
@@ -344,12 +344,12 @@ fn a_late_imu_is_waited_for_and_changes_nothing() {
     assert_eq!(
         poses(&late),
         poses(&plain),
-        "arrival has no say in the result"
+        "arrival does not change the result"
     );
 }
 
 #[test]
-fn the_wait_for_a_late_imu_is_bounded_and_told() {
+fn the_wait_for_a_late_imu_is_bounded_and_counted() {
     // Half a second late: no scan is covered when its wait is over.
     let events = delayed(SECOND_NS / 2);
     let mut scans = Vec::new();
@@ -362,8 +362,8 @@ fn the_wait_for_a_late_imu_is_bounded_and_told() {
     });
     assert!(most <= 4, "{most} scans waited at once");
     assert_eq!(outcome.states.len(), 70);
-    let told = outcome.imu_use(ImuUse::Late) + outcome.imu_use(ImuUse::None);
-    assert!(told >= 65, "{told} of 70 told");
+    let without = outcome.imu_use(ImuUse::Late) + outcome.imu_use(ImuUse::None);
+    assert!(without >= 65, "{without} of 70 scans");
     assert!(error_m(&outcome.states, &truth(&DRIVE)) < 0.15);
 }
 

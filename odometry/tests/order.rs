@@ -1,4 +1,4 @@
-//! How scans and IMU samples interleave has no say in the result, nor has who waits for whom.
+//! The result does not depend on how scans and IMU samples interleave, nor on which waits for the other.
 
 use crate::support::{Input, Outcome, config, inputs, shift};
 use proptest::prelude::*;
@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 const SECOND_NS: i64 = 1_000_000_000;
 
-/// The two streams of a drive with its troubles, each in its own order: scans missing, the clock set back, samples
+/// The two streams of a drive with its faults, each in its own order: scans missing, the clock set back, samples
 /// missing, repeated and out of order.
 struct Streams {
     scans: Vec<Message<RadarPoints>>,
@@ -18,7 +18,7 @@ struct Streams {
 static DRIVE: LazyLock<Streams> = LazyLock::new(|| {
     let mut all = inputs(90);
     // From here on the clock is 5000 s back.
-    let set_back = crate::support::place(&all, 60) + 7;
+    let set_back = crate::support::index_of(&all, 60) + 7;
     all[set_back..]
         .iter_mut()
         .for_each(|input| shift(input, -5000 * SECOND_NS));
@@ -87,7 +87,7 @@ proptest! {
 }
 
 #[test]
-fn the_troubles_are_met_and_told() {
+fn the_faults_are_met_and_counted() {
     let outcome = DRIVE.run(|_| 0);
     let (states, counters) = (&outcome.states, outcome.counters);
     assert_eq!(states.len(), 84);
@@ -120,7 +120,7 @@ fn a_scan_takes_the_samples_up_to_the_first_that_covers_it() {
 }
 
 #[test]
-fn a_wait_that_is_over_is_told() {
+fn a_wait_that_is_over_shows_in_the_state() {
     let mut odometry = Odometry::new(&config(), true);
     let mut outcome = Outcome::default();
     let mut samples = DRIVE.samples.iter().take(200).peekable();
@@ -161,17 +161,18 @@ fn samples_without_scans_do_not_pile_up() {
     assert!((19_740..19_752).contains(&outcome.states[0].imu_sequence));
 }
 
-/// Samples that were published too late came in vain, whoever reads them and whenever: what was lived is found again in
-/// a log, where they lie at hand.
+/// Samples that were published too late are not used, live or from a log: what was computed live is reproduced from the
+/// log, where the samples are available.
 #[test]
 fn what_was_published_too_late_is_not_used_however_it_is_read() {
     let end_ns = DRIVE.scans[9].head.sweep.end_ns;
-    // The IMU's driver stood still for 0.3 s; and for so long that of the sweep the one sample at its end is missing.
+    // The IMU's driver was stopped for 0.3 s; and then just long enough that only the sample at the sweep's end is missing.
     late_samples(end_ns - 50_000_000..end_ns + 250_000_000, 50_000_000);
     late_samples(end_ns..end_ns + 160_000_000, 1);
 }
 
-/// `still`: what was measured in this time was published at its end. The IMU then ends at least so long before scan 9.
+/// `still`: what was measured in this time was published at its end. The IMU then ends at least `short_min_ns` before
+/// scan 9.
 fn late_samples(still: std::ops::Range<i64>, short_min_ns: i64) {
     let wait_ns = (config().odometry.imu_wait_max_s * 1e9) as i64;
     let mut scans: Vec<_> = DRIVE.scans[..14].to_vec();

@@ -1,6 +1,6 @@
 //! Odometry may be killed after any input: restored, it goes on to the same bits.
 
-use crate::support::{Input, Outcome, config, inputs, place, shift_scan};
+use crate::support::{Input, Outcome, config, index_of, inputs, shift_scan};
 use proptest::prelude::*;
 use randt_odometry::{Error, Odometry};
 use std::sync::LazyLock;
@@ -12,13 +12,13 @@ const ROOM: usize = 1 << 20;
 static DRIVE: LazyLock<Vec<Input>> = LazyLock::new(|| {
     let mut inputs = inputs(240);
     for scan in (150..157).rev() {
-        inputs.remove(place(&inputs, scan));
+        inputs.remove(index_of(&inputs, scan));
     }
-    let twice = place(&inputs, 100);
+    let twice = index_of(&inputs, 100);
     inputs.insert(twice, inputs[twice].clone());
     // IMU samples that are late: scans wait.
     for scan in [30, 90, 91, 160] {
-        let at = place(&inputs, scan);
+        let at = index_of(&inputs, scan);
         let early = inputs.remove(at);
         inputs.insert(at - 12, early);
     }
@@ -37,7 +37,7 @@ fn restore(bytes: &[u8]) -> Odometry {
     Odometry::restore(&config(), true, bytes).unwrap()
 }
 
-/// Runs the drive; `disturb` may put another one in odometry's place after each input.
+/// Runs the drive; `disturb` may replace odometry after each input.
 fn run(mut disturb: impl FnMut(usize, &Input, Odometry) -> Odometry) -> Outcome {
     let mut odometry = Odometry::new(&config(), true);
     let mut outcome = Outcome::default();
@@ -147,7 +147,7 @@ static SAVED: LazyLock<Vec<Vec<u8>>> = LazyLock::new(|| {
 });
 
 /// Makes the checksum right again (core/persist: over head and state, with zero in its own place).
-fn reseal(bytes: &mut [u8]) {
+fn fix_checksum(bytes: &mut [u8]) {
     bytes[40..44].fill(0);
     let crc = crc32fast::hash(bytes);
     bytes[40..44].copy_from_slice(&crc.to_le_bytes());
@@ -181,10 +181,10 @@ proptest! {
             let end = if extreme { (at + 8).min(bytes.len()) } else { at + 1 };
             bytes[at..end].fill(value);
         }
-        reseal(&mut bytes);
+        fix_checksum(&mut bytes);
         if let Ok(mut odometry) = Odometry::restore(&config(), true, &bytes) {
             let mut outcome = Outcome::default();
-            let from = place(&DRIVE, 40);
+            let from = index_of(&DRIVE, 40);
             DRIVE[from..from + 120].iter().for_each(|input| input.push(&mut odometry, &mut outcome));
             odometry.finish(&mut outcome);
         }
@@ -192,14 +192,14 @@ proptest! {
 }
 
 #[test]
-fn values_at_every_place_are_an_error_or_are_worked_with() {
+fn values_at_every_byte_are_an_error_or_are_worked_with() {
     // The numbers, flags and lengths before the bulk: each byte.
     let saved = &SAVED[3];
     for at in (48..saved.len()).step_by(1 + saved.len() / 1500) {
         for value in [0, 0x7f, 0xff] {
             let mut bytes = saved.clone();
             bytes[at] = value;
-            reseal(&mut bytes);
+            fix_checksum(&mut bytes);
             let _ = Odometry::restore(&config(), true, &bytes);
         }
     }
@@ -217,7 +217,7 @@ fn another_build_or_configuration_is_refused_by_name() {
     assert!(text.contains("another configuration"), "{text}");
     let mut other = bytes.clone();
     other[8] ^= 1;
-    reseal(&mut other);
+    fix_checksum(&mut other);
     let text = refused(Odometry::restore(&config(), true, &other));
     assert!(text.contains("build of other source"), "{text}");
     let text = refused(Odometry::restore(&config(), true, b"something else"));
@@ -225,7 +225,7 @@ fn another_build_or_configuration_is_refused_by_name() {
 }
 
 #[test]
-fn a_buffer_that_is_too_small_is_told_what_is_needed() {
+fn a_buffer_that_is_too_small_gives_an_error_with_what_is_needed() {
     let odometry = restore(&SAVED[4]);
     let needed = SAVED[4].len();
     let room = needed - 1;
@@ -237,7 +237,7 @@ fn a_buffer_that_is_too_small_is_told_what_is_needed() {
 
 #[test]
 fn a_pose_record_begins_a_new_frame_where_the_last_was_left() {
-    let half = place(&DRIVE, 120) + 60;
+    let half = index_of(&DRIVE, 120) + 60;
     let mut odometry = Odometry::new(&config(), true);
     let mut before = Outcome::default();
     DRIVE[..half]
@@ -313,7 +313,7 @@ fn a_hostile_pose_record_is_worked_with() {
 fn without_a_record_the_numbers_go_on_after_the_mappers() {
     let mut odometry = Odometry::new(&config(), true);
     let mut outcome = Outcome::default();
-    let third = place(&DRIVE, 2) + 5;
+    let third = index_of(&DRIVE, 2) + 5;
     for (i, input) in DRIVE[..1500].iter().enumerate() {
         input.push(&mut odometry, &mut outcome);
         // Late, but before the first keyframe; and once more after it, which is of no effect.

@@ -6,6 +6,7 @@ use crate::sections::{
     Sensor, Submap, View,
 };
 use crate::{Error, Key, Origins};
+use randt_ndt::CellRule;
 use toml::de::DeValue;
 
 /// One documented section.
@@ -62,6 +63,16 @@ impl Config {
     /// Edge of an NDT cell, m: the environment's, or the sensor's smallest where that is larger.
     pub fn cell_size_m(&self) -> f64 {
         self.ndt.cell_size_m.max(self.sensor.cell_size_min_m)
+    }
+
+    /// Which points make an NDT cell, in scans and submaps alike.
+    pub fn cell_rule(&self) -> CellRule {
+        CellRule {
+            points_min: self.ndt.points_min,
+            use_intensity: self.ndt.intensity,
+            cell_size_m: self.cell_size_m(),
+            slack: self.ndt.slack,
+        }
     }
 
     /// A number that differs where any value differs that something is computed by: FNV-1a over all keys with their

@@ -8,10 +8,12 @@
 //! ```
 
 pub mod elementary;
+mod marginal;
 mod pose2;
 mod quaternion;
 mod rotation;
 
+pub use marginal::marginalize_yaw;
 pub use pose2::Pose2;
 pub use quaternion::Quaternion;
 pub use rotation::Rotation;

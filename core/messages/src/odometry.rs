@@ -15,6 +15,26 @@ pub enum Trust {
     Good = 2,
 }
 
+impl Trust {
+    /// Of a code in a message. What no code stands for cannot be believed: it is lost.
+    pub fn from_code(code: u32) -> Self {
+        match code {
+            code if code == Self::Good as u32 => Self::Good,
+            code if code == Self::Degraded as u32 => Self::Degraded,
+            _ => Self::Lost,
+        }
+    }
+
+    /// Its name in texts and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Degraded => "degraded",
+            Self::Lost => "lost",
+        }
+    }
+}
+
 /// How the IMU was used for a scan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
@@ -83,7 +103,32 @@ plain! {
     }
 }
 
+impl OdometryState {
+    /// How far the pose can be believed.
+    pub fn trust(&self) -> Trust {
+        Trust::from_code(self.trust)
+    }
+}
+
 topic! {
     /// Topic of [`OdometryState`], once per scan.
     OdometryStateTopic = "odometry/state/v1": OdometryState, [(); 0];
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trust_is_decoded_as_it_was_encoded_and_an_unknown_code_is_lost() {
+        for trust in [Trust::Lost, Trust::Degraded, Trust::Good] {
+            assert_eq!(Trust::from_code(trust as u32), trust);
+        }
+        assert_eq!(Trust::from_code(7), Trust::Lost);
+        let state = OdometryState {
+            trust: 1,
+            ..Default::default()
+        };
+        assert_eq!(state.trust().name(), "degraded");
+    }
 }

@@ -7,8 +7,8 @@ use randt_geometry::Pose2;
 pub const NEIGHBOURS_MAX: usize = 4;
 /// Squares searched to each side: a prediction is within one cell, so the true one is in these.
 const SEARCH_RADIUS: i64 = 1;
-/// Slot that means "no cell".
-const NO_SLOT: u32 = u32::MAX;
+/// Index that means "no cell".
+const NO_CELL: u32 = u32::MAX;
 
 /// The map cells of smallest distance d^T S^-1 d for one cell of a scan, nearest first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,22 +46,20 @@ impl Association {
         out: &mut Vec<Self>,
     ) {
         out.clear();
-        out.extend(
-            cells
-                .iter()
-                .map(|cell| Self::of(map, &cell.cell, pose, neighbours.clamp(1, NEIGHBOURS_MAX))),
-        );
+        out.extend(cells.iter().map(|cell| {
+            Self::nearest_to(map, &cell.cell, pose, neighbours.clamp(1, NEIGHBOURS_MAX))
+        }));
     }
 
-    fn of(map: &Grid, cell: &Cell, pose: &Pose2, neighbours: usize) -> Self {
+    fn nearest_to(map: &Grid, cell: &Cell, pose: &Pose2, neighbours: usize) -> Self {
         let moved = scalar::moved(cell, pose);
-        let mut best = [(f64::INFINITY, NO_SLOT); NEIGHBOURS_MAX];
+        let mut best = [(f64::INFINITY, NO_CELL); NEIGHBOURS_MAX];
         map.for_each_near(
             moved.mean[0],
             moved.mean[1],
             SEARCH_RADIUS,
-            |slot, other| {
-                let mut entry = (scalar::squared_distance(&moved, other), slot);
+            |index, other| {
+                let mut entry = (scalar::squared_distance(&moved, other), index);
                 // Insertion keeps the first of equals, so ties go by the grid's order.
                 for held in best.iter_mut().take(neighbours) {
                     if entry.0 < held.0 {
@@ -72,8 +70,8 @@ impl Association {
         );
         let mut association = Self::EMPTY;
         association.nearest = best[0].0;
-        for (lane, (_, slot)) in best.iter().enumerate() {
-            let Some(other) = map.cell(*slot as usize) else {
+        for (lane, (_, index)) in best.iter().enumerate() {
+            let Some(other) = map.cell(*index as usize) else {
                 break;
             };
             association.count += 1;

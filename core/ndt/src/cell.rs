@@ -1,14 +1,14 @@
-//! A cell: the normal distribution that stands for the points in one square of the grid.
+//! A cell: the normal distribution that represents the points in one square of the grid.
 
 use crate::Distribution;
 use randt_persist::persist;
 
-/// Smaller eigenvalue of the position covariance, at least this share of the larger (paper, III-B):
+/// Smaller eigenvalue of the position covariance, at least this share of the larger (RaNDT, III-B):
 /// a wall in a cell must not become infinitely thin.
 const EIGENVALUE_RATIO_MIN: f64 = 0.001;
 /// Smallest variance of a position, m^2 (5 mm): below a third of the finest range bin nothing is known.
 const POSITION_VARIANCE_MIN: f64 = 2.5e-5;
-/// Added to the variance of the intensity (paper, III-B), so that equal intensities stay invertible.
+/// Added to the variance of the intensity (RaNDT, III-B), so that equal intensities stay invertible.
 const INTENSITY_VARIANCE_MIN: f64 = 1e-6;
 /// Variance that makes the intensity dimension silent: the distance in it then vanishes.
 const INTENSITY_VARIANCE_SILENT: f64 = 1e12;
@@ -22,7 +22,7 @@ pub struct CellRule {
     pub use_intensity: bool,
     /// Edge of the square that cuts the points, m.
     pub cell_size_m: f64,
-    /// How much less is believed along a direction in which the points fill the square; 0: all.
+    /// How much less information a cell has along a direction in which the points fill the square; 0: not less.
     pub slack: f64,
 }
 
@@ -73,8 +73,8 @@ impl Cell {
 /// Widens a symmetric 2 x 2 matrix (xx, xy, yy) along the axes in which it fills its square: each eigenvalue l grows
 /// by 1 + slack (l / full)^2, `full` being the variance of an evenly filled square.
 ///
-/// A wall that runs through a square is cut by it, so the middle of the piece says where the square is, not where the
-/// wall is: squares of a scan move with the robot, and hold it back.
+/// A wall that runs through a square is cut by it, so the middle of the piece shows where the square is, not where the
+/// wall is: squares of a scan move with the robot, and pull the estimate towards standing still.
 fn slacken([xx, xy, yy]: [f64; 3], full: f64, slack: f64) -> [f64; 3] {
     let half_difference = 0.5 * (xx - yy);
     let radius = (half_difference * half_difference + xy * xy).sqrt();
@@ -127,17 +127,20 @@ pub struct ScanCell {
     pub cell: Cell,
     /// How far its mean moves with the velocity that the scan was de-skewed by: d mean / d velocity, s.
     /// 0 for a scan taken at one instant, about minus the mean age of its points otherwise.
-    pub lever_s: f64,
+    pub velocity_jacobian_s: f64,
 }
 
-persist!(ScanCell { cell, lever_s });
+persist!(ScanCell {
+    cell,
+    velocity_jacobian_s
+});
 
 impl ScanCell {
-    /// A cell with its lever.
-    pub fn new(cell: &Cell, lever_s: f64) -> Self {
+    /// A cell with its derivative by the velocity.
+    pub fn new(cell: &Cell, velocity_jacobian_s: f64) -> Self {
         Self {
             cell: *cell,
-            lever_s,
+            velocity_jacobian_s,
         }
     }
 }

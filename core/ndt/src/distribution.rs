@@ -86,7 +86,7 @@ mod tests {
             0..40,
         )
     }
-    fn of(points: &[[f64; 3]]) -> Distribution {
+    fn sum_of(points: &[[f64; 3]]) -> Distribution {
         let mut sum = Distribution::default();
         points.iter().for_each(|p| sum.add(*p));
         sum
@@ -103,10 +103,10 @@ mod tests {
     proptest! {
         #[test]
         fn merging_equals_adding_all_points(a in points(), b in points()) {
-            let mut merged = of(&a);
-            merged.merge(&of(&b));
+            let mut merged = sum_of(&a);
+            merged.merge(&sum_of(&b));
             let all: Vec<_> = a.iter().chain(&b).copied().collect();
-            prop_assert!(close(&merged, &of(&all)));
+            prop_assert!(close(&merged, &sum_of(&all)));
         }
 
         #[test]
@@ -120,7 +120,7 @@ mod tests {
                 mean: [mean(0), mean(1), mean(2)],
                 scatter: [sum(0, 0), sum(0, 1), sum(1, 1), sum(0, 2), sum(1, 2), sum(2, 2)],
             };
-            prop_assert!(close(&of(&a), &expected));
+            prop_assert!(close(&sum_of(&a), &expected));
         }
     }
 }

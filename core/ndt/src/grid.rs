@@ -18,9 +18,9 @@ pub struct Grid {
     half_cells: i64,
     width: usize,
     rule: CellRule,
-    /// Slot of each square, row by row in y; `NONE` where no point fell.
-    index: Vec<u32>,
-    /// Square of each slot.
+    /// Cell of each square, row by row in y; `NONE` where no point fell.
+    cell_of_square: Vec<u32>,
+    /// Square of each cell.
     squares: Vec<u32>,
     sums: Vec<Distribution>,
     /// As of the last refresh; `count` 0 where there are too few points.
@@ -43,7 +43,7 @@ impl Grid {
             half_cells,
             width,
             rule,
-            index: vec![NONE; squares],
+            cell_of_square: vec![NONE; squares],
             squares: Vec::with_capacity(room),
             sums: Vec::with_capacity(room),
             cells: Vec::with_capacity(room),
@@ -60,8 +60,8 @@ impl Grid {
     /// Takes every point out.
     pub fn clear(&mut self) {
         for square in self.squares.drain(..) {
-            if let Some(slot) = self.index.get_mut(square as usize) {
-                *slot = NONE;
+            if let Some(index) = self.cell_of_square.get_mut(square as usize) {
+                *index = NONE;
             }
         }
         self.sums.clear();
@@ -87,7 +87,7 @@ impl Grid {
         })
     }
 
-    /// Adds a point (x m, y m, intensity); gives its slot, `None` outside of the grid or where it is not finite.
+    /// Adds a point (x m, y m, intensity); gives the index of its cell, `None` outside of the grid or where it is not finite.
     #[inline]
     pub fn add(&mut self, point: [f64; 3]) -> Option<usize> {
         if !(point[0].is_finite() && point[1].is_finite() && point[2].is_finite()) {
@@ -95,7 +95,7 @@ impl Grid {
         }
         let (column, row) = self.square_of(point[0], point[1]);
         let square = self.square_index(column, row)?;
-        let entry = self.index.get_mut(square)?;
+        let entry = self.cell_of_square.get_mut(square)?;
         if *entry == NONE {
             *entry = self.sums.len() as u32;
             self.squares.push(square as u32);
@@ -103,24 +103,24 @@ impl Grid {
             self.cells.push(Cell::default());
             self.is_dirty.push(false);
         }
-        let slot = *entry as usize;
-        self.sums.get_mut(slot)?.add(point);
-        let dirty = self.is_dirty.get_mut(slot)?;
+        let cell = *entry as usize;
+        self.sums.get_mut(cell)?.add(point);
+        let dirty = self.is_dirty.get_mut(cell)?;
         if !*dirty {
             *dirty = true;
-            self.dirty.push(slot as u32);
+            self.dirty.push(cell as u32);
         }
-        Some(slot)
+        Some(cell)
     }
 
     /// Brings the cells up to the points.
     pub fn refresh(&mut self) {
-        for slot in self.dirty.drain(..) {
-            let slot = slot as usize;
+        for index in self.dirty.drain(..) {
+            let index = index as usize;
             if let (Some(sum), Some(cell), Some(dirty)) = (
-                self.sums.get(slot),
-                self.cells.get_mut(slot),
-                self.is_dirty.get_mut(slot),
+                self.sums.get(index),
+                self.cells.get_mut(index),
+                self.is_dirty.get_mut(index),
             ) {
                 *cell = Cell::new(sum, self.rule).unwrap_or_default();
                 *dirty = false;
@@ -129,19 +129,19 @@ impl Grid {
     }
 
     /// Number of squares that hold points.
-    pub fn slots(&self) -> usize {
+    pub fn occupied(&self) -> usize {
         self.sums.len()
     }
 
-    /// The cell of a slot, as of the last refresh; `None` where it has too few points.
+    /// A cell by its index, as of the last refresh; `None` where it has too few points.
     #[inline]
-    pub fn cell(&self, slot: usize) -> Option<&Cell> {
-        self.cells.get(slot).filter(|cell| cell.count > 0)
+    pub fn cell(&self, index: usize) -> Option<&Cell> {
+        self.cells.get(index).filter(|cell| cell.count > 0)
     }
 
-    /// Sample statistics of a slot.
-    pub fn distribution(&self, slot: usize) -> Option<&Distribution> {
-        self.sums.get(slot)
+    /// Sample statistics of a cell by its index.
+    pub fn distribution(&self, index: usize) -> Option<&Distribution> {
+        self.sums.get(index)
     }
 
     /// All cells with enough points, in the order in which their squares were first hit.
@@ -149,7 +149,7 @@ impl Grid {
         self.cells.iter().filter(|cell| cell.count > 0)
     }
 
-    /// Calls `visit(slot, cell)` for the cells in the squares around a position, `radius` squares to each side,
+    /// Calls `visit(index, cell)` for the cells in the squares around a position, `radius` squares to each side,
     /// row by row.
     #[inline]
     pub fn for_each_near(
@@ -173,22 +173,22 @@ impl Grid {
         for r in rows.0..=rows.1 {
             let start = (r + self.half_cells) as usize * self.width;
             for c in columns.0..=columns.1 {
-                let slot = self
-                    .index
+                let index = self
+                    .cell_of_square
                     .get(start + (c + self.half_cells) as usize)
                     .copied()
                     .unwrap_or(NONE);
-                if let Some(cell) = self.cells.get(slot as usize)
+                if let Some(cell) = self.cells.get(index as usize)
                     && cell.count > 0
                 {
-                    visit(slot, cell);
+                    visit(index, cell);
                 }
             }
         }
     }
 }
 
-/// Squares and sums say all: the index, and the cells as of a refresh, are made of them again.
+/// Squares and sums are enough: the index, and the cells as of a refresh, are made from them again.
 impl Persist for Grid {
     fn save(&self, out: &mut Writer<'_>) {
         self.squares.save(out);
@@ -199,12 +199,12 @@ impl Persist for Grid {
         self.clear();
         let mut count = 0_usize;
         count.restore(from)?;
-        for slot in 0..count {
+        for index in 0..count {
             let mut square = 0_u32;
             square.restore(from)?;
             // Refuses a square twice, too; so there are never more than the grid has.
-            match self.index.get_mut(square as usize) {
-                Some(entry) if *entry == NONE => *entry = slot as u32,
+            match self.cell_of_square.get_mut(square as usize) {
+                Some(entry) if *entry == NONE => *entry = index as u32,
                 _ => return Err(Error::Unsound("Grid")),
             }
             self.squares.push(square);
@@ -250,7 +250,7 @@ mod tests {
         for x in [-0.6, -0.4, -0.1, 0.1, 0.4, 0.6] {
             grid.add([x, 0.1, 1.0]);
         }
-        assert_eq!(grid.slots(), 4);
+        assert_eq!(grid.occupied(), 4);
     }
 
     #[test]
@@ -288,7 +288,7 @@ mod tests {
         assert_eq!(grid.cells().count(), 1);
         grid.clear();
         grid.refresh();
-        assert_eq!((grid.cells().count(), grid.slots()), (0, 0));
+        assert_eq!((grid.cells().count(), grid.occupied()), (0, 0));
         let mut near = 0;
         grid.for_each_near(0.1, 0.1, 3, |_, _| near += 1);
         assert_eq!(near, 0);
@@ -313,7 +313,7 @@ mod tests {
             (200..300).for_each(|i| assert!(grid.add(point(i)).is_some()));
             grid.refresh();
         }
-        assert_eq!(whole.index, restored.index);
+        assert_eq!(whole.cell_of_square, restored.cell_of_square);
         assert_eq!(whole.sums, restored.sums);
         assert_eq!(whole.cells, restored.cells);
         assert_eq!(whole.sums.capacity(), restored.sums.capacity());
@@ -343,9 +343,9 @@ mod tests {
         }
         grid.refresh();
         let mut near = Vec::new();
-        grid.for_each_near(4.2, 4.2, 1, |slot, _| near.push(slot));
+        grid.for_each_near(4.2, 4.2, 1, |index, _| near.push(index));
         assert_eq!(near, [0]);
-        grid.for_each_near(1e300, f64::NAN, 1, |slot, _| near.push(slot));
+        grid.for_each_near(1e300, f64::NAN, 1, |index, _| near.push(index));
         assert_eq!(near, [0]);
     }
 }

@@ -1,6 +1,6 @@
-//! Normal distributions transform with intensity as third dimension (paper, III-B and III-C).
+//! Normal distributions transform with intensity as third dimension (RaNDT, III-B and III-C).
 //!
-//! Responsible for cells, grids of cells, and what one scan's cells say about a pose: the robust
+//! Responsible for cells, grids of cells, and what one scan's cells contribute to a pose: the robust
 //! distribution-to-distribution distance with its derivatives. Not responsible for solving, for motion
 //! or for when a scan enters a map. No I/O, no clock.
 //!

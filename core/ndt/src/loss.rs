@@ -1,4 +1,4 @@
-//! The adaptive robust loss (Barron 2019) with graduated scale (paper, III-C).
+//! The adaptive robust loss (Barron 2019) with graduated scale (RaNDT, III-C).
 
 use wide::f64x4;
 

@@ -1,8 +1,8 @@
-//! What a scan says about its pose and velocity: the robust distance to the map with its derivatives.
+//! The NDT term of a scan in pose and velocity: the robust distance to the map with its derivatives.
 //!
-//! r^2 = d^T (R S_scan R^T + S_map)^-1 d, d = R mu_scan + t - mu_map over (x, y, intensity) (paper, eq. for
-//! the NDT term; the moving covariance rotates and the sum is inverted). Four neighbours of one scan cell
-//! are four SIMD lanes; [`crate::scalar::evaluate`] is the twin it is tested against.
+//! r^2 = d^T (R S_scan R^T + S_map)^-1 d, d = R mu_scan + t - mu_map over (x, y, intensity) (the NDT
+//! term of RaNDT, III-C; the moving covariance rotates and the sum is inverted). Four neighbours of one scan cell are
+//! four SIMD lanes; the tests compare with [`crate::scalar::evaluate`].
 
 use crate::{AdaptiveLoss, Association, ScanCell, scalar};
 use nalgebra::{Matrix3, Vector3};
@@ -12,16 +12,16 @@ use wide::f64x4;
 
 /// Gauss-Newton normal equations of one scan, not yet weighted.
 ///
-/// A cell that was seen `lever` seconds away from the scan's instant moves with `lever` times the velocity,
-/// so the Jacobian of the velocity is the lever times the pose's, and three 3 x 3 blocks say all.
-/// Perturbations are (x, y, yaw) on the right of the pose, in its own frame.
+/// A cell that was measured s seconds away from the scan's instant moves with s times the velocity, so its Jacobian by the
+/// velocity is s times that by the pose, and three 3 x 3 blocks hold everything. Perturbations are (x, y, yaw) on the
+/// right of the pose, in its own frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NormalEquations {
     /// Sum of w J^T A J.
     pub pose: Matrix3<f64>,
-    /// Sum of lever w J^T A J.
+    /// Sum of s w J^T A J.
     pub cross: Matrix3<f64>,
-    /// Sum of lever^2 w J^T A J.
+    /// Sum of s^2 w J^T A J.
     pub velocity: Matrix3<f64>,
     /// Gradient by the pose.
     pub pose_gradient: Vector3<f64>,
@@ -80,11 +80,11 @@ impl Sums {
         velocity_change: [f64; 3],
         loss: &AdaptiveLoss,
     ) {
-        let lever = scan.lever_s;
+        let velocity_jacobian_s = scan.velocity_jacobian_s;
         let mut cell = scan.cell;
         let [x, y, _] = cell.mean;
-        cell.mean[0] = x + lever * (velocity_change[0] - velocity_change[2] * y);
-        cell.mean[1] = y + lever * (velocity_change[1] + velocity_change[2] * x);
+        cell.mean[0] = x + velocity_jacobian_s * (velocity_change[0] - velocity_change[2] * y);
+        cell.mean[1] = y + velocity_jacobian_s * (velocity_change[1] + velocity_change[2] * x);
         let moved = scalar::moved(&cell, pose);
         let [mxx, mxy, myy, mxi, myi, mii] = moved.covariance;
 
@@ -137,9 +137,13 @@ impl Sums {
         let h33 = px * h13 + py * h23;
         let g3 = g1 * px + g2 * py;
         let hessian = [h11, h12, h22, h13, h23, h33];
-        for (power, sums) in [1.0, lever, lever * lever]
-            .into_iter()
-            .zip(&mut self.hessian)
+        for (power, sums) in [
+            1.0,
+            velocity_jacobian_s,
+            velocity_jacobian_s * velocity_jacobian_s,
+        ]
+        .into_iter()
+        .zip(&mut self.hessian)
         {
             for (sum, h) in sums.iter_mut().zip(hessian) {
                 *sum += power * h;
@@ -149,7 +153,7 @@ impl Sums {
             *sum += g;
         }
         for (sum, g) in self.gradient[1].iter_mut().zip([g1, g2, g3]) {
-            *sum += lever * g;
+            *sum += velocity_jacobian_s * g;
         }
         self.cost += 0.5 * sum(cost);
         self.weight += sum(weight);
@@ -191,7 +195,7 @@ mod tests {
     use crate::{CellRule, Grid};
     use proptest::prelude::*;
 
-    /// A corner of two rough walls with different intensities, as map and as scan cells with levers.
+    /// A corner of two rough walls with different intensities, as map and as scan cells with derivatives by the velocity.
     fn scene() -> (Grid, Vec<ScanCell>) {
         let rule = CellRule {
             points_min: 4,

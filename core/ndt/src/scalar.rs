@@ -4,7 +4,7 @@ use crate::{AdaptiveLoss, Association, Cell, NormalEquations, ScanCell};
 use nalgebra::{Matrix3, Vector2, Vector3};
 use randt_geometry::Pose2;
 
-/// A cell seen from the frame in which `pose` stands: mean R mu + t, covariance R S R^T.
+/// A cell in the frame in which `pose` is given: mean R mu + t, covariance R S R^T.
 #[inline]
 pub fn moved(cell: &Cell, pose: &Pose2) -> Cell {
     let (c, s) = pose.cos_sin();
@@ -58,7 +58,8 @@ pub fn evaluate(
 ) -> NormalEquations {
     let mut sum = NormalEquations::default();
     for (scan, association) in cells.iter().zip(associations) {
-        let shift = Vector3::from(velocity_change) * scan.lever_s;
+        let velocity_jacobian_s = scan.velocity_jacobian_s;
+        let shift = Vector3::from(velocity_change) * velocity_jacobian_s;
         let mean = Vector2::new(scan.cell.mean[0], scan.cell.mean[1]);
         let mean = mean + Vector2::new(shift.x - shift.z * mean.y, shift.y + shift.z * mean.x);
         let rotation = pose.rotation();
@@ -87,12 +88,11 @@ pub fn evaluate(
             let mut gradient = jacobian.transpose() * q;
             gradient.z -= 0.5 * q.dot(&(rotated_derivative * q));
             let hessian = jacobian.transpose() * information * jacobian * weight;
-            let lever = scan.lever_s;
             sum.pose += hessian;
-            sum.cross += hessian * lever;
-            sum.velocity += hessian * (lever * lever);
+            sum.cross += hessian * velocity_jacobian_s;
+            sum.velocity += hessian * (velocity_jacobian_s * velocity_jacobian_s);
             sum.pose_gradient += gradient * weight;
-            sum.velocity_gradient += jacobian.transpose() * q * (weight * lever);
+            sum.velocity_gradient += jacobian.transpose() * q * (weight * velocity_jacobian_s);
             sum.cost += 0.5 * loss.cost(s, weight);
             sum.weight += weight;
         }

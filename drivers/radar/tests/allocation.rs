@@ -1,37 +1,13 @@
-//! Steady state allocates nothing (DESIGN, invariant 12). Alone in its file: the allocator is the process's.
-#![allow(unsafe_code, reason = "a counting allocator cannot be written without")]
+//! Steady state allocates nothing. Alone in its file: the allocator is the process's.
 
+use randt_counting_allocator::{CountingAllocator, allocations};
 use randt_messages::{Message, RadarScan, Return, SensorKind};
 use randt_radar::beam_udp::BeamUdpDecoder;
 use randt_radar::beam_udp::packet::{Format, Packet};
 use randt_radar::{BeamDecoder, Streams};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicU64, Ordering};
-
-struct Counting;
-
-static ALLOCATIONS: AtomicU64 = AtomicU64::new(0);
-
-// SAFETY: hands every call to the system's allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
-        // SAFETY: the caller's promise, passed on.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
-static COUNTING: Counting = Counting;
+static ALLOCATOR: CountingAllocator = CountingAllocator;
 
 /// A beam of `returns` returns.
 fn datagram(number: u32, returns: u16) -> Vec<u8> {
@@ -78,7 +54,7 @@ fn nothing_is_allocated_in_steady_state() {
     for (number, datagram) in datagrams.iter().enumerate() {
         // After four of the largest sweeps there is room for all; and the clock's window of half a minute is full.
         if number == 220 * 160 {
-            before = ALLOCATIONS.load(Ordering::Relaxed);
+            before = allocations();
         }
         let arrival_ns = 2_000_000_000 + number as i64 * 909_091;
         decoder.decode(datagram, arrival_ns, &mut |beam| {
@@ -89,7 +65,7 @@ fn nothing_is_allocated_in_steady_state() {
             });
         });
     }
-    let after = ALLOCATIONS.load(Ordering::Relaxed);
+    let after = allocations();
     assert_eq!(after - before, 0, "allocations in 40 sweeps");
     assert_eq!(sweeps, 200);
 }

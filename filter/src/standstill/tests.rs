@@ -32,7 +32,7 @@ impl Feed {
         }
     }
 
-    /// Returns the share of samples at which the detector said still.
+    /// Returns the share of samples at which the detector found standstill.
     fn run(
         &mut self,
         detector: &mut Standstill,

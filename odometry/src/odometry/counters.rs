@@ -2,7 +2,7 @@
 
 use randt_persist::persist;
 
-/// What was dropped, repaired or lacked support.
+/// What was dropped, repaired or lacked support. As many fields as there are counters in the report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Scans with stamps that no clock gives, or of a sweep that lasts over a minute: left out.
@@ -11,13 +11,13 @@ pub struct Counters {
     pub scans_repeated: u64,
     /// Scans that found no support in the map, or had too few cells.
     pub scans_unsupported: u64,
-    /// Scans for which the IMU ended before the sweep did, be it by one sample.
+    /// Scans for which the IMU ended before the sweep did, even by one sample.
     pub scans_imu_late: u64,
     /// The first of these: end of its sweep, ns, and how long before that the IMU ended, ns.
     pub imu_late_first_ns: i64,
     /// See there.
     pub imu_late_short_ns: i64,
-    /// Of these, scans with a sample that had been published in time and was delivered when they had been computed: a
+    /// Of these, scans with a sample that had been published in time and was delivered after they had been computed: a
     /// computation of the log uses it.
     pub scans_imu_overtaken: u64,
     /// Scans without IMU although there had been one.

@@ -1,6 +1,7 @@
-//! Going on without the whole state: a new frame that begins where the last one was left, numbers without a gap.
+//! Going on without the whole state: a new frame that begins at the last pose, and numbers without a gap.
 
 use super::Odometry;
+use crate::odometry_frame::OdometryFrame;
 use nalgebra::Vector3;
 use randt_config::Config;
 use randt_geometry::{Pose2, Quaternion};
@@ -11,32 +12,33 @@ impl Odometry {
     pub fn pose_record(&self) -> PoseRecord {
         PoseRecord {
             odom_frame_id: self.frame.id,
-            next_state: self.sequence,
+            next_state: self.publisher.next_id(),
             next_keyframe: self.keyframes.next_id(),
             next_submap: self.submaps.next_id(),
-            ..self.record
+            ..*self.publisher.record()
         }
     }
 
     /// Begins a new frame at the kept pose: the way since then is not known, so the frame is another one. Gyro bias and
-    /// heading of the attitude are kept; states, keyframes and submaps are numbered on.
+    /// heading of the attitude are kept; the numbers of states, keyframes and submaps go on.
     pub fn resume(config: &Config, use_imu: bool, record: &PoseRecord) -> Self {
         let mut odometry = Self::new(config, use_imu);
         let [w, x, y, z] = record.attitude;
-        if let Some(heading) = &mut odometry.heading {
+        if let Some(gyro) = &mut odometry.gyro {
             let bias = finite(record.gyro_bias_rad_s).unwrap_or_default();
-            heading.start_from(Vector3::from(bias), Quaternion::new(w, x, y, z));
+            gyro.start_from(Vector3::from(bias), Quaternion::new(w, x, y, z));
         }
-        odometry.frame.id = number(record.odom_frame_id) + 1;
-        odometry.frame.origin = finite(record.pose)
+        let odom_from_first = finite(record.pose)
             .map(Pose2::from_array)
             .unwrap_or_default();
-        odometry.sequence = number(record.next_state);
+        odometry.frame = OdometryFrame::after(number(record.odom_frame_id), odom_from_first);
+        odometry
+            .publisher
+            .continue_from(number(record.next_state), record);
         odometry
             .keyframes
             .continue_from(number(record.next_keyframe));
         odometry.submaps.continue_from(number(record.next_submap));
-        odometry.record = *record;
         odometry
     }
 
@@ -53,7 +55,7 @@ impl Odometry {
     }
 }
 
-/// A number that others can follow.
+/// A number that leaves room for those after it.
 fn number(number: u64) -> u64 {
     number.min(u64::MAX / 2)
 }

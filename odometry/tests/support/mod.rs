@@ -56,13 +56,13 @@ pub fn inputs(scans: u64) -> Vec<Input> {
     inputs
 }
 
-/// Place of a scan among the inputs.
-pub fn place(inputs: &[Input], scan: usize) -> usize {
+/// Index of a scan among the inputs.
+pub fn index_of(inputs: &[Input], scan: usize) -> usize {
     let scans = inputs
         .iter()
         .enumerate()
         .filter(|(_, input)| matches!(input, Input::Points(_)));
-    scans.map(|(place, _)| place).nth(scan).unwrap()
+    scans.map(|(index, _)| index).nth(scan).unwrap()
 }
 
 /// Moves an input in time.

@@ -10,7 +10,7 @@ use crate::earlier::JOURNAL;
 use crate::output::{warn, write_whole};
 use crate::plain_file;
 use anyhow::{Context, ensure};
-use randt_odometry::process::RECORDS;
+use randt_odometry::runtime::RECORDS;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};

@@ -11,7 +11,7 @@ use randt_config::Config;
 use randt_mapper::Mapper;
 use randt_messages::{Keyframe, Message, OdometryState};
 use randt_odometry::Odometry;
-use randt_odometry::process::{LeftBehind, Past};
+use randt_odometry::runtime::{CheckpointContents, CheckpointStore};
 use randt_stage::KeyframeRing;
 use std::collections::BTreeMap;
 use std::fs;
@@ -35,11 +35,11 @@ impl Remains {
         let mut counters = BTreeMap::new();
         let mut mapper = read_journal(config, &folder.join(JOURNAL), &mut counters);
         count_set_aside(folder, &mut counters);
-        let left = state.map(|state| Past::read(state, config, use_imu));
+        let left = state.map(|state| CheckpointStore::read(state, config, use_imu));
         let (mut odometry, mut ring, mut states) = (None, None, Vec::new());
         let mut why = "odometry's state was not kept".to_owned();
         if let Some(left) = left {
-            let LeftBehind {
+            let CheckpointContents {
                 odometry: found,
                 states: sent,
                 ring: kept,

@@ -159,10 +159,10 @@ impl Results {
     pub fn trust(&self) -> TrustCount {
         let mut count = TrustCount::default();
         for state in &self.states {
-            match state.trust {
-                t if t == Trust::Good as u32 => count.good += 1,
-                t if t == Trust::Degraded as u32 => count.degraded += 1,
-                _ => count.lost += 1,
+            match state.trust() {
+                Trust::Good => count.good += 1,
+                Trust::Degraded => count.degraded += 1,
+                Trust::Lost => count.lost += 1,
             }
         }
         count

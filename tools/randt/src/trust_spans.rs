@@ -54,10 +54,10 @@ pub fn of(states: &[OdometryState]) -> Vec<Span> {
 }
 
 fn key(state: &OdometryState) -> (Name, bool) {
-    let trust = match state.trust {
-        code if code == Trust::Good as u32 => Name::Good,
-        code if code == Trust::Degraded as u32 => Name::Degraded,
-        _ => Name::Lost,
+    let trust = match state.trust() {
+        Trust::Good => Name::Good,
+        Trust::Degraded => Name::Degraded,
+        Trust::Lost => Name::Lost,
     };
     (trust, state.imu_use == ImuUse::Covered as u32)
 }

@@ -26,11 +26,12 @@ pub(crate) fn of(board: &Board, now_ns: i64, round_trip_s: f64) -> (String, Mood
             Mood::Bad,
         );
     }
-    let (trust, mood) = match state.trust {
-        code if code == Trust::Good as u32 => ("good", Mood::Good),
-        code if code == Trust::Degraded as u32 => ("degraded", Mood::Doubtful),
-        _ => ("lost", Mood::Bad),
+    let mood = match state.trust() {
+        Trust::Good => Mood::Good,
+        Trust::Degraded => Mood::Doubtful,
+        Trust::Lost => Mood::Bad,
     };
+    let trust = state.trust().name();
     let mut words = format!("pose {age_s:.1} s old, trust {trust}, ");
     if let Some(rate_hz) = board.rate_hz() {
         words.push_str(&format!("{rate_hz:.1} Hz, "));

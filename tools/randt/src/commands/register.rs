@@ -94,7 +94,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         covariance: [[c[0], c[1], c[2]], [c[3], c[4], c[5]], [c[6], c[7], c[8]]],
         cells: b.cells,
         inliers: b.inliers,
-        trust: if b.trust == Trust::Good as u32 {
+        trust: if b.trust() == Trust::Good {
             "good"
         } else {
             "degraded"

@@ -228,7 +228,7 @@ fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
             stamp_ns: state.header.stamp_ns,
             frame: state.odom_frame_id,
             pose: Pose2::from_array(settled.get(&key).copied().unwrap_or(state.pose)),
-            fixed: state.trust == Trust::Good as u32,
+            fixed: state.trust() == Trust::Good,
         }
     };
     states.iter().map(pose).collect()

@@ -6,7 +6,7 @@
 use super::sample::Sample;
 use nalgebra::Vector3;
 use randt_config::Config;
-use randt_filter::{AttitudeFilter, GyroBias, MountingCheck, Pace, Standstill, Verdict};
+use randt_filter::{AttitudeFilter, GyroBias, MountingCheck, MountingResult, Pace, Standstill};
 use std::fmt::Write;
 
 /// Intervals above this many medians are gaps: two samples lost.
@@ -28,7 +28,7 @@ pub struct Examination {
     standstill: Standstill,
     bias: GyroBias,
     mounting: MountingCheck,
-    verdict: Option<Verdict>,
+    verdict: Option<MountingResult>,
     /// Samples before the first standstill showed the bias; `None` afterwards.
     waiting: Option<Vec<Sample>>,
     standstills: Vec<Span>,
@@ -213,7 +213,7 @@ impl Examination {
     }
 
     /// How the IMU is mounted; `None` where gravity did not show.
-    pub fn mounting(&self) -> Option<&Verdict> {
+    pub fn mounting(&self) -> Option<&MountingResult> {
         self.verdict.as_ref()
     }
 

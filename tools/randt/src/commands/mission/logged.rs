@@ -15,7 +15,7 @@ use randt_messages::{
     ImuSampleTopic, Keyframe, LogDropTopic, MessageRef, OdometryState, OdometryStateTopic,
     RadarScan,
 };
-use randt_odometry::{Sink, Source};
+use randt_odometry::{MessageId, Sink};
 use randt_readers::Event;
 use std::path::{Path, PathBuf};
 
@@ -169,6 +169,6 @@ fn first_state(file: &Path) -> Option<OdometryState> {
 }
 
 /// Whether a message comes after the last one that was taken. Within a boot epochs rise.
-fn is_after(epoch: u64, sequence: u64, last: Option<Source>) -> bool {
+fn is_after(epoch: u64, sequence: u64, last: Option<MessageId>) -> bool {
     last.is_none_or(|last| (epoch, sequence) > (last.epoch, last.sequence))
 }

@@ -13,7 +13,7 @@ use anyhow::Context;
 use randt_config::Config;
 use randt_log::Robot;
 use randt_messages::OdometryState;
-use randt_odometry::process::Past;
+use randt_odometry::runtime::CheckpointStore;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -86,6 +86,10 @@ fn configuration_of(mission: &Mission) -> anyhow::Result<Config> {
 
 /// Whether odometry ran with its IMU: a state without one cannot be read as one with it.
 fn uses_imu(config: &Config, state: &Path) -> bool {
-    let can_read = |use_imu| Past::read(state, config, use_imu).odometry.is_ok();
+    let can_read = |use_imu| {
+        CheckpointStore::read(state, config, use_imu)
+            .odometry
+            .is_ok()
+    };
     can_read(true) || !can_read(false)
 }

@@ -105,14 +105,15 @@ pub fn quality(recording: &Recording) -> Panels {
 fn trust(recording: &Recording) -> Vec<Band> {
     let states = recording.states.iter().zip(recording.states.iter().skip(1));
     let marked = states.filter_map(|((begin_ns, state), (end_ns, _))| {
-        let (name, colour) = match state.trust {
-            t if t == Trust::Good as u32 => return None,
-            t if t == Trust::Degraded as u32 => ("degraded", Colour::Warning),
-            _ => ("lost", Colour::Bad),
+        let trust = state.trust();
+        let colour = match trust {
+            Trust::Good => return None,
+            Trust::Degraded => Colour::Warning,
+            Trust::Lost => Colour::Bad,
         };
         let span_s = [*begin_ns, *end_ns].map(|at_ns| recording.after_s(at_ns));
         Some(Band {
-            name,
+            name: trust.name(),
             colour,
             span_s,
         })

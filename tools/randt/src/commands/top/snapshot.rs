@@ -2,7 +2,7 @@
 
 use crate::latency::LatencyFigures;
 use randt_geometry::Pose2;
-use randt_messages::{Correction, GraphHead, OdometryState, Trust};
+use randt_messages::{Correction, GraphHead, OdometryState};
 use serde::Serialize;
 
 /// Everything that is shown.
@@ -123,7 +123,7 @@ impl Robot {
             pose: Pose::of(&pose),
             map_pose: map_pose.map(|pose| Pose::of(&pose)),
             velocity: state.velocity,
-            trust: trust(state.trust),
+            trust: state.trust().name(),
             age_s: (now_ns - state.header.published_ns) as f64 * 1e-9,
             gyro_bias_rad_s: state.gyro_bias_rad_s,
             odom_frame_id: state.odom_frame_id,
@@ -150,14 +150,5 @@ impl From<&GraphHead> for Map {
             tiles: head.tiles,
             version: head.graph_version,
         }
-    }
-}
-
-/// The word for a code of [`Trust`].
-fn trust(code: u32) -> &'static str {
-    match code {
-        code if code == Trust::Good as u32 => "good",
-        code if code == Trust::Degraded as u32 => "degraded",
-        _ => "lost",
     }
 }

@@ -4,7 +4,7 @@ use crate::report::Count;
 use crate::results::Results;
 use randt_messages::{
     MapperGraph, OdometryStateTopic, RadarScan, StageHealth, StageHealthTopic, StageState, Topic,
-    Trust, health::text_of,
+    health::text_of,
 };
 use randt_odometry::Sink;
 use randt_stage::{Stage, Subscriber, Waitable};
@@ -146,12 +146,8 @@ impl Watch {
 
     /// The pipeline in a line.
     pub fn line(&self) -> String {
-        let trust = match self.states.states.last().map(|state| state.trust) {
-            Some(trust) if trust == Trust::Good as u32 => "good",
-            Some(trust) if trust == Trust::Degraded as u32 => "degraded",
-            Some(_) => "lost",
-            None => "-",
-        };
+        let newest = self.states.states.last();
+        let trust = newest.map_or("-", |state| state.trust().name());
         let stages = STAGES.map(|name| {
             let health = self.newest(name);
             let state = health.map_or("dead", |h| StageState::from_code(h.state).name());

@@ -5,7 +5,6 @@ use randt_foxglove_schemas::{SceneUpdate, of_cells};
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, KeyframePoint, Message};
 use randt_ndt::Grid;
-use randt_odometry::cell_rule;
 use std::collections::VecDeque;
 
 /// A keyframe that may be in the next submap too: submaps overlap.
@@ -29,7 +28,7 @@ impl Cells {
     pub fn new(config: &Config) -> Self {
         let margin_m = config.submap.radius_m + 2.0 * config.cell_size_m();
         Self {
-            grid: Grid::new(config.sight_m() + margin_m, cell_rule(config)),
+            grid: Grid::new(config.sight_m() + margin_m, config.cell_rule()),
             submap: None,
             root: Pose2::IDENTITY,
             scans: VecDeque::new(),

@@ -6,16 +6,16 @@ use randt_persist::persist;
 
 /// Numbers in a state: x, y, yaw; forward, left, yaw rate; bias.
 pub const STATE: usize = 7;
-/// A perturbation of a state; the pose's part stands on the right, in the robot's frame.
+/// A perturbation of a state; that of the pose is applied on the right, in the robot's frame.
 pub type StateVector = SVector<f64, STATE>;
 /// Information or covariance of a perturbation.
 pub type StateMatrix = SMatrix<f64, STATE, STATE>;
 
-/// The estimate at the end of one sweep (paper, III-C).
+/// The estimate at the end of one sweep (RaNDT, III-C).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct State {
     /// `base_link` in `odom`.
-    pub pose: Pose2,
+    pub odom_from_base: Pose2,
     /// Forward m/s, left m/s, yaw rate rad/s.
     pub velocity: Vector3<f64>,
     /// Bias of the gyro's yaw rate, rad/s.
@@ -23,7 +23,7 @@ pub struct State {
 }
 
 persist!(State {
-    pose,
+    odom_from_base,
     velocity,
     bias_rad_s
 });
@@ -32,8 +32,8 @@ impl State {
     /// This state, moved by a perturbation.
     pub fn plus(&self, step: &StateVector) -> Self {
         Self {
-            pose: self
-                .pose
+            odom_from_base: self
+                .odom_from_base
                 .compose(&Pose2::exp(step.fixed_rows::<3>(0).into_owned())),
             velocity: self.velocity + step.fixed_rows::<3>(3),
             bias_rad_s: self.bias_rad_s + step[6],
@@ -44,7 +44,7 @@ impl State {
     pub fn minus(&self, origin: &Self) -> StateVector {
         let mut d = StateVector::zeros();
         d.fixed_rows_mut::<3>(0)
-            .copy_from(&origin.pose.between(&self.pose).log());
+            .copy_from(&origin.odom_from_base.between(&self.odom_from_base).log());
         d.fixed_rows_mut::<3>(3)
             .copy_from(&(self.velocity - origin.velocity));
         d[6] = self.bias_rad_s - origin.bias_rad_s;

@@ -1,30 +1,30 @@
-//! The order in which a process takes what comes from two topics: samples as they come, one scan at a time.
+//! The order in which a process takes its inputs from two topics: samples as they come, one scan at a time.
 
-use super::Past;
-use crate::{Odometry, Source};
+use super::CheckpointStore;
+use crate::{MessageId, Odometry};
 use randt_messages::{ImuSample, ImuSampleTopic, MessageRef, RadarPoints};
 use randt_persist::Error as PersistError;
 use randt_stage::{Clock, Subscriber};
 use std::time::{Duration, Instant};
 
-/// What was published before a scan's deadline is here so long after it at the latest: it takes microseconds, but a
+/// What was published before a scan's deadline is here this long after it at the latest: it takes microseconds, but a
 /// publisher may be interrupted between stamp and sending.
 const DELIVERY: Duration = Duration::from_millis(20);
-/// Samples are taken so often where no scan comes: their buffer holds 8 s at 250 Hz, 2 s at 1 kHz.
+/// Samples are taken this often where no scan comes: their buffer holds 8 s at 250 Hz, 2 s at 1 kHz.
 const DRAIN: Duration = Duration::from_secs(1);
 /// A process that has just started waits longer for its first samples: their publisher has to hand over its history.
 const FIRST_SAMPLE_WAIT: Duration = Duration::from_secs(1);
 
-/// Odometry with its past and its inputs.
+/// Odometry with its checkpoints and its inputs.
 pub struct Feed {
     /// The estimate.
     pub odometry: Odometry,
     /// What outlives it.
-    pub past: Past,
+    pub store: CheckpointStore,
     samples: Subscriber<ImuSampleTopic>,
     points: Subscriber<RadarPoints>,
     clock: Clock,
-    /// Until when the scan that waits is waited with.
+    /// When the wait of the scan that waits is over.
     deadline: Option<Instant>,
     /// When waiting for the very first sample ends.
     patience: Option<Instant>,
@@ -36,7 +36,7 @@ impl Feed {
     /// Ready; what an earlier process has done is skipped.
     pub fn new(
         odometry: Odometry,
-        past: Past,
+        store: CheckpointStore,
         mut samples: Subscriber<ImuSampleTopic>,
         points: Subscriber<RadarPoints>,
         clock: Clock,
@@ -46,7 +46,7 @@ impl Feed {
         }
         let mut feed = Self {
             odometry,
-            past,
+            store,
             samples,
             points,
             clock,
@@ -64,14 +64,14 @@ impl Feed {
             .odometry
             .deadline_ns()?
             .saturating_sub(self.clock.now_ns());
-        // A scan of a publisher that says nothing of its time cannot be waited with for ever.
+        // Without a publish time the wait must still end.
         let left = Duration::from_nanos(left_ns.max(0).unsigned_abs()).min(FIRST_SAMPLE_WAIT);
         let now = Instant::now();
         Some((now + left + DELIVERY).max(self.patience.unwrap_or(now)))
     }
 
-    /// Takes what is there, until something comes out of it: that is kept, lies in the outbox, and is to be published
-    /// before this is called again. `false` where nothing more is there, or has to be waited for.
+    /// Takes inputs until there is a result: it is saved, is in the outbox, and must be published before the next call.
+    /// `false` where no input is left, or one has to be waited for.
     ///
     /// Not more at once: what is sent again after a restart is bounded.
     pub fn take(&mut self) -> Result<bool, Box<dyn std::error::Error>> {
@@ -90,8 +90,8 @@ impl Feed {
                 if self.take_samples()? {
                     return Ok(true);
                 }
-                self.odometry.proceed(&mut self.past.sink());
-                if self.keep()? {
+                self.odometry.proceed(&mut self.store.sink());
+                if self.save_results()? {
                     return Ok(true);
                 }
                 continue;
@@ -102,27 +102,23 @@ impl Feed {
             };
             let scan = scan.message();
             if self.is_new(scan) {
-                self.odometry.push_points(scan, &mut self.past.sink());
+                self.odometry.push_points(scan, &mut self.store.sink());
                 self.deadline = self.deadline();
-                if self.keep()? {
+                if self.save_results()? {
                     return Ok(true);
                 }
             }
         }
     }
 
-    /// Takes samples until something comes out, or none is left.
+    /// Takes samples until there is a result, or none is left.
     fn take_samples(&mut self) -> Result<bool, Box<dyn std::error::Error>> {
         while let Some(sample) = self.samples.receive()? {
             self.patience = None;
             let sample: &ImuSample = sample.message().head;
-            let source = Source {
-                epoch: sample.header.epoch,
-                sequence: sample.header.sequence,
-            };
-            if is_after(source, self.odometry.last_imu()) {
-                self.odometry.push_imu(sample, &mut self.past.sink());
-                if self.keep()? {
+            if is_after(MessageId::from_sample(sample), self.odometry.last_imu()) {
+                self.odometry.push_imu(sample, &mut self.store.sink());
+                if self.save_results()? {
                     return Ok(true);
                 }
             }
@@ -130,33 +126,30 @@ impl Feed {
         Ok(false)
     }
 
-    /// Whether a scan was not taken before; those between that never came are counted.
+    /// Whether a scan was not taken before; those in between that never came are counted.
     fn is_new(&mut self, scan: MessageRef<'_, RadarPoints>) -> bool {
-        let source = Source {
-            epoch: scan.head.scan_epoch,
-            sequence: scan.head.scan_sequence,
-        };
+        let id = MessageId::from_points(scan.head);
         let last = self.odometry.last_scan();
         if let Some(last) = last
-            && last.epoch == source.epoch
-            && source.sequence > last.sequence + 1
+            && last.epoch == id.epoch
+            && id.sequence > last.sequence + 1
         {
-            self.scans_missed += source.sequence - last.sequence - 1;
+            self.scans_missed += id.sequence - last.sequence - 1;
         }
-        is_after(source, last)
+        is_after(id, last)
     }
 
-    /// Keeps the past where something came out; gives whether it did.
-    fn keep(&mut self) -> Result<bool, PersistError> {
-        if self.past.outbox().is_empty() {
+    /// Saves state and results where there are results; gives whether there are.
+    fn save_results(&mut self) -> Result<bool, PersistError> {
+        if self.store.outbox().is_empty() {
             return Ok(false);
         }
-        self.past.keep(&self.odometry)?;
+        self.store.save(&self.odometry)?;
         Ok(true)
     }
 
-    /// How long to sleep at most: where a scan waits for its samples, until that is over; else samples are to be taken
-    /// before their buffer runs over, also while no scan comes.
+    /// How long to sleep at most: where a scan waits for its samples, until the wait is over; else samples have to be taken
+    /// before their buffer overflows, also while no scan comes.
     pub fn pause(&self) -> Duration {
         match (self.odometry.waiting_for_ns(), self.deadline) {
             (Some(_), Some(deadline)) => deadline.saturating_duration_since(Instant::now()),
@@ -164,8 +157,8 @@ impl Feed {
         }
     }
 
-    /// What to sleep on: scans, or while one waits for its samples those. 250 wakings a second cost a core 0.7 %.
-    pub fn wakes(&self) -> &dyn randt_stage::Waitable {
+    /// What to sleep on: scans, or samples while a scan waits for them. Waking 250 times a second costs 0.7 % of a core.
+    pub fn waitable(&self) -> &dyn randt_stage::Waitable {
         if self.odometry.waiting_for_ns().is_some() {
             &self.samples
         } else {
@@ -174,8 +167,8 @@ impl Feed {
     }
 }
 
-/// Whether a message was not taken before. Another epoch is another publisher: its numbers have nothing to do with those
-/// before, nor has its epoch where the clock was taken anew.
-fn is_after(source: Source, last: Option<Source>) -> bool {
-    last.is_none_or(|last| source.epoch != last.epoch || source.sequence > last.sequence)
+/// Whether a message was not taken before. Another epoch is another publisher, whose numbers begin anew; its epoch need
+/// not be larger, because the clock may have been set.
+fn is_after(id: MessageId, last: Option<MessageId>) -> bool {
+    last.is_none_or(|last| id.epoch != last.epoch || id.sequence > last.sequence)
 }

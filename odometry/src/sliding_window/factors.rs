@@ -1,11 +1,11 @@
-//! The terms that tie neighbouring states together: motion model, gyro, bias (paper, III-C).
+//! The factors between neighbouring states: motion model, gyro, bias (RaNDT, III-C).
 
-use crate::{
-    chain::Chain,
-    heading::GyroTerm,
-    slot::Slot,
+use super::{
+    block_tridiagonal::BlockTridiagonalSystem,
     state::{State, StateVector},
+    window_scan::WindowScan,
 };
+use crate::gyro_integrator::GyroTerm;
 use nalgebra::{Matrix3, RowVector3, Vector3};
 use randt_config::Odometry;
 use randt_geometry::{Pose2, elementary::wrap};
@@ -20,19 +20,25 @@ const RATE_SIGMA_RAD_S: f64 = 0.02;
 const HEADING_SIGMA_FLOOR_RAD: f64 = 1e-3;
 
 /// Adds the motion model, the gyro and the bias between the state before and the scan at i; gives their cost.
-pub fn add(chain: &mut Chain, i: usize, previous: &State, slot: &Slot, config: &Odometry) -> f64 {
-    let (current, dt_s) = (&slot.state, slot.dt_s);
+pub fn add(
+    system: &mut BlockTridiagonalSystem,
+    i: usize,
+    previous: &State,
+    scan: &WindowScan,
+    config: &Odometry,
+) -> f64 {
+    let (current, dt_s) = (&scan.state, scan.dt_s);
     let motion = motion_model(
-        chain,
+        system,
         i,
         previous,
         current,
         dt_s,
-        slot.gyro.is_some(),
+        scan.gyro.is_some(),
         config,
     );
-    let gyro = slot.gyro.as_ref().map_or(0.0, |gyro| {
-        gyro_term(chain, i, previous, current, dt_s, gyro, config)
+    let gyro = scan.gyro.as_ref().map_or(0.0, |gyro| {
+        gyro_term(system, i, previous, current, dt_s, gyro, config)
     });
     let bias_sigma2 = config.gyro_bias_walk * config.gyro_bias_walk * dt_s;
     let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
@@ -40,7 +46,7 @@ pub fn add(chain: &mut Chain, i: usize, previous: &State, slot: &Slot, config: &
     motion
         + gyro
         + add_row(
-            chain,
+            system,
             i,
             &a,
             &b,
@@ -52,7 +58,7 @@ pub fn add(chain: &mut Chain, i: usize, previous: &State, slot: &Slot, config: &
 /// Constant velocity under white acceleration: [Log(That^-1 T), v_t - v_(t-1)], That = T_(t-1) Exp(v dt) with the
 /// mean of both velocities, so that a braking vehicle is not dragged.
 fn motion_model(
-    chain: &mut Chain,
+    system: &mut BlockTridiagonalSystem,
     i: usize,
     previous: &State,
     current: &State,
@@ -61,7 +67,7 @@ fn motion_model(
     config: &Odometry,
 ) -> f64 {
     let twist = (previous.velocity + current.velocity) * (0.5 * dt_s);
-    let relative = previous.pose.between(&current.pose);
+    let relative = previous.odom_from_base.between(&current.odom_from_base);
     let error = Pose2::exp(twist).between(&relative);
     let residual = error.log();
     let inverse = Pose2::right_jacobian_inverse(residual);
@@ -91,12 +97,12 @@ fn motion_model(
         set(&mut a, 3, by_velocity.row(axis).into_owned());
         set(&mut b, 0, inverse.row(axis).into_owned());
         set(&mut b, 3, by_velocity.row(axis).into_owned());
-        cost += add_row(chain, i, &a, &b, residual[axis], position_sigma2);
+        cost += add_row(system, i, &a, &b, residual[axis], position_sigma2);
 
         let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
         (a[3 + axis], b[3 + axis]) = (-1.0, 1.0);
         cost += add_row(
-            chain,
+            system,
             i,
             &a,
             &b,
@@ -109,7 +115,7 @@ fn motion_model(
 
 /// Log((R_(t-1) dR Exp(-b dt))^-1 R_t), and the rate at the scan itself.
 fn gyro_term(
-    chain: &mut Chain,
+    system: &mut BlockTridiagonalSystem,
     i: usize,
     previous: &State,
     current: &State,
@@ -117,7 +123,7 @@ fn gyro_term(
     gyro: &GyroTerm,
     config: &Odometry,
 ) -> f64 {
-    let turned = wrap(current.pose.yaw_rad - previous.pose.yaw_rad);
+    let turned = wrap(current.odom_from_base.yaw_rad - previous.odom_from_base.yaw_rad);
     let bias = 0.5 * (previous.bias_rad_s + current.bias_rad_s);
     let residual = wrap(turned - gyro.turn.angle_rad + bias * dt_s);
     let scale = GYRO_SCALE_SIGMA * gyro.turn.angle_rad;
@@ -127,7 +133,7 @@ fn gyro_term(
     (a[2], b[2]) = (-1.0, 1.0);
     (a[6], b[6]) = (0.5 * dt_s, 0.5 * dt_s);
     let cost = add_row(
-        chain,
+        system,
         i,
         &a,
         &b,
@@ -140,7 +146,7 @@ fn gyro_term(
     let residual = current.velocity.z - gyro.rate_rad_s + current.bias_rad_s;
     let cost = cost
         + add_row(
-            chain,
+            system,
             i,
             &a,
             &b,
@@ -151,7 +157,7 @@ fn gyro_term(
     gyro.standstill.map_or(cost, |(bias_rad_s, sigma_rad_s)| {
         b[5] = 0.0;
         cost + add_row(
-            chain,
+            system,
             i,
             &a,
             &b,
@@ -162,7 +168,7 @@ fn gyro_term(
 }
 
 fn add_row(
-    chain: &mut Chain,
+    system: &mut BlockTridiagonalSystem,
     i: usize,
     a: &StateVector,
     b: &StateVector,
@@ -170,14 +176,14 @@ fn add_row(
     sigma2: f64,
 ) -> f64 {
     let information = 1.0 / sigma2;
-    chain.add_row(i, a, b, residual, information);
+    system.add_row(i, a, b, residual, information);
     0.5 * residual * residual * information
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::heading::Turn;
+    use crate::gyro_integrator::Turn;
     use proptest::prelude::*;
 
     fn state() -> impl Strategy<Value = State> {
@@ -187,17 +193,17 @@ mod tests {
             -0.02..0.02,
         )
             .prop_map(|((x, y, yaw), (vx, vy, w), bias_rad_s)| State {
-                pose: Pose2::new(x, y, yaw),
+                odom_from_base: Pose2::new(x, y, yaw),
                 velocity: Vector3::new(vx, vy, w),
                 bias_rad_s,
             })
     }
 
-    fn cost_and_chain(previous: &State, slot: &Slot) -> (f64, Chain) {
-        let mut chain = Chain::new(2);
-        chain.reset(2);
-        let cost = add(&mut chain, 1, previous, slot, &Odometry::default());
-        (cost, chain)
+    fn cost_and_system(previous: &State, scan: &WindowScan) -> (f64, BlockTridiagonalSystem) {
+        let mut system = BlockTridiagonalSystem::new(2);
+        system.reset(2);
+        let cost = add(&mut system, 1, previous, scan, &Odometry::default());
+        (cost, system)
     }
 
     proptest! {
@@ -205,24 +211,24 @@ mod tests {
         fn gradients_are_the_derivatives_of_the_cost(previous in state(), error in prop::array::uniform7(-0.05..0.05f64), gyro in any::<bool>()) {
             // The newer state is near where the older one leads, as it is in every window.
             let dt_s = 0.2;
-            let led = State { pose: previous.pose.compose(&Pose2::exp(previous.velocity * dt_s)), ..previous };
+            let led = State { odom_from_base: previous.odom_from_base.compose(&Pose2::exp(previous.velocity * dt_s)), ..previous };
             let term = GyroTerm {
                 turn: Turn { angle_rad: previous.velocity.z * dt_s + 0.01, uncovered_s: 0.0 },
                 rate_rad_s: previous.velocity.z,
                 standstill: Some((0.001, 0.002)),
             };
-            let slot = Slot { state: led.plus(&StateVector::from(error)), dt_s, gyro: gyro.then_some(term), ..Slot::default() };
-            let (_, chain) = cost_and_chain(&previous, &slot);
+            let scan = WindowScan { state: led.plus(&StateVector::from(error)), dt_s, gyro: gyro.then_some(term), ..WindowScan::default() };
+            let (_, system) = cost_and_system(&previous, &scan);
             let h = 1e-6;
             for axis in 0..7 {
                 let mut d = StateVector::zeros();
                 d[axis] = h;
-                let by_previous = (cost_and_chain(&previous.plus(&d), &slot).0 - cost_and_chain(&previous.plus(&-d), &slot).0) / (2.0 * h);
-                let moved = |d: &StateVector| Slot { state: slot.state.plus(d), ..slot.clone() };
-                let by_current = (cost_and_chain(&previous, &moved(&d)).0 - cost_and_chain(&previous, &moved(&-d)).0) / (2.0 * h);
+                let by_previous = (cost_and_system(&previous.plus(&d), &scan).0 - cost_and_system(&previous.plus(&-d), &scan).0) / (2.0 * h);
+                let moved = |d: &StateVector| WindowScan { state: scan.state.plus(d), ..scan.clone() };
+                let by_current = (cost_and_system(&previous, &moved(&d)).0 - cost_and_system(&previous, &moved(&-d)).0) / (2.0 * h);
                 for (i, slope) in [(0, by_previous), (1, by_current)] {
-                    let analytic = chain.gradient(i)[axis];
-                    let scale = 1.0 + slope.abs() + chain.gradient(i).norm();
+                    let analytic = system.gradient(i)[axis];
+                    let scale = 1.0 + slope.abs() + system.gradient(i).norm();
                     prop_assert!((analytic - slope).abs() < 1e-3 * scale, "state {i} axis {axis}: {analytic} {slope}");
                 }
             }

@@ -1,4 +1,4 @@
-//! What trust says of single solutions, in a bare corridor and of a robot that was carried elsewhere.
+//! Trust in single solutions, in a bare corridor, and after a robot was carried elsewhere.
 
 use super::*;
 use crate::{Odometry, Sink};
@@ -32,7 +32,7 @@ impl Sink for States {
 }
 
 impl States {
-    fn of(events: &[Event], config: &Config) -> Vec<OdometryState> {
+    fn from_drive(events: &[Event], config: &Config) -> Vec<OdometryState> {
         let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
         let mut points = Message::<RadarPoints>::default();
         let mut odometry = Odometry::new(config, true);
@@ -65,7 +65,7 @@ fn config_of(world: &World) -> Config {
 
 /// Number of states with a trust.
 fn count(states: &[OdometryState], trust: Trust) -> usize {
-    let alike = states.iter().filter(|state| state.trust == trust as u32);
+    let alike = states.iter().filter(|state| state.trust() == trust);
     alike.count()
 }
 
@@ -76,7 +76,7 @@ fn in_a_bare_corridor_the_grid_makes_the_information_and_trust_is_not_good() {
     for slack in [0.0, 5.0, 50.0] {
         let mut config = config_of(&world);
         config.ndt.slack = slack;
-        let states = States::of(&events, &config);
+        let states = States::from_drive(&events, &config);
         // The first scan is the map; the second one is set against a single scan.
         let states = states.get(5..).unwrap();
         let mut along: Vec<f64> = states
@@ -109,10 +109,10 @@ fn a_robot_that_was_carried_elsewhere_is_doubted_within_a_second() {
     for event in events.iter_mut().skip(from) {
         shift(event, -150 * SWEEP_NS);
     }
-    let states = States::of(&events, &config_of(&world));
+    let states = States::from_drive(&events, &config_of(&world));
     let (before, after) = states.split_at(81);
     assert_eq!(count(&before[20..], Trust::Good), 61);
-    let good = after.iter().take_while(|s| s.trust == Trust::Good as u32);
+    let good = after.iter().take_while(|s| s.trust() == Trust::Good);
     let good = good.count();
     println!(
         "doubted after {good} scans; trust of all that follow: {:?}",
@@ -139,16 +139,16 @@ fn shift(event: &mut Event, by_ns: i64) {
 }
 
 /// A scan of this number, of ten cells.
-fn scan(number: i64) -> Slot {
-    let mut scan = Slot {
+fn scan(number: i64) -> WindowScan {
+    let mut scan = WindowScan {
         cells: vec![ScanCell::default(); 10],
-        ..Slot::default()
+        ..WindowScan::default()
     };
-    scan.scan.head.sweep.end_ns = number * SWEEP_NS;
+    scan.message.head.sweep.end_ns = number * SWEEP_NS;
     scan
 }
 
-/// A solution of this fit with so much information along the weaker direction of the position, 1/m^2.
+/// A solution of this fit with that much information along the weaker direction of the position, 1/m^2.
 fn solution(fit: f64, weakest: f64) -> Solution {
     Solution {
         fit,
@@ -159,8 +159,8 @@ fn solution(fit: f64, weakest: f64) -> Solution {
 
 /// Judges scans of these fits, the direction being strong.
 fn judged(fits: &[f64]) -> Vec<Trust> {
-    let (mut judge, config) = (TrustJudge::default(), Config::default());
-    let judge = |(number, fit)| judge.judge(&solution(fit, 9000.0), &scan(number), &config);
+    let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
+    let judge = |(number, fit)| monitor.judge(&solution(fit, 9000.0), &scan(number), &config);
     (0..).zip(fits.iter().copied()).map(judge).collect()
 }
 
@@ -199,11 +199,11 @@ fn a_poor_fit_is_as_poor_under_every_loss() {
 }
 
 #[test]
-fn a_weak_direction_is_told_by_cell_weight_and_slack() {
+fn a_weak_direction_is_known_by_cell_weight_and_slack() {
     let judge = |weakest: f64, change: fn(&mut Config)| {
         let mut config = Config::default();
         change(&mut config);
-        TrustJudge::default().judge(&solution(0.8, weakest), &scan(0), &config)
+        TrackingMonitor::default().judge(&solution(0.8, weakest), &scan(0), &config)
     };
     // 5.6 x 6 x 200 x 0.8 / 6 = 896.
     assert_eq!(judge(905.0, |_| ()), Trust::Good);
@@ -221,13 +221,13 @@ fn a_weak_direction_is_told_by_cell_weight_and_slack() {
 
 #[test]
 fn a_sweep_of_two_senders_is_doubted_for_a_second() {
-    let (mut judge, config) = (TrustJudge::default(), Config::default());
+    let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
     let trust: Vec<Trust> = (0..20)
         .map(|number| {
             let mut scan = scan(number);
-            let sweep = &mut scan.scan.head.sweep;
+            let sweep = &mut scan.message.head.sweep;
             sweep.set_sensor(SensorKind::IsdrC, number == 7);
-            judge.judge(&solution(0.8, 9000.0), &scan, &config)
+            monitor.judge(&solution(0.8, 9000.0), &scan, &config)
         })
         .collect();
     let doubted = (0..).zip(&trust).filter(|(_, t)| **t == Trust::Degraded);
@@ -241,19 +241,20 @@ fn what_is_remembered_survives_its_process() {
     let fits = [
         0.3, 0.8, 0.3, 0.8, 0.8, 0.3, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8, 0.8,
     ];
-    let (mut whole, mut killed) = (TrustJudge::default(), TrustJudge::default());
+    let (mut whole, mut killed) = (TrackingMonitor::default(), TrackingMonitor::default());
     for (number, fit) in (0..).zip(fits) {
-        let judge =
-            |judge: &mut TrustJudge| judge.judge(&solution(fit, 9000.0), &scan(number), &config);
+        let judge = |monitor: &mut TrackingMonitor| {
+            monitor.judge(&solution(fit, 9000.0), &scan(number), &config)
+        };
         assert_eq!(judge(&mut whole), judge(&mut killed), "scan {number}");
         let mut bytes = [0; 64];
         killed.save(&mut Writer::new(&mut bytes));
-        killed = TrustJudge::default();
+        killed = TrackingMonitor::default();
         killed.restore(&mut Reader::new(&bytes)).unwrap();
     }
     // More scans than are remembered cannot have been.
     let mut bytes = [0xff; 64];
-    TrustJudge::default().save(&mut Writer::new(&mut bytes));
+    TrackingMonitor::default().save(&mut Writer::new(&mut bytes));
     bytes[4..8].copy_from_slice(&(1_u32 << FIT_SCANS).to_le_bytes());
     assert!(killed.restore(&mut Reader::new(&bytes)).is_err());
 }

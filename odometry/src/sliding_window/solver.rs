@@ -1,56 +1,27 @@
-//! Least squares over the last l scans (paper, III-C): motion model, gyro and NDT terms under an adaptive
-//! loss whose scale is graduated; associations are made again at each graduation step.
+//! Least squares over the last l scans (RaNDT, III-C): motion model, gyro and NDT terms under an adaptive loss whose
+//! scale is graduated; associations are made again at each graduation step.
 
-use crate::{
-    chain::Chain,
+use super::{
+    block_tridiagonal::BlockTridiagonalSystem,
     factors, ndt_term,
-    slot::Slot,
+    prior::Prior,
     state::{State, StateMatrix, StateVector},
-    submap::Submap,
+    window_scan::WindowScan,
 };
+use crate::submaps::Submap;
 use nalgebra::Matrix3;
 use randt_config::Config;
-use randt_geometry::Pose2;
 use randt_ndt::{AdaptiveLoss, Association};
-use randt_persist::persist;
 
 /// Gauss-Newton steps while the loss is still wide: they only need to lead into the next one's basin.
 const ITERATIONS_WIDE: u32 = 2;
 /// Gauss-Newton steps under the final loss; most scans need three.
 const ITERATIONS_MAX: u32 = 6;
-/// A step of every pose below this (m, rad) ends a solve: a thirtieth of a range bin, and next to the centimetre that
-/// one scan fixes a pose to nothing.
+/// A step of every pose below this (m, rad) ends a solve: a thirtieth of a range bin, and far below the centimetre to
+/// which one scan fixes a pose.
 const STEP_MIN: f64 = 5e-4;
 /// Halvings of a step that raises the cost.
 const HALVINGS_MAX: u32 = 4;
-
-/// What is known of the oldest state of the window from all that lies before it.
-#[derive(Clone, Copy, Debug)]
-pub struct Prior {
-    /// Most likely state.
-    pub mean: State,
-    /// Its information.
-    pub information: StateMatrix,
-}
-
-persist!(Prior { mean, information });
-
-impl Prior {
-    /// Adds the prior to the first state of a chain; gives its cost.
-    fn add(&self, chain: &mut Chain, state: &State) -> f64 {
-        let residual = state.minus(&self.mean);
-        let mut jacobian = StateMatrix::identity();
-        let pose = Pose2::right_jacobian_inverse(residual.fixed_rows::<3>(0).into_owned());
-        jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&pose);
-        let weighted = self.information * residual;
-        chain.add_unary(
-            0,
-            &(jacobian.transpose() * self.information * jacobian),
-            &(jacobian.transpose() * weighted),
-        );
-        0.5 * residual.dot(&weighted)
-    }
-}
 
 /// How a solve went.
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,12 +41,12 @@ pub struct Solution {
 /// What a window is solved against.
 #[derive(Clone, Copy, Debug)]
 pub struct Problem<'a> {
-    /// What lies before the window.
+    /// What is known from before the window.
     pub prior: &'a Prior,
     /// The map.
     pub submap: &'a Submap,
-    /// Whether the window's first scan is the map itself and has no NDT term.
-    pub seeded: bool,
+    /// Whether the window's first scan is the submap itself and has no NDT term.
+    pub first_is_map: bool,
     /// Settings.
     pub config: &'a Config,
 }
@@ -87,26 +58,29 @@ impl Problem<'_> {
     }
 
     /// Makes the associations of every scan that has an NDT term.
-    fn associate(&self, slots: &mut [Slot]) {
+    fn associate(&self, scans: &mut [WindowScan]) {
         let neighbours = self.config.odometry.neighbours as usize;
-        for slot in slots.iter_mut().skip(usize::from(self.seeded)) {
-            let pose = self.submap.root.between(&slot.state.pose);
+        for scan in scans.iter_mut().skip(usize::from(self.first_is_map)) {
+            let submap_from_base = self
+                .submap
+                .odom_from_root
+                .between(&scan.state.odom_from_base);
             Association::find(
                 &self.submap.grid,
-                &slot.cells,
-                &pose,
+                &scan.cells,
+                &submap_from_base,
                 neighbours,
-                &mut slot.associations,
+                &mut scan.associations,
             );
         }
     }
 }
 
-/// The solver's memory.
+/// Gauss-Newton over a window's scans; reuses its memory.
 #[derive(Clone, Debug)]
 pub struct Solver {
-    chain: Chain,
-    pair: Chain,
+    system: BlockTridiagonalSystem,
+    pair: BlockTridiagonalSystem,
     steps: Vec<StateVector>,
     before: Vec<State>,
 }
@@ -116,27 +90,27 @@ impl Solver {
     pub fn new(states: usize) -> Self {
         let room = states + 1;
         Self {
-            chain: Chain::new(room),
-            pair: Chain::new(2),
+            system: BlockTridiagonalSystem::new(room),
+            pair: BlockTridiagonalSystem::new(2),
             steps: Vec::with_capacity(room),
             before: Vec::with_capacity(room),
         }
     }
 
     /// Finds the window's most likely states.
-    pub fn solve(&mut self, slots: &mut [Slot], problem: &Problem) -> Option<Solution> {
+    pub fn solve(&mut self, scans: &mut [WindowScan], problem: &Problem) -> Option<Solution> {
         let mut solution = Solution::default();
         for &mu in &problem.config.odometry.graduation {
             let loss = problem.loss(mu);
-            problem.associate(slots);
+            problem.associate(scans);
             let iterations = if mu > 1.0 {
                 ITERATIONS_WIDE
             } else {
                 ITERATIONS_MAX
             };
-            solution.cost = self.build(slots, problem, &loss);
+            solution.cost = self.build(scans, problem, &loss);
             for _ in 0..iterations {
-                solution.covariance = self.chain.solve(&mut self.steps)?;
+                solution.covariance = self.system.solve(&mut self.steps)?;
                 solution.iterations += 1;
                 let moved = self
                     .steps
@@ -146,13 +120,13 @@ impl Solver {
                 if !moved.is_finite() {
                     return None;
                 }
-                solution.cost = self.descend(slots, problem, &loss, solution.cost);
+                solution.cost = self.descend(scans, problem, &loss, solution.cost);
                 if moved < STEP_MIN {
                     break;
                 }
             }
         }
-        let newest = slots.last()?;
+        let newest = scans.last()?;
         let used: usize = newest.associations.iter().map(|a| a.count).sum();
         solution.fit = newest.ndt.weight / used.max(1) as f64;
         solution.scan_information = newest.scan_information(problem.config);
@@ -160,72 +134,72 @@ impl Solver {
     }
 
     /// Takes the step that was solved for, halved as long as it raises the cost; gives the new cost and leaves the
-    /// chain built there.
+    /// system built at the new states.
     fn descend(
         &mut self,
-        slots: &mut [Slot],
+        scans: &mut [WindowScan],
         problem: &Problem,
         loss: &AdaptiveLoss,
         cost: f64,
     ) -> f64 {
         self.before.clear();
-        self.before.extend(slots.iter().map(|slot| slot.state));
+        self.before.extend(scans.iter().map(|scan| scan.state));
         let mut scale = 1.0;
         for _ in 0..=HALVINGS_MAX {
-            for ((slot, before), step) in slots.iter_mut().zip(&self.before).zip(&self.steps) {
-                slot.state = before.plus(&(step * scale));
+            for ((scan, before), step) in scans.iter_mut().zip(&self.before).zip(&self.steps) {
+                scan.state = before.plus(&(step * scale));
             }
-            let new = self.build(slots, problem, loss);
+            let new = self.build(scans, problem, loss);
             if new <= cost {
                 return new;
             }
             scale *= 0.5;
         }
-        // No descent: the optimum is here as far as numbers can tell.
-        for (slot, before) in slots.iter_mut().zip(&self.before) {
-            slot.state = *before;
+        // No descent: within rounding this is the optimum.
+        for (scan, before) in scans.iter_mut().zip(&self.before) {
+            scan.state = *before;
         }
-        self.build(slots, problem, loss)
+        self.build(scans, problem, loss)
     }
 
     /// Builds the window's normal equations at the present states; gives the cost.
-    fn build(&mut self, slots: &mut [Slot], problem: &Problem, loss: &AdaptiveLoss) -> f64 {
-        let chain = &mut self.chain;
-        chain.reset(slots.len());
-        let mut cost = slots
+    fn build(&mut self, scans: &mut [WindowScan], problem: &Problem, loss: &AdaptiveLoss) -> f64 {
+        let system = &mut self.system;
+        system.reset(scans.len());
+        let mut cost = scans
             .first()
-            .map_or(0.0, |first| problem.prior.add(chain, &first.state));
+            .map_or(0.0, |first| problem.prior.add(system, &first.state));
         let mut previous: Option<State> = None;
-        for (i, slot) in slots.iter_mut().enumerate() {
+        for (i, scan) in scans.iter_mut().enumerate() {
             if let Some(previous) = previous {
-                cost += factors::add(chain, i, &previous, slot, &problem.config.odometry);
+                cost += factors::add(system, i, &previous, scan, &problem.config.odometry);
             }
-            if i > 0 || !problem.seeded {
-                slot.ndt = ndt_term::of(slot, problem.submap, loss);
-                cost += ndt_term::add(chain, i, slot, problem.config);
+            if i > 0 || !problem.first_is_map {
+                scan.ndt = ndt_term::evaluate_scan(scan, problem.submap, loss);
+                cost += ndt_term::add(system, i, scan, problem.config);
             }
-            previous = Some(slot.state);
+            previous = Some(scan.state);
         }
         cost
     }
 
-    /// What the oldest scan leaves behind when it goes: the prior of the second.
+    /// Marginalises the oldest state: gives the prior of the second one.
     ///
     /// The oldest scan's NDT term is the one of the last solve.
-    pub fn marginalise(
+    pub fn marginalize_oldest(
         &mut self,
-        oldest: &Slot,
-        second: &Slot,
+        oldest: &WindowScan,
+        second: &WindowScan,
         problem: &Problem,
     ) -> Option<Prior> {
-        let chain = &mut self.pair;
-        chain.reset(2);
-        problem.prior.add(chain, &oldest.state);
-        if !problem.seeded {
-            ndt_term::add(chain, 0, oldest, problem.config);
+        let system = &mut self.pair;
+        system.reset(2);
+        problem.prior.add(system, &oldest.state);
+        if !problem.first_is_map {
+            ndt_term::add(system, 0, oldest, problem.config);
         }
-        factors::add(chain, 1, &oldest.state, second, &problem.config.odometry);
-        let (information, gradient) = chain.marginal_of_second()?;
+        factors::add(system, 1, &oldest.state, second, &problem.config.odometry);
+        let (information, gradient) = system.marginal_of_second()?;
         let step = information.cholesky()?.solve(&-gradient);
         Some(Prior {
             mean: second.state.plus(&step),

@@ -1,13 +1,14 @@
-//! Whether a pose can be believed.
+//! Whether the scans still track their submap: how far a pose can be believed.
 
-use crate::{slot::Slot, window::Solution};
-use nalgebra::{Matrix2, SymmetricEigen};
+use crate::sliding_window::{Solution, WindowScan};
+use nalgebra::SymmetricEigen;
 use randt_config::Config;
+use randt_geometry::marginalize_yaw;
 use randt_messages::Trust;
 use randt_ndt::AdaptiveLoss;
 use randt_persist::persist;
 
-/// A direction is weak where a scan's information along it is below this many times what the grid alone seems to say
+/// A direction is weak where a scan's information along it is below this many times what the grid alone seems to give
 /// along a bare wall. Simulated corridors, whose ends are out of sight, have 1.2 to 1.6 times that, places with corners
 /// over 16 times; at 5.6 times, 0.07 % of the scans of eleven sound drives are called weak at most.
 const WEAK_MAX: f64 = 5.6;
@@ -15,7 +16,7 @@ const WEAK_MAX: f64 = 5.6;
 /// 0.40 under the loss of the mixed profile. Of fifteen sound drives one scan in a thousand is below 0.43 to 0.58; scans
 /// of a robot that was carried elsewhere, of a frozen radar or under a wrong gyro are below 0.40.
 const POOR_SQUARED_DISTANCE: f64 = 4.82;
-/// One poor fit may be a passer-by; so many of the last [`FIT_SCANS`] are not.
+/// One poor fit may be a passer-by; this many of the last [`FIT_SCANS`] are not.
 const POOR_FITS: u32 = 3;
 /// Scans whose fits are remembered.
 const FIT_SCANS: u32 = 10;
@@ -27,9 +28,9 @@ const LOST_AFTER: u32 = 5;
 /// Cells that a scan needs to fix a pose at all.
 const CELLS_MIN: usize = 5;
 
-/// Watches the solutions.
+/// Watches the solutions, scan by scan.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct TrustJudge {
+pub struct TrackingMonitor {
     unsupported: u32,
     /// The last [`FIT_SCANS`] scans, the newest one the lowest bit: 1 where it fitted poorly.
     poor_fits: u32,
@@ -37,18 +38,11 @@ pub struct TrustJudge {
     doubted_ns: Option<i64>,
 }
 
-persist!(TrustJudge { unsupported, poor_fits, doubted_ns } sound is_sound);
+persist!(TrackingMonitor { unsupported, poor_fits, doubted_ns } sound is_sound);
 
-/// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2: yaw is free.
+/// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2; yaw is marginalised.
 pub fn position_information(solution: &Solution) -> [f64; 2] {
-    let h = &solution.scan_information;
-    let yaw = h.m33.max(f64::MIN_POSITIVE);
-    let reduced = Matrix2::new(
-        h.m11 - h.m13 * h.m31 / yaw,
-        h.m12 - h.m13 * h.m32 / yaw,
-        h.m21 - h.m23 * h.m31 / yaw,
-        h.m22 - h.m23 * h.m32 / yaw,
-    );
+    let reduced = marginalize_yaw(&solution.scan_information);
     let values = SymmetricEigen::new(reduced).eigenvalues;
     [
         values.x.min(values.y).max(0.0),
@@ -60,8 +54,8 @@ pub fn position_information(solution: &Solution) -> [f64; 2] {
 ///
 /// The squares of size l cut the wall to pieces whose variance along it is l^2 / 12, widened by 1 + slack. Two of them,
 /// the scan's and the map's, make 6 / (l^2 (1 + slack)) of information. The scan's correspondences share the weight of
-/// the NDT term, each by its robust weight, whose mean is the fit. As the scan's squares move with the robot, it says
-/// that the robot stands still.
+/// the NDT term, each by its robust weight, whose mean is the fit. As the scan's squares move with the robot, it pulls
+/// towards standing still.
 fn wall_information(fit: f64, config: &Config) -> f64 {
     let cell_m = config.cell_size_m();
     6.0 * config.odometry.ndt_weight * fit / (cell_m * cell_m * (1.0 + config.ndt.slack))
@@ -74,15 +68,15 @@ fn fit_min(config: &Config) -> f64 {
     loss.weight(POOR_SQUARED_DISTANCE)
 }
 
-impl TrustJudge {
-    /// Whether it can go on counting, and what it remembers can have been.
+impl TrackingMonitor {
+    /// Whether it can go on counting, and what it remembers is possible.
     fn is_sound(&self) -> bool {
         self.unsupported <= u32::MAX / 2 && self.poor_fits >> FIT_SCANS == 0
     }
 
-    /// Judges the newest scan by its solution.
-    pub fn judge(&mut self, solution: &Solution, scan: &Slot, config: &Config) -> Trust {
-        let stamp_ns = scan.scan.head.sweep.end_ns;
+    /// Judges how far the newest pose can be believed, by its solution.
+    pub fn judge(&mut self, solution: &Solution, scan: &WindowScan, config: &Config) -> Trust {
+        let stamp_ns = scan.message.head.sweep.end_ns;
         let is_supported = scan.cells.len() >= CELLS_MIN && solution.fit > 0.0;
         self.unsupported = if is_supported {
             0
@@ -97,8 +91,8 @@ impl TrustJudge {
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
         let [weakest, _] = position_information(solution);
         let is_weak = weakest < WEAK_MAX * wall_information(solution.fit, config);
-        // Whose beams these are nobody knows where two senders send them.
-        let is_contested = scan.scan.head.sweep.is_contested();
+        // Where two senders send beams, it is unknown whose beams these are.
+        let is_contested = scan.message.head.sweep.is_contested();
         if !is_supported || is_weak || is_contested || self.poor_fits.count_ones() >= POOR_FITS {
             self.doubted_ns = Some(stamp_ns);
         }

@@ -1,6 +1,6 @@
-//! What odometry keeps outside of its process: the whole state after every scan, the pose alone, the keyframes.
+//! What odometry saves outside of its process: the whole state after every scan, the pose alone, the keyframes.
 
-use super::outbox::{self, Into, Outbox};
+use super::outbox::{self, Outbox, ResultSink};
 use crate::Odometry;
 use randt_config::Config;
 use randt_messages::{Keyframe, Layout, Message, OdometryState, PoseRecord};
@@ -11,18 +11,18 @@ use std::path::{Path, PathBuf};
 /// Files in the domain's folder.
 const STATE: &str = "odometry.state";
 const RING: &str = "keyframes.ring";
-/// The files that [`Past::read`] reads.
+/// The files that [`CheckpointStore::read`] reads.
 pub const RECORDS: [&str; 2] = [STATE, RING];
-/// Room for the state: that of an iSDR-C takes under 1 MB, a Navtech's some more.
+/// Room for the state: that of an iSDR-C takes under 1 MB, that of a Navtech slightly more.
 const STATE_BYTES: usize = 4 << 20;
 /// Keyframes that are sent again after a restart; of older ones the mapper asks for what it lacks.
 const AGAIN: u64 = 8;
 /// Room for the pose.
 const POSE_BYTES: usize = 8 + size_of::<PoseRecord>();
 
-/// Why a past cannot be read.
+/// Why a checkpoint cannot be read.
 #[derive(Debug, thiserror::Error)]
-pub enum PastError {
+pub enum CheckpointError {
     /// The records cannot be opened.
     #[error(transparent)]
     Stage(#[from] Error),
@@ -30,15 +30,15 @@ pub enum PastError {
     #[error("odometry's last state: {0}")]
     Persist(#[from] PersistError),
     /// There is none.
-    #[error("odometry left no state behind")]
-    Nothing,
+    #[error("odometry has saved no state")]
+    Missing,
 }
 
-/// What a process left behind, as far as it is there.
+/// What the records of a process that has ended hold, as far as they are there.
 #[derive(Debug)]
-pub struct LeftBehind {
+pub struct CheckpointContents {
     /// The estimate with its window, or why there is none.
-    pub odometry: Result<Odometry, PastError>,
+    pub odometry: Result<Odometry, CheckpointError>,
     /// The last states that were published, oldest first.
     pub states: Vec<OdometryState>,
     /// The last keyframes; `None` where there never were any.
@@ -47,7 +47,7 @@ pub struct LeftBehind {
 
 /// The records of one domain; their writer is the only one.
 #[derive(Debug)]
-pub struct Past {
+pub struct CheckpointStore {
     /// The last states that were published and the whole state, as one: either both are new or neither.
     state: Checkpoint,
     pose: Checkpoint,
@@ -56,7 +56,7 @@ pub struct Past {
     outbox: Outbox,
 }
 
-impl Past {
+impl CheckpointStore {
     /// Opens or makes the records.
     pub fn open(stage: &mut Stage) -> Result<Self, Error> {
         let folder = stage.domain().state();
@@ -75,36 +75,36 @@ impl Past {
         })
     }
 
-    /// What a stage that has ended left behind in a folder. Nothing is made there: where a file is missing, so is what it
-    /// would tell.
-    pub fn read(folder: &Path, config: &Config, use_imu: bool) -> LeftBehind {
+    /// Reads the records of a stage that has ended from a folder. No file is made there; a missing one gives nothing.
+    pub fn read(folder: &Path, config: &Config, use_imu: bool) -> CheckpointContents {
         let (state, ring) = (folder.join(STATE), folder.join(RING));
-        let mut left = LeftBehind {
-            odometry: Err(PastError::Nothing),
+        let mut contents = CheckpointContents {
+            odometry: Err(CheckpointError::Missing),
             states: Vec::new(),
             ring: ring.is_file().then(|| KeyframeRing::open(&ring)),
         };
         if !state.is_file() {
-            return left;
+            return contents;
         }
         let state = match Checkpoint::open(&state, STATE_BYTES) {
             Ok(state) => state,
             Err(error) => {
-                left.odometry = Err(error.into());
-                return left;
+                contents.odometry = Err(error.into());
+                return contents;
             }
         };
         let newest = state.versions().into_iter().next();
         if let Some((sent, bytes)) = newest.and_then(|bytes| bytes.split_at_checked(outbox::BYTES))
         {
-            left.states = Outbox::restore(sent).take_states().copied().collect();
-            left.odometry = Odometry::restore(config, use_imu, bytes).map_err(PastError::from);
+            contents.states = Outbox::restore(sent).take_states().copied().collect();
+            contents.odometry =
+                Odometry::restore(config, use_imu, bytes).map_err(CheckpointError::from);
         }
-        left
+        contents
     }
 
-    /// Goes on where the last process ended: with the whole state, else from the pose, else from nothing. Says which,
-    /// and why.
+    /// Goes on where the last process ended: with the whole state, else from the pose, else anew; logs which, and why.
+    /// Gives whether there was a state or a pose.
     pub fn restore(
         &mut self,
         stage: &Stage,
@@ -119,7 +119,7 @@ impl Past {
             match Odometry::restore(config, use_imu, state) {
                 Ok(odometry) => {
                     self.outbox = Outbox::restore(sent);
-                    // They are in the ring; whether they were sent nobody knows.
+                    // They are in the ring; whether they were sent is unknown.
                     let next = odometry.pose_record().next_keyframe;
                     self.outbox.keyframes = (next.saturating_sub(AGAIN)..next).collect();
                     stage.log_info(&format!(
@@ -132,7 +132,7 @@ impl Past {
             }
         }
         if let Some((error, bytes)) = refused {
-            self.set_aside(stage, &error, &bytes)?;
+            self.quarantine(stage, &error, &bytes)?;
         }
         let newest = self.pose.versions().into_iter().next();
         Ok(match newest.and_then(read_pose) {
@@ -146,7 +146,7 @@ impl Past {
                 (Odometry::resume(config, use_imu, &record), true)
             }
             None => {
-                // Whatever is in the ring is of a drive that nobody remembers.
+                // What is in the ring belongs to a drive whose state is lost.
                 self.ring.clear();
                 stage.log_info("begins anew");
                 (Odometry::new(config, use_imu), false)
@@ -154,33 +154,34 @@ impl Past {
         })
     }
 
-    fn set_aside(&self, stage: &Stage, error: &PersistError, bytes: &[u8]) -> Result<(), Error> {
-        let path = self.folder.join("odometry.state.aside");
-        let kept = std::fs::write(&path, bytes);
-        kept.map_err(|cause| Error::File {
+    fn quarantine(&self, stage: &Stage, error: &PersistError, bytes: &[u8]) -> Result<(), Error> {
+        let path = self.folder.join("odometry.state.quarantined");
+        let written = std::fs::write(&path, bytes);
+        written.map_err(|cause| Error::File {
             path: path.clone(),
             what: "cannot be written",
             cause,
         })?;
-        stage.log_info(&format!("{error}; it is set aside as {}", path.display()));
+        stage.log_info(&format!("{error}; it is quarantined as {}", path.display()));
         Ok(())
     }
 
     /// Where results go.
-    pub(super) fn sink(&mut self) -> Into<'_> {
-        Into {
+    pub(super) fn sink(&mut self) -> ResultSink<'_> {
+        ResultSink {
             outbox: &mut self.outbox,
             ring: &mut self.ring,
         }
     }
 
-    /// Keeps everything up to the present scan. To be called before anything of it is published.
-    pub(super) fn keep(&mut self, odometry: &Odometry) -> Result<(), PersistError> {
+    /// Saves everything up to the present scan. To be called before any of its results is published.
+    pub(super) fn save(&mut self, odometry: &Odometry) -> Result<(), PersistError> {
         let outbox = &self.outbox;
-        self.state.write(|slot| {
-            let room = slot.len();
+        self.state.write(|bytes| {
+            let room = bytes.len();
             let (sent, state) =
-                slot.split_at_mut_checked(outbox::BYTES)
+                bytes
+                    .split_at_mut_checked(outbox::BYTES)
                     .ok_or(PersistError::Room {
                         needed: outbox::BYTES,
                         room,
@@ -189,9 +190,9 @@ impl Past {
             Ok(outbox::BYTES + odometry.save(state)?)
         })?;
         let record = odometry.pose_record();
-        self.pose.write(|slot| {
+        self.pose.write(|room| {
             let bytes = bytemuck::bytes_of(&record);
-            let (layout, body) = slot.split_at_mut(8.min(slot.len()));
+            let (layout, body) = room.split_at_mut(8.min(room.len()));
             layout.copy_from_slice(&PoseRecord::HASH.to_le_bytes()[..layout.len()]);
             for (to, from) in body.iter_mut().zip(bytes) {
                 *to = *from;

@@ -1,6 +1,9 @@
 //! The gyro's heading as a function of time, from IMU samples as they come.
 
-use crate::tilt::Tilt;
+use crate::{
+    stamps::{STAMPS_NS, is_set_back},
+    tilt::Tilt,
+};
 use nalgebra::Vector3;
 use randt_config::{Attitude, Odometry, Robot};
 use randt_filter::{AttitudeFilter, GyroBias, Standstill};
@@ -11,22 +14,12 @@ use std::collections::VecDeque;
 
 /// Samples kept: two seconds at 1 kHz, more than the longest sweep and its wait.
 const CAPACITY: usize = 2048;
-/// A step back of the stamps above this is the clock's, below it a sample out of order, ns (1 s).
-const CLOCK_SET_BACK_NS: i64 = 1_000_000_000;
 /// A hole in the samples above this is not bridged by a straight line, ns (0.1 s).
 const HOLE_NS: i64 = 100_000_000;
 
-/// Stamps that a clock can give, ns since 1970 (or since the boot): up to the year 2116. Sums of two stay in range.
-pub const STAMPS_NS: core::ops::Range<i64> = 0..1 << 62;
-
-/// Whether a stamp is so far before the last one that the clock must have been set back.
-pub fn is_set_back(stamp_ns: i64, last_ns: i64) -> bool {
-    stamp_ns < last_ns - CLOCK_SET_BACK_NS
-}
-
-/// One moment of the gyro.
+/// What is integrated up to one sample.
 #[derive(Clone, Copy, Debug, Default)]
-struct Moment {
+struct GyroState {
     stamp_ns: i64,
     /// Integrated rate of the heading, bias and all, rad.
     heading_rad: f64,
@@ -34,9 +27,9 @@ struct Moment {
     tilt: Tilt,
 }
 
-/// Which sample it was.
+/// Which sample was integrated last.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Newest {
+pub struct NewestSample {
     /// Its number.
     pub sequence: u64,
     /// Its publisher's start.
@@ -54,7 +47,7 @@ pub struct Turn {
     pub uncovered_s: f64,
 }
 
-/// What the gyro says between two scans.
+/// What the gyro measured between two scans.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GyroTerm {
     /// Turn of the heading, bias and all.
@@ -65,30 +58,33 @@ pub struct GyroTerm {
     pub standstill: Option<(f64, f64)>,
 }
 
-/// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter (DESIGN: odometry owns the bias).
+/// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter. It owns the gyro's bias: the attitude filter
+/// gets rates without it.
 #[derive(Debug)]
-pub struct Heading {
-    mounting: Quaternion,
+pub struct GyroIntegrator {
+    base_from_imu: Quaternion,
     attitude: AttitudeFilter,
     standstill: Standstill,
-    moments: VecDeque<Moment>,
-    newest: Option<Newest>,
-    /// Of all three axes, from standstills; the window knows the yaw's better.
+    states: VecDeque<GyroState>,
+    newest: Option<NewestSample>,
+    /// Of all three axes, from standstills; the window estimates that of the yaw better.
     bias: GyroBias,
     yaw_bias_rad_s: f64,
+    /// The last yaw bias that a standstill showed, with its standard deviation, until it is taken, rad/s.
+    standstill_bias: Option<(f64, f64)>,
     /// Samples that went back in time, repeated a stamp or held no numbers.
     pub rejected: u64,
     /// Holes in the samples above 0.1 s.
     pub holes: u64,
 }
 
-persist!(Moment {
+persist!(GyroState {
     stamp_ns,
     heading_rad,
     rate_rad_s,
     tilt
 });
-persist!(Newest {
+persist!(NewestSample {
     sequence,
     epoch,
     published_ns
@@ -102,34 +98,36 @@ persist!(GyroTerm {
     rate_rad_s,
     standstill
 });
-persist!(Heading {
+persist!(GyroIntegrator {
     attitude,
     standstill,
-    moments,
+    states,
     newest,
     bias,
     yaw_bias_rad_s,
+    standstill_bias,
     rejected,
     holes,
 } kept {
-    mounting,
+    base_from_imu,
 } sound is_sound);
 
-impl Heading {
+impl GyroIntegrator {
     /// Nothing known yet.
     pub fn new(attitude: &Attitude, robot: &Robot, odometry: &Odometry) -> Self {
         Self {
-            mounting: Quaternion::from_roll_pitch_yaw(
+            base_from_imu: Quaternion::from_roll_pitch_yaw(
                 robot.imu_roll_rad,
                 robot.imu_pitch_rad,
                 robot.imu_yaw_rad,
             ),
             attitude: AttitudeFilter::new(attitude),
             standstill: Standstill::new(attitude),
-            moments: VecDeque::with_capacity(CAPACITY),
+            states: VecDeque::with_capacity(CAPACITY),
             newest: None,
             bias: GyroBias::new(odometry.gyro_bias_sigma_rad_s, odometry.gyro_bias_walk),
             yaw_bias_rad_s: 0.0,
+            standstill_bias: None,
             rejected: 0,
             holes: 0,
         }
@@ -142,44 +140,44 @@ impl Heading {
         self.attitude.start_from(attitude);
     }
 
-    /// Whether the moments are in order, of stamps that leave room for sums, and the counters have room.
+    /// Whether the states are in order, of stamps that leave room for sums, and the counters have room.
     fn is_sound(&self) -> bool {
-        let stamps = self.moments.iter().map(|m| m.stamp_ns);
+        let stamps = self.states.iter().map(|m| m.stamp_ns);
         stamps.clone().all(|t| STAMPS_NS.contains(&t))
             && stamps.is_sorted_by(|a, b| a < b)
-            && self.moments.len() <= CAPACITY
+            && self.states.len() <= CAPACITY
             && self.rejected.max(self.holes) <= u64::MAX / 2
     }
 
-    /// Forgets what lies before an instant that nothing will ask about.
+    /// Forgets what is before an instant and not needed any more.
     pub fn forget_before(&mut self, stamp_ns: i64) {
-        let after = self.moments.partition_point(|m| m.stamp_ns <= stamp_ns);
-        // The last moment before it stays: between it and the next lies the instant.
-        self.moments.drain(..after.saturating_sub(1));
+        let after = self.states.partition_point(|m| m.stamp_ns <= stamp_ns);
+        // The last state before it stays: the instant is between it and the next one.
+        self.states.drain(..after.saturating_sub(1));
     }
 
-    /// Takes a sample; gives the yaw bias and its standard deviation where the robot stands still.
-    pub fn push(&mut self, sample: &ImuSample) -> Option<(f64, f64)> {
+    /// Integrates a sample; the yaw bias that a standstill shows is kept for [`Self::take_standstill_bias`].
+    pub fn push(&mut self, sample: &ImuSample) {
         let stamp_ns = sample.header.stamp_ns;
-        let rate = self.mounting.rotate(Vector3::from(sample.rate_rad_s));
+        let rate = self.base_from_imu.rotate(Vector3::from(sample.rate_rad_s));
         let acceleration = self
-            .mounting
+            .base_from_imu
             .rotate(Vector3::from(sample.acceleration_m_s2));
         let finite = rate.iter().chain(&acceleration).all(|v| v.is_finite());
-        let last = self.moments.back().copied();
+        let last = self.states.back().copied();
         let last = match last {
             // The clock was set back: what was integrated belongs to another time.
             Some(last) if is_set_back(stamp_ns, last.stamp_ns) => {
-                self.moments.clear();
+                self.states.clear();
                 None
             }
             last => last,
         };
         if !finite || last.is_some_and(|last| stamp_ns <= last.stamp_ns) {
             self.rejected += 1;
-            return None;
+            return;
         }
-        self.newest = Some(Newest {
+        self.newest = Some(NewestSample {
             sequence: sample.header.sequence,
             epoch: sample.header.epoch,
             published_ns: sample.header.published_ns,
@@ -204,35 +202,42 @@ impl Heading {
             }
             last.heading_rad + 0.5 * (last.rate_rad_s + rate_rad_s) * dt_ns as f64 * 1e-9
         });
-        if self.moments.len() == CAPACITY {
-            self.moments.pop_front();
+        if self.states.len() == CAPACITY {
+            self.states.pop_front();
         }
-        self.moments.push_back(Moment {
+        self.states.push_back(GyroState {
             stamp_ns,
             heading_rad,
             rate_rad_s,
             tilt,
         });
-        still.map(|still| (still.bias_rad_s.z, still.sigma_rad_s.z))
+        if let Some(still) = still {
+            self.standstill_bias = Some((still.bias_rad_s.z, still.sigma_rad_s.z));
+        }
+    }
+
+    /// The yaw bias that the last standstill showed, with its standard deviation, rad/s; once.
+    pub fn take_standstill_bias(&mut self) -> Option<(f64, f64)> {
+        self.standstill_bias.take()
     }
 
     /// Stamp of the newest sample.
     pub fn newest_ns(&self) -> Option<i64> {
-        self.moments.back().map(|m| m.stamp_ns)
+        self.states.back().map(|m| m.stamp_ns)
     }
 
     /// Which sample is the newest.
-    pub fn newest(&self) -> Option<&Newest> {
+    pub fn newest(&self) -> Option<&NewestSample> {
         self.newest.as_ref()
     }
 
     /// Integrated heading at an instant, straight between samples, at the last rate beyond them.
-    pub fn at(&self, stamp_ns: i64) -> Option<f64> {
-        let after = self.moments.partition_point(|m| m.stamp_ns < stamp_ns);
+    pub fn heading_rad(&self, stamp_ns: i64) -> Option<f64> {
+        let after = self.states.partition_point(|m| m.stamp_ns < stamp_ns);
         let seconds = |from: i64| (stamp_ns - from) as f64 * 1e-9;
         match (
-            after.checked_sub(1).and_then(|i| self.moments.get(i)),
-            self.moments.get(after),
+            after.checked_sub(1).and_then(|i| self.states.get(i)),
+            self.states.get(after),
         ) {
             (Some(a), Some(b)) => {
                 let fraction = (stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns) as f64;
@@ -246,23 +251,17 @@ impl Heading {
     }
 
     /// How the heading turned between two instants.
-    pub fn turn(&self, from_ns: i64, to_ns: i64) -> Option<Turn> {
-        let angle_rad = self.at(to_ns)? - self.at(from_ns)?;
-        let (first, last) = (
-            self.moments.front()?.stamp_ns,
-            self.moments.back()?.stamp_ns,
-        );
+    pub fn turn_between(&self, from_ns: i64, to_ns: i64) -> Option<Turn> {
+        let angle_rad = self.heading_rad(to_ns)? - self.heading_rad(from_ns)?;
+        let (first, last) = (self.states.front()?.stamp_ns, self.states.back()?.stamp_ns);
         let beyond = (to_ns - last.max(from_ns)).max(0) + (first.min(to_ns) - from_ns).max(0);
         let mut holes = 0;
-        let begin = self
-            .moments
-            .partition_point(|m| m.stamp_ns < from_ns)
-            .max(1);
+        let begin = self.states.partition_point(|m| m.stamp_ns < from_ns).max(1);
         for (a, b) in self
-            .moments
+            .states
             .iter()
             .skip(begin - 1)
-            .zip(self.moments.iter().skip(begin))
+            .zip(self.states.iter().skip(begin))
         {
             if a.stamp_ns >= to_ns {
                 break;
@@ -278,9 +277,9 @@ impl Heading {
     }
 
     /// Yaw rate with its bias and tilt at the newest sample at or before an instant.
-    pub fn moment(&self, stamp_ns: i64) -> Option<(f64, Tilt)> {
-        let after = self.moments.partition_point(|m| m.stamp_ns <= stamp_ns);
-        self.moments
+    pub fn rate_and_tilt(&self, stamp_ns: i64) -> Option<(f64, Tilt)> {
+        let after = self.states.partition_point(|m| m.stamp_ns <= stamp_ns);
+        self.states
             .get(after.saturating_sub(1))
             .map(|m| (m.rate_rad_s, m.tilt))
     }
@@ -296,7 +295,7 @@ impl Heading {
         Vector3::new(bias.x, bias.y, self.yaw_bias_rad_s)
     }
 
-    /// The window's word on the yaw bias.
+    /// Takes over the yaw bias that the window has estimated.
     pub fn set_yaw_bias(&mut self, bias_rad_s: f64) {
         self.yaw_bias_rad_s = bias_rad_s;
     }

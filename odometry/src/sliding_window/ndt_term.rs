@@ -1,29 +1,34 @@
-//! The NDT term of one scan in the window (paper, III-C): the map's word on pose and velocity.
+//! The NDT term of one scan in the window (RaNDT, III-C): how the scan fits the submap, by pose and velocity.
 
-use crate::{
-    chain::Chain,
-    slot::Slot,
+use super::{
+    block_tridiagonal::BlockTridiagonalSystem,
     state::{StateMatrix, StateVector},
-    submap::Submap,
+    window_scan::WindowScan,
 };
+use crate::submaps::Submap;
 use randt_config::Config;
 use randt_ndt::{AdaptiveLoss, NormalEquations, evaluate};
 
 /// The term at the scan's present state and associations, not yet weighted.
-pub fn of(slot: &Slot, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
-    let pose = submap.root.between(&slot.state.pose);
+pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
+    let submap_from_base = submap.odom_from_root.between(&scan.state.odom_from_base);
     evaluate(
-        &slot.cells,
-        &slot.associations,
-        &pose,
-        slot.velocity_change(),
+        &scan.cells,
+        &scan.associations,
+        &submap_from_base,
+        scan.velocity_change(),
         loss,
     )
 }
 
-/// Adds the scan's term to a chain; gives its cost.
-pub fn add(chain: &mut Chain, i: usize, slot: &Slot, config: &Config) -> f64 {
-    let (term, weight) = (&slot.ndt, slot.correspondence_information(config));
+/// Adds the scan's term to a system; gives its cost.
+pub fn add(
+    system: &mut BlockTridiagonalSystem,
+    i: usize,
+    scan: &WindowScan,
+    config: &Config,
+) -> f64 {
+    let (term, weight) = (&scan.ndt, scan.correspondence_information(config));
     let mut information = StateMatrix::zeros();
     let mut gradient = StateVector::zeros();
     information
@@ -44,12 +49,12 @@ pub fn add(chain: &mut Chain, i: usize, slot: &Slot, config: &Config) -> f64 {
     gradient
         .fixed_rows_mut::<3>(3)
         .copy_from(&term.velocity_gradient);
-    if slot.gyro_covers_sweep {
+    if scan.gyro_covers_sweep {
         // The gyro removed the rotation: the yaw rate does not move the points.
         information.fill_row(5, 0.0);
         information.fill_column(5, 0.0);
         gradient[5] = 0.0;
     }
-    chain.add_unary(i, &(information * weight), &(gradient * weight));
+    system.add_unary(i, &(information * weight), &(gradient * weight));
     term.cost * weight
 }

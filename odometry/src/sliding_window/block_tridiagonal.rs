@@ -1,16 +1,16 @@
-//! Normal equations of a chain of states: unary terms and terms between neighbours.
+//! Normal equations of states in a row: unary terms and terms between neighbours.
 //!
-//! Such a matrix is block tridiagonal. Elimination from the oldest to the newest state is at once the
-//! solution, the newest state's covariance and, cut after one step, the marginalisation of the oldest state.
+//! Their matrix is block tridiagonal. Elimination from the oldest to the newest state is at once the solution, the newest
+//! state's covariance and, cut after one step, the marginalisation of the oldest state.
 
-use crate::state::{StateMatrix, StateVector};
+use super::state::{StateMatrix, StateVector};
 use nalgebra::{Cholesky, Const};
 
 type Factor = Cholesky<f64, Const<7>>;
 
 /// Normal equations H d = -g of up to a fixed number of states; nothing is allocated after `new`.
 #[derive(Clone, Debug, Default)]
-pub struct Chain {
+pub struct BlockTridiagonalSystem {
     diagonal: Vec<StateMatrix>,
     /// Block (i, i - 1) at i; the first is unused.
     lower: Vec<StateMatrix>,
@@ -18,7 +18,7 @@ pub struct Chain {
     factors: Vec<Factor>,
 }
 
-impl Chain {
+impl BlockTridiagonalSystem {
     /// Room for `states`.
     pub fn new(states: usize) -> Self {
         Self {
@@ -82,7 +82,7 @@ impl Chain {
 
     /// Solves H d = -g into `steps`; gives the newest state's marginal covariance.
     ///
-    /// `None` where H is not positive definite; `steps` is then not to be used.
+    /// `None` where H is not positive definite; `steps` must then not be used.
     pub fn solve(&mut self, steps: &mut Vec<StateVector>) -> Option<StateMatrix> {
         self.factors.clear();
         steps.clear();
@@ -113,9 +113,9 @@ impl Chain {
         Some(covariance)
     }
 
-    /// What the first state's terms say about the second once the first is free: information and gradient.
+    /// Marginalises the first of two states: information and gradient that its terms give the second.
     ///
-    /// To be called on a chain of two that holds just the terms which leave with the first state.
+    /// To be called on a system of two states that holds just the terms which leave with the first one.
     pub fn marginal_of_second(&mut self) -> Option<(StateMatrix, StateVector)> {
         self.factors.clear();
         self.factors.push(Factor::new(*self.diagonal.first()?)?);
@@ -134,7 +134,7 @@ impl Chain {
         let lower = self.lower.get(i)?;
         let factor = self.factors.get(i - 1)?;
         let mut reduced = diagonal - lower * factor.solve(&lower.transpose());
-        // Rounding leaves it a hair asymmetric; Cholesky reads one half only, the prior both.
+        // Rounding leaves it slightly asymmetric; Cholesky reads one half only, the prior both.
         reduced = (reduced + reduced.transpose()) * 0.5;
         Some((reduced, gradient - lower * factor.solve(previous_gradient)))
     }
@@ -147,16 +147,22 @@ mod tests {
     use proptest::prelude::*;
 
     /// Random rows between three states, with priors.
-    fn chain(values: &[f64]) -> (Chain, SMatrix<f64, 21, 21>, SVector<f64, 21>) {
-        let mut chain = Chain::new(3);
-        chain.reset(3);
+    fn system(
+        values: &[f64],
+    ) -> (
+        BlockTridiagonalSystem,
+        SMatrix<f64, 21, 21>,
+        SVector<f64, 21>,
+    ) {
+        let mut system = BlockTridiagonalSystem::new(3);
+        system.reset(3);
         let (mut h, mut g) = (SMatrix::<f64, 21, 21>::zeros(), SVector::<f64, 21>::zeros());
         for (i, value) in values.iter().take(3).enumerate() {
             let (d, e) = (
                 StateMatrix::identity() * (1.0 + i as f64),
                 StateVector::repeat(*value),
             );
-            chain.add_unary(i, &d, &e);
+            system.add_unary(i, &d, &e);
             h.view_mut((7 * i, 7 * i), (7, 7)).copy_from(&d);
             g.rows_mut(7 * i, 7).copy_from(&e);
         }
@@ -167,22 +173,22 @@ mod tests {
                 StateVector::from_column_slice(&row[..7]),
                 StateVector::from_column_slice(&row[7..14]),
             );
-            chain.add_row(i, &a, &b, row[14], 2.0);
+            system.add_row(i, &a, &b, row[14], 2.0);
             let mut j = SVector::<f64, 21>::zeros();
             j.rows_mut(7 * (i - 1), 7).copy_from(&a);
             j.rows_mut(7 * i, 7).copy_from(&b);
             h += j * j.transpose() * 2.0;
             g += j * (row[14] * 2.0);
         }
-        (chain, h, g)
+        (system, h, g)
     }
 
     proptest! {
         #[test]
-        fn it_solves_what_a_dense_solver_solves(values in prop::collection::vec(-3.0..3.0f64, 75)) {
-            let (mut chain, h, g) = chain(&values);
+        fn it_solves_as_a_dense_solver_does(values in prop::collection::vec(-3.0..3.0f64, 75)) {
+            let (mut system, h, g) = system(&values);
             let mut steps = Vec::new();
-            let covariance = chain.solve(&mut steps).unwrap();
+            let covariance = system.solve(&mut steps).unwrap();
             let dense = h.cholesky().unwrap();
             let expected = dense.solve(&-g);
             for (i, step) in steps.iter().enumerate() {
@@ -192,22 +198,22 @@ mod tests {
         }
 
         #[test]
-        fn what_is_left_of_the_first_state_is_its_part_of_the_whole(values in prop::collection::vec(-3.0..3.0f64, 75)) {
-            let (mut chain, ..) = chain(&values);
-            let mut pair = Chain::new(2);
+        fn the_marginal_of_the_first_state_gives_the_same_solution_for_the_others(values in prop::collection::vec(-3.0..3.0f64, 75)) {
+            let (mut system, ..) = system(&values);
+            let mut pair = BlockTridiagonalSystem::new(2);
             pair.reset(2);
-            pair.diagonal.copy_from_slice(&chain.diagonal[..2]);
-            pair.lower.copy_from_slice(&chain.lower[..2]);
-            pair.gradient.copy_from_slice(&chain.gradient[..2]);
+            pair.diagonal.copy_from_slice(&system.diagonal[..2]);
+            pair.lower.copy_from_slice(&system.lower[..2]);
+            pair.gradient.copy_from_slice(&system.gradient[..2]);
             let (mut whole, mut parts) = (Vec::new(), Vec::new());
-            chain.solve(&mut whole).unwrap();
+            system.solve(&mut whole).unwrap();
             let (information, gradient) = pair.marginal_of_second().unwrap();
-            // The second and third state alone, with what the first left.
-            let mut rest = Chain::new(2);
+            // The second and third state alone, with the marginal of the first one.
+            let mut rest = BlockTridiagonalSystem::new(2);
             rest.reset(2);
-            rest.diagonal.copy_from_slice(&[information, chain.diagonal[2]]);
-            rest.lower[1] = chain.lower[2];
-            rest.gradient.copy_from_slice(&[gradient, chain.gradient[2]]);
+            rest.diagonal.copy_from_slice(&[information, system.diagonal[2]]);
+            rest.lower[1] = system.lower[2];
+            rest.gradient.copy_from_slice(&[gradient, system.gradient[2]]);
             rest.solve(&mut parts).unwrap();
             prop_assert!((whole[1] - parts[0]).norm() + (whole[2] - parts[1]).norm() < 1e-7);
         }

@@ -1,12 +1,12 @@
-//! What was computed and is to be published, kept until it surely was.
+//! Results that are to be published, kept until they surely were.
 
 use crate::Sink;
 use randt_messages::{Keyframe, MessageRef, OdometryState};
 use randt_stage::KeyframeRing;
 use std::collections::VecDeque;
 
-/// States that are sent again after a restart: those that a reader may have missed because its publisher died with them.
-/// As many as a reader has room for: all those of a stage that was catching up when it was killed.
+/// States that are sent again after a restart: those that a reader may have missed because their publisher died. As many
+/// as a reader has room for: all those of a stage that was catching up when it was killed.
 const STATES: usize = 32;
 const STATE: usize = size_of::<OdometryState>();
 /// Bytes of the outbox in a record.
@@ -22,13 +22,13 @@ pub struct Outbox {
     pub(super) keyframes: VecDeque<u64>,
 }
 
-/// Takes what odometry gives.
-pub(super) struct Into<'a> {
+/// Takes the results of odometry.
+pub(super) struct ResultSink<'a> {
     pub outbox: &'a mut Outbox,
     pub ring: &'a mut KeyframeRing,
 }
 
-impl Sink for Into<'_> {
+impl Sink for ResultSink<'_> {
     fn state(&mut self, state: &OdometryState) {
         let outbox = &mut *self.outbox;
         if outbox.states.len() == STATES.max(outbox.unsent + 1) {
@@ -45,12 +45,12 @@ impl Sink for Into<'_> {
 }
 
 impl Outbox {
-    /// Whether something is to be sent.
+    /// Whether there is nothing to be sent.
     pub fn is_empty(&self) -> bool {
         self.unsent == 0 && self.keyframes.is_empty()
     }
 
-    /// The states that have not been sent, oldest first; they then have been.
+    /// Takes the states that have not been sent, oldest first.
     pub fn take_states(&mut self) -> impl Iterator<Item = &OdometryState> {
         let unsent = std::mem::take(&mut self.unsent);
         self.states
@@ -62,18 +62,18 @@ impl Outbox {
     pub(super) fn save(&self, out: &mut [u8]) {
         let skip = self.states.len().saturating_sub(STATES);
         let states = self.states.iter().skip(skip);
-        let (count, slots) = out.split_at_mut(8.min(out.len()));
+        let (count, entries) = out.split_at_mut(8.min(out.len()));
         count.copy_from_slice(&(states.len() as u64).to_le_bytes()[..count.len()]);
-        for (slot, state) in slots.chunks_exact_mut(STATE).zip(states) {
-            slot.copy_from_slice(bytemuck::bytes_of(state));
+        for (entry, state) in entries.chunks_exact_mut(STATE).zip(states) {
+            entry.copy_from_slice(bytemuck::bytes_of(state));
         }
     }
 
     /// The states of a record, all to be sent again.
     pub(super) fn restore(bytes: &[u8]) -> Self {
         let count = bytes.first_chunk().map_or(0, |c| u64::from_le_bytes(*c));
-        let slots = bytes.get(8..BYTES).unwrap_or_default();
-        let states: VecDeque<OdometryState> = slots
+        let entries = bytes.get(8..BYTES).unwrap_or_default();
+        let states: VecDeque<OdometryState> = entries
             .chunks_exact(STATE)
             .take(count.min(STATES as u64) as usize)
             .map(bytemuck::pod_read_unaligned)

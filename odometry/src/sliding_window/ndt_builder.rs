@@ -1,0 +1,91 @@
+//! A scan's points become NDT cells (RaNDT, III-B).
+
+use super::window_scan::CELLS;
+use crate::deskew::Point;
+use randt_config::Config;
+use randt_ndt::{Cell, Grid, ScanCell};
+
+/// Makes NDT cells of a scan's de-skewed points, with their derivatives by the velocity.
+#[derive(Clone, Debug)]
+pub struct NdtBuilder {
+    grid: Grid,
+    /// By cell: the sum over its points of their derivatives by the velocity, s.
+    velocity_jacobians_s: Vec<f64>,
+    azimuth_sigma_rad: f64,
+}
+
+impl NdtBuilder {
+    /// A grid around the robot.
+    pub fn new(config: &Config) -> Self {
+        let grid = Grid::new(config.scan_extent_m(), config.cell_rule());
+        Self {
+            grid,
+            velocity_jacobians_s: Vec::with_capacity(CELLS),
+            azimuth_sigma_rad: config.sensor.azimuth_sigma_rad,
+        }
+    }
+
+    /// The cells of `points`, in order of their first point.
+    pub fn build(&mut self, points: &[Point], cells: &mut Vec<ScanCell>) {
+        self.grid.clear();
+        self.velocity_jacobians_s.clear();
+        for point in points {
+            let Some(index) = self.grid.add([point.x_m, point.y_m, point.intensity]) else {
+                continue;
+            };
+            if index == self.velocity_jacobians_s.len() {
+                self.velocity_jacobians_s.push(0.0);
+            }
+            if let Some(sum_s) = self.velocity_jacobians_s.get_mut(index) {
+                *sum_s += point.velocity_jacobian_s;
+            }
+        }
+        self.grid.refresh();
+        cells.clear();
+        cells.extend(
+            self.velocity_jacobians_s
+                .iter()
+                .enumerate()
+                .filter_map(|(index, sum_s)| {
+                    let cell: &Cell = self.grid.cell(index)?;
+                    let mean_s = sum_s / f64::from(cell.count);
+                    Some(ScanCell::new(
+                        &blurred(cell, self.azimuth_sigma_rad),
+                        mean_s,
+                    ))
+                }),
+        );
+    }
+}
+
+/// Widens a cell across the line of sight: a radar is exact in range and poor in azimuth, and the error grows with range.
+fn blurred(cell: &Cell, azimuth_sigma_rad: f64) -> Cell {
+    let mut cell = *cell;
+    // (-y, x) sigma is the tangent of the cell's distance, scaled.
+    let (tx, ty) = (
+        -azimuth_sigma_rad * cell.mean[1],
+        azimuth_sigma_rad * cell.mean[0],
+    );
+    cell.covariance[0] += tx * tx;
+    cell.covariance[1] += tx * ty;
+    cell.covariance[2] += ty * ty;
+    cell
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_is_blurred_across_the_line_of_sight_alone() {
+        let cell = Cell {
+            mean: [6.0, 8.0, 9.0],
+            covariance: [0.02, 0.0, 0.02, 0.0, 0.0, 1.0],
+            count: 9,
+        };
+        let [xx, xy, yy, ..] = blurred(&cell, 0.01).covariance;
+        let along = |x: f64, y: f64| x * x * xx + 2.0 * x * y * xy + y * y * yy;
+        assert!((along(0.6, 0.8) - 0.02).abs() < 1e-12);
+        assert!((along(-0.8, 0.6) - (0.02 + 0.1 * 0.1)).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,125 @@
+//! One scan of the window: what was measured, and what is estimated from it.
+
+use super::state::State;
+use crate::{
+    deskew::{BeamPose, Motion, Point, beam_poses, deskew},
+    gyro_integrator::{GyroIntegrator, GyroTerm},
+    scan::Scan,
+    tilt::Tilt,
+};
+use nalgebra::{Matrix3, Vector3};
+use randt_config::Config;
+use randt_messages::{MAX_BEAMS, MAX_RETURNS};
+use randt_ndt::{Association, NormalEquations, ScanCell};
+use randt_persist::persist;
+
+/// Cells of a scan that there is room for from the start: a Navtech's sweep of 30,000 returns has fewer than 2,000.
+pub const CELLS: usize = 8192;
+
+/// A scan with its state. Reused, so that a step allocates nothing.
+#[derive(Clone, Debug, Default)]
+pub struct WindowScan {
+    /// The filtered returns as they came.
+    pub message: Scan,
+    /// The estimate.
+    pub state: State,
+    /// Time since the scan before, s; 0 for the first of a frame.
+    pub dt_s: f64,
+    /// What the gyro measured since the scan before.
+    pub gyro: Option<GyroTerm>,
+    /// Whether the gyro covers the sweep.
+    pub gyro_covers_sweep: bool,
+    /// Roll and pitch.
+    pub tilt: Tilt,
+    /// Poses of the beams.
+    pub beams: Vec<BeamPose>,
+    /// De-skewed returns.
+    pub points: Vec<Point>,
+    /// Velocity that they were de-skewed by.
+    pub deskew_velocity: Vector3<f64>,
+    /// NDT cells of the points.
+    pub cells: Vec<ScanCell>,
+    /// Their counterparts in the submap.
+    pub associations: Vec<Association>,
+    /// Their normal equations, as of the last solve.
+    pub ndt: NormalEquations,
+}
+
+// Poses of beams, points and associations are made anew before they are read again.
+persist!(WindowScan {
+    message,
+    state,
+    dt_s,
+    gyro,
+    gyro_covers_sweep,
+    tilt,
+    deskew_velocity,
+    cells,
+    ndt,
+} kept {
+    beams,
+    points,
+    associations,
+});
+
+impl WindowScan {
+    /// An empty one with room for the largest scan. What is never written costs no memory.
+    pub fn with_room() -> Self {
+        let mut scan = Self {
+            message: Scan::with_room(),
+            ..Self::default()
+        };
+        scan.beams.reserve(MAX_BEAMS);
+        scan.points.reserve(MAX_RETURNS);
+        scan.cells.reserve(CELLS);
+        scan.associations.reserve(CELLS);
+        scan
+    }
+
+    /// De-skews by the present state and the one before.
+    pub fn deskew(
+        &mut self,
+        previous: Option<&State>,
+        gyro: Option<&GyroIntegrator>,
+        config: &Config,
+    ) {
+        let previous = previous.filter(|_| self.dt_s > 0.0);
+        let motion = Motion {
+            velocity: self.state.velocity,
+            previous: previous.map(|state| (state.velocity, self.dt_s)),
+            gyro: gyro
+                .filter(|_| self.gyro_covers_sweep)
+                .map(|gyro| (gyro, self.state.bias_rad_s)),
+            tilt: self.tilt,
+        };
+        beam_poses(
+            &self.message,
+            &config.robot,
+            config.odometry.deskew.then_some(&motion),
+            &mut self.beams,
+        );
+        deskew(&self.message, &self.beams, &mut self.points);
+        self.deskew_velocity = self.state.velocity;
+    }
+
+    /// Information of one correspondence: that of the scan, shared among cells and neighbours.
+    pub fn correspondence_information(&self, config: &Config) -> f64 {
+        let shares = self.cells.len().max(1) as f64 * f64::from(config.odometry.neighbours);
+        config.odometry.ndt_weight / shares
+    }
+
+    /// Information that the scan by itself gives about its pose, in the robot's frame.
+    pub fn scan_information(&self, config: &Config) -> Matrix3<f64> {
+        self.ndt.pose * self.correspondence_information(config)
+    }
+
+    /// How far the velocity has moved from the one that the points were de-skewed by.
+    pub fn velocity_change(&self) -> [f64; 3] {
+        let mut change = self.state.velocity - self.deskew_velocity;
+        if self.gyro_covers_sweep {
+            // The gyro removed the rotation: the estimated yaw rate does not matter.
+            change.z = 0.0;
+        }
+        change.into()
+    }
+}
