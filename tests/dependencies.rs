@@ -130,6 +130,7 @@ const PURE: &[(&str, &[&str])] = &[
         "randt-persist",
         &["bytemuck", "crc32fast", "nalgebra", "thiserror"],
     ),
+    ("randt-version", &[]),
 ];
 
 /// The machines we build for.

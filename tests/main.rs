@@ -24,6 +24,7 @@ mod drive_end;
 mod drives;
 mod eval;
 mod faults;
+mod former_builds;
 #[cfg(target_os = "linux")]
 mod full;
 mod graph;

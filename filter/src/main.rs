@@ -12,7 +12,7 @@ use std::process::ExitCode;
 /// It has no state: when it is started again it filters the sweeps that are still in the history once more, and readers
 /// of the points recognise each scan by its number.
 #[derive(Debug, Parser)]
-#[command(name = "randt-filter", version, max_term_width = 100)]
+#[command(name = "randt-filter", max_term_width = 100)]
 struct Arguments {
     #[command(flatten)]
     stage: StageArguments,

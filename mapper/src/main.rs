@@ -17,7 +17,7 @@ use std::time::Duration;
 /// Every keyframe goes into a journal before the map that it makes is told. When the stage is started again it is what
 /// it was, to the last bit, and asks odometry for what it has missed.
 #[derive(Debug, Parser)]
-#[command(name = "randt-mapper", version, max_term_width = 100)]
+#[command(name = "randt-mapper", max_term_width = 100)]
 struct Arguments {
     /// The journal, on a disk; if not given, in the run folder, where it survives the stage but not the machine
     #[arg(long, value_name = "FILE")]

@@ -23,8 +23,8 @@ pub fn correction(mapper: &Mapper) -> Option<Correction> {
         header: header(mapper),
         graph_version: mapper.version(),
         odom_frame_id: place.odom_frame_id,
-        part: mapper.places().get(part)?.odom_frame_id,
-        pose: pose.compose(&place.odom.inverse()).to_array(),
+        component: mapper.places().get(part)?.odom_frame_id,
+        map_from_odom: pose.compose(&place.odom.inverse()).to_array(),
     })
 }
 
@@ -45,7 +45,7 @@ pub fn fill_graph(
     head.wanted_keyframe = newest.map_or(0, |place| place.keyframe_id.saturating_add(1));
     head.odom_frame_id = newest.map_or(0, |place| place.odom_frame_id);
     head.loops = loops.len() as u64;
-    head.parts = mapper.parts() as u64;
+    head.components = mapper.parts() as u64;
     head.path_m = mapper.path_m();
     head.tiles = mapper.grid().tiles().count() as u64;
     head.first_entry = first_entry as u32;

@@ -60,7 +60,7 @@ fn the_graph_comes_in_pages() {
     assert_eq!(entries.len(), 1500);
     let head = &message.head;
     assert_eq!((head.keyframes, head.wanted_keyframe), (1500, 1510));
-    assert_eq!((head.parts, head.loops, head.odom_frame_id), (2, 0, 4));
+    assert_eq!((head.components, head.loops, head.odom_frame_id), (2, 0, 4));
     assert_eq!((head.graph_version, head.on_disk), (1500, 77));
     assert_eq!(head.header.stamp_ns, 1509 * 1_000_000_000);
     assert!((head.path_m - 0.5 * 1498.0).abs() < 1e-9);
@@ -83,10 +83,10 @@ fn the_correction_puts_the_newest_keyframe_where_the_map_has_it() {
     assert_eq!(correction(&Mapper::new(&Config::default())), None);
     let mapper = mapper(0..30, 20);
     let correction = correction(&mapper).unwrap();
-    assert_eq!((correction.odom_frame_id, correction.part), (4, 4));
+    assert_eq!((correction.odom_frame_id, correction.component), (4, 4));
     assert_eq!(correction.graph_version, 30);
     let odom = mapper.places()[29].odom;
-    let map = Pose2::from_array(correction.pose).compose(&odom);
+    let map = Pose2::from_array(correction.map_from_odom).compose(&odom);
     assert!((map.translation() - mapper.poses()[29].translation()).norm() < 1e-12);
 }
 

@@ -24,7 +24,7 @@ const HEAR_MAX: Duration = Duration::from_secs(1);
 /// Its state is saved in the run folder after every scan. When it is started again it goes on to the last bit; another
 /// build or configuration keeps the pose and opens a new odometry frame.
 #[derive(Debug, Parser)]
-#[command(name = "randt-odometry", version, max_term_width = 100)]
+#[command(name = "randt-odometry", max_term_width = 100)]
 struct Arguments {
     /// Do not use the IMU
     #[arg(long)]

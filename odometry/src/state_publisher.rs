@@ -85,8 +85,8 @@ impl StatePublisher {
         state.odom_frame_id = estimate.odom_frame_id;
         state.pose = scan.state.odom_from_base.to_array();
         if let Some((stamp_ns, pose)) = self.retired_scan.take() {
-            state.settled_stamp_ns = stamp_ns;
-            state.settled_pose = pose.to_array();
+            state.retired_stamp_ns = stamp_ns;
+            state.retired_pose = pose.to_array();
         }
         state.velocity = scan.state.velocity.into();
         let bias = gyro.map_or_else(Vector3::zeros, GyroIntegrator::bias_rad_s);
@@ -210,7 +210,7 @@ mod tests {
         let [first, second] = &states.0[..] else {
             panic!("two states")
         };
-        assert_eq!((first.settled_stamp_ns, second.settled_stamp_ns), (99, 0));
+        assert_eq!((first.retired_stamp_ns, second.retired_stamp_ns), (99, 0));
         // The first scan's pose is exact by definition, another one's without a solution unknown.
         assert_eq!((first.covariance[0], second.covariance[0]), (0.0, 1e6));
     }

@@ -21,7 +21,7 @@ const DATA_LOST: u8 = 3;
 /// A file is called NAME.mcap.active until it is finished. A disk that is slow, full, broken or gone is told of in the stage's state and
 /// never holds the pipeline up; recording goes on when it can, and the log says what is missing.
 #[derive(Debug, Parser)]
-#[command(name = "randt-recorder", version, max_term_width = 100)]
+#[command(name = "randt-recorder", max_term_width = 100)]
 struct Arguments {
     /// Folder for the logs, instead of record.folder
     #[arg(long, value_name = "DIR")]

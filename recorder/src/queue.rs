@@ -126,13 +126,13 @@ impl Queue {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use randt_log::Label;
+    use randt_log::RecordHeader;
     use randt_messages::health::text_of;
 
     fn raw(sequence: u32) -> Raw {
-        let label = Label {
+        let label = RecordHeader {
             sequence,
-            ..Label::default()
+            ..RecordHeader::default()
         };
         Raw {
             topic: "a",

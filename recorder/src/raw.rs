@@ -1,6 +1,6 @@
 //! One message as it goes into the log.
 
-use randt_log::Label;
+use randt_log::RecordHeader;
 use randt_messages::{MessageRef, Topic};
 
 /// A message's bytes, copied from the bus.
@@ -9,7 +9,7 @@ pub struct Raw {
     /// Name of its topic.
     pub topic: &'static str,
     /// Sequence number and times.
-    pub label: Label,
+    pub label: RecordHeader,
     /// As they were on the bus.
     pub bytes: Vec<u8>,
 }
@@ -24,7 +24,7 @@ impl Raw {
         message.write_bytes(&mut bytes);
         Self {
             topic: T::NAME,
-            label: Label::of(message.header()),
+            label: RecordHeader::from_header(message.header()),
             bytes,
         }
     }

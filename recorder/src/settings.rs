@@ -22,7 +22,7 @@ impl Settings {
             log: Options {
                 compression: Compression::Zstd,
                 level: record.zstd_level,
-                written_by: concat!("randt-recorder ", env!("CARGO_PKG_VERSION")).to_owned(),
+                written_by: format!("randt-recorder {}", randt_version::VERSION),
                 ..Options::default()
             },
         }

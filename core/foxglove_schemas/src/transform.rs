@@ -32,7 +32,7 @@ fn of_state(state: &OdometryState) -> FrameTransform {
 
 /// `map` to `odom`, as it holds at an instant.
 fn of_correction(correction: &Correction, stamp_ns: i64) -> FrameTransform {
-    planar(MAP, ODOM, correction.pose, stamp_ns)
+    planar(MAP, ODOM, correction.map_from_odom, stamp_ns)
 }
 
 /// The sensors in `base_link`.

@@ -4,7 +4,7 @@ use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, McapResult};
 
-/// Largest record or chunk that is believed, compressed and not. Ours have about 1 MiB; the largest
+/// The largest record or chunk that is accepted, compressed or not. Ours have about 1 MiB; the largest
 /// message has 0.8 MB. It bounds what a hostile length can make us allocate.
 pub(crate) const SIZE_MAX: usize = 256 << 20;
 
@@ -63,13 +63,13 @@ impl Chunk {
     pub(crate) fn next_record(&mut self, record: &mut Vec<u8>) -> McapResult<Option<u8>> {
         while let Some(event) = self.reader.next_event() {
             match event {
-                // Asked for more than there is, it is told that this is the end.
+                // Where less is left than it asks for, it gets what is left, and knows that this is the end.
                 Ok(LinearReadEvent::ReadRequest(wanted)) => {
                     let rest = self.input.get(self.fed..).unwrap_or_default();
-                    let part = rest.get(..wanted).unwrap_or(rest);
-                    self.reader.insert(part.len()).copy_from_slice(part);
-                    self.reader.notify_read(part.len());
-                    self.fed += part.len();
+                    let next = rest.get(..wanted).unwrap_or(rest);
+                    self.reader.insert(next.len()).copy_from_slice(next);
+                    self.reader.notify_read(next.len());
+                    self.fed += next.len();
                 }
                 Ok(LinearReadEvent::Record { opcode, data }) => {
                     record.clear();
@@ -102,7 +102,7 @@ fn header_size(record: &[u8]) -> Option<usize> {
 }
 
 /// Whether a chunk's record can begin here: used to find the next one behind damage.
-pub(crate) fn looks_like_chunk(bytes: &[u8]) -> bool {
+pub(crate) fn is_chunk_start(bytes: &[u8]) -> bool {
     let name = |name: &[u8]| {
         let size = COMPRESSION + 4 + name.len() + 8;
         u32_at(bytes, COMPRESSION) == Some(name.len() as u32)
@@ -115,8 +115,8 @@ pub(crate) fn looks_like_chunk(bytes: &[u8]) -> bool {
     bytes.first() == Some(&op::CHUNK) && (name(b"lz4") || name(b"zstd") || name(b""))
 }
 
-/// Bytes that [`looks_like_chunk`] needs.
-pub(crate) const LOOK: usize = COMPRESSION + 4 + 4 + 8;
+/// Bytes that [`is_chunk_start`] needs.
+pub(crate) const START_BYTES: usize = COMPRESSION + 4 + 4 + 8;
 
 fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(*bytes.get(at..)?.first_chunk()?))
@@ -127,7 +127,7 @@ fn u64_at(bytes: &[u8], at: usize) -> Option<u64> {
 }
 
 fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
-    if let Some(place) = bytes.get_mut(at..at + value.len()) {
-        place.copy_from_slice(value);
+    if let Some(field) = bytes.get_mut(at..at + value.len()) {
+        field.copy_from_slice(value);
     }
 }

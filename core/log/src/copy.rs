@@ -1,10 +1,10 @@
-//! A log, or a part of one, written anew.
+//! A log, or a section of one, written anew.
 
 use crate::{Channel, ChannelId, Entry, Error, LogReader, LogWriter};
 use std::io::{Read, Seek, Write};
 
-/// Copies a log to a new one: metadata, channels of any encoding, and the messages that `keep` wants, bit for bit. What
-/// is damaged is stepped over, as by every reader. Gives the number of messages.
+/// Copies a log to a new one: metadata, channels of any encoding, and the messages for which `keep` is true, bit for bit.
+/// Damage is stepped over, as by every reader. Gives the number of messages.
 pub fn copy<R: Read + Seek, W: Write + Seek>(
     reader: &mut LogReader<R>,
     writer: &mut LogWriter<W>,
@@ -33,10 +33,10 @@ pub fn copy<R: Read + Seek, W: Write + Seek>(
                 id
             }
         };
-        writer.write_bytes(id, entry.label(), entry.bytes)?;
+        writer.write_bytes(id, entry.record_header(), entry.bytes)?;
         copied += 1;
     }
-    // What stood further behind.
+    // Records that stand behind the first message.
     for (name, says) in reader.all_metadata() {
         if first.get(name) != Some(says) {
             writer.write_metadata(name, says.clone())?;

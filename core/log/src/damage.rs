@@ -1,4 +1,4 @@
-//! What a reader met that is not as it was written.
+//! What a reader finds that is not as it was written.
 
 /// A kind of damage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -25,7 +25,7 @@ impl DamageKind {
     }
 }
 
-/// How often a kind of damage was met, with its first case.
+/// How often a kind of damage was found, with its first case.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Damage {
     /// What it is.
@@ -37,7 +37,7 @@ pub struct Damage {
 }
 
 /// Adds one case to a list that holds each kind once, in order of first appearance.
-pub(crate) fn note(list: &mut Vec<Damage>, kind: DamageKind, first: impl FnOnce() -> String) {
+pub(crate) fn count(list: &mut Vec<Damage>, kind: DamageKind, first: impl FnOnce() -> String) {
     match list.iter_mut().find(|damage| damage.kind == kind) {
         Some(damage) => damage.count += 1,
         None => list.push(Damage {

@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn other_names_are_told_apart() {
+    fn a_name_without_a_date_is_none() {
         for name in [
             "",
             "demo.mcap",

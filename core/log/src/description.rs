@@ -3,9 +3,13 @@
 use randt_messages::{Layout, Topic, layout::Fields};
 use std::fmt::Write as _;
 
-/// The layout of a topic's messages, little-endian, one line a field: offset, size, name, type.
+/// What a line of codes begins with. Builds that do not know such lines pass over them.
+pub(crate) const CODES: &str = "codes ";
+
+/// The layout of a topic's messages, little-endian, one line per field: offset, size, name, type.
 ///
-/// Each struct comes once, after those inside it.
+/// Each struct comes once, after those inside it. A field that holds the codes of an enum is followed by a line of their
+/// names: `codes trust: 0 lost, 1 degraded, 2 good`.
 ///
 /// ```
 /// let text = randt_log::describe::<randt_messages::RadarScan>();
@@ -31,13 +35,20 @@ pub fn describe<T: Topic>() -> String {
         seen.push(name);
         // Writing to a String cannot fail.
         let _ = writeln!(text, "struct {name}, {size} bytes");
-        let ends = fields.iter().skip(1).map(|field| field.2).chain([size]);
-        for ((field, kind, offset), end) in fields.iter().zip(ends) {
-            let _ = writeln!(
-                text,
-                "  {offset} {} {field} {kind}",
-                end.saturating_sub(*offset)
-            );
+        let begins = fields.iter().map(|field| field.offset);
+        let ends = begins.skip(1).chain([size]);
+        for (field, end) in fields.iter().zip(ends) {
+            let (offset, name) = (field.offset, field.name);
+            let size = end.saturating_sub(offset);
+            let _ = writeln!(text, "  {offset} {size} {name} {}", field.kind);
+            if !field.codes.is_empty() {
+                let codes = field
+                    .codes
+                    .iter()
+                    .map(|(code, name)| format!("{code} {name}"));
+                let codes: Vec<String> = codes.collect();
+                let _ = writeln!(text, "{CODES}{name}: {}", codes.join(", "));
+            }
         }
     };
     T::Head::visit(&mut visit);

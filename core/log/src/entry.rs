@@ -1,7 +1,7 @@
 //! One message of a log, still in the reader's memory.
 
 use crate::stored_layout::StoredLayout;
-use crate::translation::Translation;
+use crate::translation::{OwnLayout, Translation};
 use crate::{Error, describe};
 use randt_messages::{Message, Topic};
 use std::cell::OnceCell;
@@ -26,7 +26,7 @@ pub struct Channel {
     pub message_encoding: String,
     /// How the schema is written: `randt-layout`, `protobuf`, `ros2msg`; empty where there is none.
     pub schema_encoding: String,
-    /// What a message holds, for readers that do not know.
+    /// What a message holds, for readers that do not know the topic.
     pub schema: Vec<u8>,
     /// Messages read so far.
     pub messages: u64,
@@ -34,7 +34,7 @@ pub struct Channel {
 
 impl Channel {
     /// The channel of one of our topics.
-    pub fn of<T: Topic>() -> Self {
+    pub fn from_topic<T: Topic>() -> Self {
         Self {
             topic: T::NAME.to_owned(),
             type_name: T::TYPE_NAME.to_owned(),
@@ -51,18 +51,18 @@ impl Channel {
     }
 }
 
-/// What a log says of a message beside its bytes.
+/// What a log holds of a message beside its bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Label {
+pub struct RecordHeader {
     /// Low half of the message's sequence number.
     pub sequence: u32,
-    /// When it was published; its stamp where nobody knows.
+    /// When it was published; its stamp where that is unknown.
     pub time_ns: i64,
 }
 
-impl Label {
-    /// The label of one of our messages.
-    pub fn of(header: &randt_messages::Header) -> Self {
+impl RecordHeader {
+    /// That of one of our messages.
+    pub fn from_header(header: &randt_messages::Header) -> Self {
         Self {
             // MCAP has 32 bits for it; the message itself holds all 64.
             sequence: header.sequence as u32,
@@ -81,7 +81,7 @@ pub struct Entry<'a> {
     pub channel: &'a Channel,
     /// Low half of the message's sequence number.
     pub sequence: u32,
-    /// When it was published; its stamp where nobody knew.
+    /// When it was published; its stamp where that is unknown.
     pub time_ns: i64,
     /// Where the record or chunk that holds it begins in the file.
     pub offset: u64,
@@ -93,7 +93,7 @@ pub struct Entry<'a> {
 }
 
 impl Entry<'_> {
-    /// The message's own stamp; where only its own program finds it, when it was published.
+    /// The message's own stamp. A message of another encoding is stamped by when it was published.
     pub fn stamp_ns(&self) -> i64 {
         let stamp = self.bytes.get(STAMP..).and_then(|rest| rest.first_chunk());
         match stamp {
@@ -102,9 +102,9 @@ impl Entry<'_> {
         }
     }
 
-    /// What the log says of the message beside its bytes.
-    pub fn label(&self) -> Label {
-        Label {
+    /// What the log holds of the message beside its bytes.
+    pub fn record_header(&self) -> RecordHeader {
+        RecordHeader {
             sequence: self.sequence,
             time_ns: self.time_ns,
         }
@@ -141,9 +141,9 @@ impl Entry<'_> {
                 return None;
             }
             let stored = std::str::from_utf8(&self.channel.schema).ok()?;
-            let own = StoredLayout::parse(&describe::<T>())?;
+            let own = OwnLayout::from_topic::<T>()?;
             let translation = Translation::between(&StoredLayout::parse(stored)?, &own);
-            // Without its stamp a message says nothing.
+            // A message without its stamp is of no use.
             let is_message = translation
                 .lacking
                 .iter()

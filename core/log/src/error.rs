@@ -1,16 +1,16 @@
 //! Why a log cannot be written or read.
 
-/// Why a log cannot be written or read; every text names the file and says all: there is no `source`, which
-/// printers of causes would say again.
+/// Why a log cannot be written or read. Every text names the file and includes the cause, so there is no `source`, which
+/// would print the cause twice.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system's word on a file.
+    /// The operating system's error on a file.
     #[error("{path}: {cause}")]
     Io {
         /// The file.
         path: String,
-        /// Its word.
+        /// The error.
         cause: std::io::Error,
     },
     /// The container could not be written.
@@ -44,7 +44,7 @@ pub enum Error {
         found: String,
         /// Type name here.
         expected: &'static str,
-        /// What the log says of the program that wrote it.
+        /// The program that wrote it, as the log names it.
         written_by: String,
     },
     /// A message's size does not fit its type.
@@ -69,7 +69,7 @@ pub enum Error {
         /// Bytes of one item.
         item: usize,
     },
-    /// A metadata record that this program wants does not say what it should.
+    /// A metadata record has another value than this program expects.
     #[error("{path}: metadata {record}: {key} = {value:?}: expected {expected}")]
     Metadata {
         /// The file.
@@ -80,7 +80,7 @@ pub enum Error {
         key: &'static str,
         /// Its value.
         value: String,
-        /// What would be right.
+        /// What is accepted.
         expected: &'static str,
     },
 }

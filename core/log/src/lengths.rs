@@ -1,24 +1,24 @@
 //! Whether the lengths inside a record lie within it.
 //!
-//! mcap's parser reserves memory for a text before it looks how much of it is there: one damaged byte can
+//! mcap's parser reserves memory for a text before it checks that the text is there: one damaged byte can
 //! ask for 4 GiB, which a small machine refuses by ending the process.
 
 use mcap::records::op;
 
-/// A part of a record's content (MCAP, "Records").
+/// A segment of a record's content (MCAP, "Records").
 #[derive(Clone, Copy, Debug)]
-enum Part {
-    /// So many bytes of numbers.
+enum Segment {
+    /// That many bytes of numbers.
     Fixed(usize),
     /// Bytes behind their length: a text, data, a map of numbers.
     Counted,
     /// Pairs of texts behind the length of all of them.
     Texts,
 }
-use Part::{Counted, Fixed, Texts};
+use Segment::{Counted, Fixed, Texts};
 
-/// The parts of a record up to its last length.
-fn parts(opcode: u8) -> &'static [Part] {
+/// The segments of a record up to its last length.
+fn segments(opcode: u8) -> &'static [Segment] {
     match opcode {
         op::HEADER => &[Counted, Counted],
         op::SCHEMA => &[Fixed(2), Counted, Counted, Counted],
@@ -35,8 +35,8 @@ fn parts(opcode: u8) -> &'static [Part] {
 /// Whether mcap's parser may see this record's content. Not for chunks and attachments.
 pub fn lengths_fit(opcode: u8, content: &[u8]) -> bool {
     let mut rest = content;
-    parts(opcode).iter().all(|part| {
-        let split = match part {
+    segments(opcode).iter().all(|segment| {
+        let split = match segment {
             Fixed(size) => rest.split_at_checked(*size),
             Counted | Texts => counted(rest),
         };
@@ -44,7 +44,7 @@ pub fn lengths_fit(opcode: u8, content: &[u8]) -> bool {
             return false;
         };
         rest = behind;
-        !matches!(part, Texts) || are_texts(inside)
+        !matches!(segment, Texts) || are_texts(inside)
     })
 }
 
@@ -95,7 +95,7 @@ mod tests {
         let mut known = Vec::new();
         for (opcode, content) in records() {
             assert!(lengths_fit(opcode, &content), "{opcode:#x}");
-            if parts(opcode).is_empty() {
+            if segments(opcode).is_empty() {
                 continue;
             }
             known.push(opcode);

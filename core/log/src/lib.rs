@@ -1,8 +1,8 @@
 //! The MCAP log: the messages' bytes as they are on the bus.
 //!
 //! Responsible for one container format, written and read: a channel per topic, the layout's table as its
-//! schema, metadata at the start, damage counted and stepped over. Not responsible for what the messages
-//! mean, nor for when they are written.
+//! schema, metadata at the start, damage counted and stepped over, layouts of other builds translated.
+//! Not responsible for what the messages mean, nor for when they are written.
 //!
 //! ```
 //! use randt_log::{LogReader, LogWriter, Options};
@@ -34,6 +34,7 @@ mod error;
 mod file;
 mod lengths;
 mod reader;
+mod record_reader;
 mod robot;
 mod stored_layout;
 mod stream;
@@ -46,7 +47,7 @@ pub use copy::copy;
 pub use damage::{Damage, DamageKind};
 pub use date::{is_date, name_of_date};
 pub use description::describe;
-pub use entry::{Channel, Entry, Label};
+pub use entry::{Channel, Entry, RecordHeader};
 pub use error::Error;
 pub use file::LogFile;
 pub use lengths::lengths_fit;

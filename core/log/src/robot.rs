@@ -15,7 +15,7 @@ const SENSOR: &str = "sensor";
 const RADAR: &str = "radar_in_base_link_x_m_y_m_yaw_rad";
 const IMU: &str = "imu_in_base_link_quaternion_w_x_y_z";
 
-/// The robot that a log was recorded on, as far as is known.
+/// The robot that a log was recorded on, as far as it is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Robot {
     /// The radar.
@@ -39,12 +39,8 @@ impl Default for Robot {
 impl Robot {
     /// The record's content. Numbers are written so that they read back to the same bits.
     pub fn to_metadata(&self) -> BTreeMap<String, String> {
-        let sensor = match self.sensor {
-            SensorKind::Unknown => "unknown",
-            SensorKind::IsdrC => "isdr-c",
-            SensorKind::NavtechCts => "navtech-cts",
-        };
-        let mut map = BTreeMap::from([(SENSOR.to_owned(), sensor.to_owned())]);
+        let sensor = self.sensor.as_str().to_owned();
+        let mut map = BTreeMap::from([(SENSOR.to_owned(), sensor)]);
         let mut put = |key: &str, numbers: Option<&[f64]>| {
             if let Some(numbers) = numbers {
                 let words: Vec<String> = numbers.iter().map(f64::to_string).collect();
@@ -56,16 +52,14 @@ impl Robot {
         map
     }
 
-    /// Reads the record's content; `path` is named in errors. What is not said stays unknown.
+    /// Reads the record's content; `path` is named in errors. A key that is missing stays unknown.
     pub fn from_metadata(map: &BTreeMap<String, String>, path: &str) -> Result<Self, Error> {
-        let sensor = match map.get(SENSOR).map(String::as_str) {
-            None | Some("unknown") => SensorKind::Unknown,
-            Some("isdr-c") => SensorKind::IsdrC,
-            Some("navtech-cts") => SensorKind::NavtechCts,
-            Some(other) => {
-                return Err(bad(path, SENSOR, other, "isdr-c, navtech-cts or unknown"));
-            }
-        };
+        let unknown = SensorKind::Unknown.as_str();
+        let named = map.get(SENSOR).map_or(unknown, String::as_str);
+        let sensor = SensorKind::from_name(named);
+        if sensor == SensorKind::Unknown && named != unknown {
+            return Err(bad(path, SENSOR, named, "isdr-c, navtech-cts or unknown"));
+        }
         Ok(Self {
             sensor,
             radar: numbers(map, RADAR, path, "three finite numbers")?,

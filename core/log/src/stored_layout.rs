@@ -1,5 +1,6 @@
 //! The layout of a topic's messages as a log describes it: that of the build that wrote the log.
 
+use crate::description::CODES;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ pub struct StoredLayout {
 pub enum Kind {
     /// A number.
     Number(Number),
-    /// So many values of one kind.
+    /// That many values of one kind.
     Array(Box<Kind>, usize),
     /// Values by name. Shared: a description may use a struct any number of times.
     Struct(Arc<Struct>),
@@ -26,6 +27,8 @@ pub enum Kind {
 /// A struct's fields and size.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Struct {
+    /// Its name.
+    pub name: String,
     /// In their order.
     pub fields: Vec<Field>,
     /// Bytes.
@@ -41,6 +44,16 @@ pub struct Field {
     pub offset: usize,
     /// How it is stored.
     pub kind: Kind,
+    /// What its numbers stand for; empty where they are numbers, or where the log does not say.
+    pub codes: Vec<(u32, String)>,
+}
+
+impl Field {
+    /// The name of a code.
+    pub fn code_name(&self, code: u32) -> Option<&str> {
+        let found = self.codes.iter().find(|(known, _)| *known == code);
+        found.map(|(_, name)| name.as_str())
+    }
 }
 
 /// A kind of number, with its Rust name.
@@ -60,7 +73,7 @@ pub enum Number {
 }
 
 impl Number {
-    fn of(name: &str) -> Option<Self> {
+    fn from_name(name: &str) -> Option<Self> {
         Some(match name {
             "u8" => Self::U8,
             "u16" => Self::U16,
@@ -115,8 +128,8 @@ impl Kind {
 }
 
 impl StoredLayout {
-    /// Reads a description as [`crate::describe`] writes it; `None` where it makes no sense. Whoever wrote it, no field
-    /// leads out of its struct.
+    /// Reads a description as [`crate::describe`] writes it; `None` where it makes no sense. No field of the result leads
+    /// out of its struct, whatever the text says.
     pub fn parse(text: &str) -> Option<Self> {
         let mut parser = Parser::default();
         text.lines().try_for_each(|line| parser.take(line))?;
@@ -135,7 +148,7 @@ struct Parser<'a> {
 }
 
 impl<'a> Parser<'a> {
-    /// Takes a line in; `None` where it makes no sense.
+    /// Reads a line; `None` where it makes no sense.
     fn take(&mut self, line: &'a str) -> Option<()> {
         if let Some(name) = line.strip_prefix("message: ") {
             self.head = name;
@@ -144,24 +157,47 @@ impl<'a> Parser<'a> {
         } else if let Some(rest) = line.strip_prefix("struct ") {
             let (name, size) = rest.split_once(", ")?;
             let size = size.strip_suffix(" bytes")?.parse().ok()?;
-            let fields = Vec::new();
-            self.structs.insert(name, Arc::new(Struct { fields, size }));
+            let new = Struct {
+                name: name.to_owned(),
+                fields: Vec::new(),
+                size,
+            };
+            self.structs.insert(name, Arc::new(new));
             self.last = name;
+        } else if let Some(codes) = line.strip_prefix(CODES) {
+            let (name, codes) = codes.split_once(": ")?;
+            let field = self.last_struct()?.fields.last_mut()?;
+            (field.name == name).then_some(())?;
+            for code in codes.split(", ") {
+                let (code, name) = code.split_once(' ')?;
+                field.codes.push((code.parse().ok()?, name.to_owned()));
+            }
         } else if let Some(field) = line.strip_prefix("  ") {
             let mut words = field.splitn(4, ' ');
             let offset: usize = words.next()?.parse().ok()?;
             let size: usize = words.next()?.parse().ok()?;
             let (name, kind) = (words.next()?.to_owned(), words.next()?);
             let kind = self.kind(kind, size)?;
-            // Nobody shares it before its last field is there.
-            let within = Arc::get_mut(self.structs.get_mut(self.last)?)?;
+            let within = self.last_struct()?;
             let is_inside = kind.size() == size && offset.checked_add(size)? <= within.size;
-            is_inside.then(|| within.fields.push(Field { name, offset, kind }))?;
+            is_inside.then_some(())?;
+            within.fields.push(Field {
+                name,
+                offset,
+                kind,
+                codes: Vec::new(),
+            });
         }
         Some(())
     }
 
-    /// A kind by its name; each struct comes after those inside it. Lengths of arrays have names: their size tells them.
+    /// The struct whose fields come. It is not shared before its last field is there.
+    fn last_struct(&mut self) -> Option<&mut Struct> {
+        Arc::get_mut(self.structs.get_mut(self.last)?)
+    }
+
+    /// A kind by its name; each struct comes after those inside it. The length of an array may be a constant's name, so it
+    /// follows from the size.
     fn kind(&self, name: &str, size: usize) -> Option<Kind> {
         let name = name.trim();
         if let Some(array) = name.strip_prefix('[') {
@@ -171,7 +207,7 @@ impl<'a> Parser<'a> {
             let count = size.checked_div(element.size())?;
             return Some(Kind::Array(Box::new(element), count));
         }
-        if let Some(number) = Number::of(name) {
+        if let Some(number) = Number::from_name(name) {
             return Some(Kind::Number(number));
         }
         let own = name.rsplit("::").next()?;

@@ -1,6 +1,6 @@
-//! A log as bytes that only ever grow: for whoever brings them to a disk by himself.
+//! A log as bytes that only ever grow, for a caller that writes them to the disk itself.
 
-use crate::{Channel, ChannelId, Error, Label, LogWriter, Options};
+use crate::{Channel, ChannelId, Error, LogWriter, Options, RecordHeader};
 use mcap::write::NoSeek;
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -64,10 +64,10 @@ impl LogStream {
     pub fn write_bytes(
         &mut self,
         channel: ChannelId,
-        label: Label,
+        record: RecordHeader,
         bytes: &[u8],
     ) -> Result<(), Error> {
-        self.writer.write_bytes(channel, label, bytes)
+        self.writer.write_bytes(channel, record, bytes)
     }
 
     /// Ends the chunk: all that was written comes with the next [`LogStream::take`].

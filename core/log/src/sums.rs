@@ -10,8 +10,8 @@ const FOOTER: usize = 20;
 /// Read at once.
 const BLOCK: usize = 1 << 16;
 
-/// Reads a file from its beginning to its end and gives what does not hold: checksums of the data and of the summary, the
-/// end. Nothing where all does; a log that was never finished has none of them, and that is said.
+/// Reads a file from its beginning to its end and lists what is wrong: the checksums of the data and of the summary, the
+/// end. The list is empty where nothing is; a log that was never finished has none of them, which is listed.
 pub fn check_sums(source: impl Read) -> io::Result<Vec<String>> {
     let mut file = Summed::new(source);
     let mut wrong = Vec::new();
@@ -67,17 +67,19 @@ fn check_end(rest: &[u8], begin: u64) -> Option<String> {
         Some(u64::from_le_bytes(*bytes))
     };
     let summary = match number(FRAME as usize)? {
-        0 => split,
-        start => usize::try_from(start.checked_sub(begin)?).ok()?,
+        0 => Some(split),
+        start => start
+            .checked_sub(begin)
+            .and_then(|start| usize::try_from(start).ok()),
     };
-    let summed = rest.get(summary..rest.len() - 4);
+    let summed = summary.and_then(|summary| rest.get(summary..rest.len() - 4));
     let stored = u32::from_le_bytes(*rest.last_chunk()?);
     match summed.map(crc32fast::hash) {
         Some(found) if stored == 0 || found == stored => None,
         Some(found) => Some(format!(
             "summary: checksum {found:08x}, stored {stored:08x}"
         )),
-        None => Some("summary: begins behind its end".to_owned()),
+        None => Some("summary: does not begin between the data and the end".to_owned()),
     }
 }
 
@@ -121,16 +123,16 @@ impl<R: Read> Summed<R> {
         Ok(Some((opcode, u64::from_le_bytes(length))))
     }
 
-    /// Reads over so many bytes; false where there are fewer.
+    /// Passes over that many bytes; false where there are fewer.
     fn skip(&mut self, mut length: u64) -> io::Result<bool> {
         let mut block = [0; BLOCK];
         while length > 0 {
-            let part = length.min(BLOCK as u64) as usize;
-            let block = block.get_mut(..part).unwrap_or_default();
-            if self.fill(block)? < part {
+            let wanted = length.min(BLOCK as u64) as usize;
+            let block = block.get_mut(..wanted).unwrap_or_default();
+            if self.fill(block)? < wanted {
                 return Ok(false);
             }
-            length -= part as u64;
+            length -= wanted as u64;
         }
         Ok(true)
     }

@@ -10,13 +10,13 @@ macro_rules! topics {
     ($($topic:ty),+ $(,)?) => {
         /// Every topic of ours that a log may hold, with its channel.
         pub fn channels() -> Vec<Channel> {
-            vec![$(Channel::of::<$topic>()),+]
+            vec![$(Channel::from_topic::<$topic>()),+]
         }
 
         /// The channel of one of our topics by its name.
         pub fn channel_of(topic: &str) -> Option<Channel> {
             match topic {
-                $(name if name == <$topic>::NAME => Some(Channel::of::<$topic>()),)+
+                $(name if name == <$topic>::NAME => Some(Channel::from_topic::<$topic>()),)+
                 _ => None,
             }
         }

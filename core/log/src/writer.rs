@@ -1,6 +1,6 @@
 //! Writes a log into anything that can seek.
 
-use crate::{Channel, Error, Label};
+use crate::{Channel, Error, RecordHeader};
 use mcap::records::{MessageHeader, Metadata};
 use randt_messages::{MessageRef, Topic};
 use std::collections::BTreeMap;
@@ -29,7 +29,7 @@ pub struct Options {
     pub chunk_bytes: u64,
     /// What MCAP calls a profile: whose conventions the log follows.
     pub profile: &'static str,
-    /// Program and version that writes, for whoever finds a layout that he does not know.
+    /// Program, version and commit that write the log.
     pub written_by: String,
 }
 
@@ -104,7 +104,7 @@ impl<W: Write + Seek> LogWriter<W> {
         }
     }
 
-    /// Writes a record of names and values. Write it before the first message: whoever reads a log that
+    /// Writes a record of names and values. Write it before the first message: the reader of a log that
     /// was cut has only what stands before the cut.
     pub fn write_metadata(
         &mut self,
@@ -125,7 +125,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let mut bytes = std::mem::take(&mut self.bytes);
         bytes.clear();
         message.write_bytes(&mut bytes);
-        let result = self.write_bytes(channel, Label::of(message.header()), &bytes);
+        let result = self.write_bytes(channel, RecordHeader::from_header(message.header()), &bytes);
         self.bytes = bytes;
         result
     }
@@ -150,14 +150,14 @@ impl<W: Write + Seek> LogWriter<W> {
     pub fn write_bytes(
         &mut self,
         channel: ChannelId,
-        label: Label,
+        record: RecordHeader,
         bytes: &[u8],
     ) -> Result<(), Error> {
         // MCAP has no negative times.
-        let time = u64::try_from(label.time_ns).unwrap_or(0);
+        let time = u64::try_from(record.time_ns).unwrap_or(0);
         let record = MessageHeader {
             channel_id: channel.0,
-            sequence: label.sequence,
+            sequence: record.sequence,
             log_time: time,
             publish_time: time,
         };
@@ -189,7 +189,7 @@ impl<W: Write + Seek> LogWriter<W> {
         if let Some((_, id)) = self.channels.iter().find(|(name, _)| *name == T::NAME) {
             return Ok(*id);
         }
-        let id = self.declare(&Channel::of::<T>())?;
+        let id = self.declare(&Channel::from_topic::<T>())?;
         self.channels.push((T::NAME, id));
         Ok(id)
     }

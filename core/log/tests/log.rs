@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use randt_log::{
-    Channel, Compression, DamageKind, Error, Label, LogFile, LogReader, LogWriter, Options, Robot,
+    Channel, Compression, DamageKind, Error, LogFile, LogReader, LogWriter, Options, RecordHeader,
+    Robot,
 };
 use randt_messages::{
     ImuSampleTopic, Message, MessageRef, RadarPoints, RadarScan, Return, ScanHead, Topic,
@@ -130,7 +131,7 @@ fn a_layout_that_nothing_describes_is_refused_and_its_writer_named() {
     let scan = scan(0, 1);
     let mut bytes = Vec::new();
     scan.as_ref().write_bytes(&mut bytes);
-    let known = Channel::of::<RadarScan>();
+    let known = Channel::from_topic::<RadarScan>();
     for (encoding, schema) in [
         ("protobuf", "message"),
         (&known.schema_encoding, "message: ScanHead\n"),
@@ -156,8 +157,8 @@ fn a_layout_that_nothing_describes_is_refused_and_its_writer_named() {
         let cursor = Cursor::new(Vec::new());
         let mut writer = LogWriter::new(cursor, "t", options.clone()).unwrap();
         let id = writer.declare(&channel).unwrap();
-        let label = Label::of(&scan.head.header);
-        writer.write_bytes(id, label, &bytes).unwrap();
+        let record = RecordHeader::from_header(&scan.head.header);
+        writer.write_bytes(id, record, &bytes).unwrap();
         let log = writer.finish().unwrap().into_inner();
         let mut reader = LogReader::new(Cursor::new(log), "old.mcap").unwrap();
         let entry = reader.next_entry().unwrap().unwrap();
@@ -214,6 +215,25 @@ fn a_log_cut_at_any_byte_gives_the_scans_before_the_cut() {
             before = sequences.len();
         }
         assert_eq!(before, 9);
+    }
+}
+
+#[test]
+fn a_chunk_without_a_checksum_is_left_out_where_only_whole_ones_are_wanted() {
+    let whole = log(9, 400, Compression::None);
+    // In the second chunk, and in the first one.
+    for (cut, expected) in [(whole.len() * 60 / 100, 3), (whole.len() / 5, 0)] {
+        let bytes = whole[..cut].to_vec();
+        assert!(read(bytes.clone(), 400).0.len() > expected, "{cut}");
+        let mut reader = LogReader::new(Cursor::new(bytes), "t").unwrap();
+        reader.whole_chunks_only();
+        let mut scans = 0;
+        while let Some(entry) = reader.next_entry().unwrap() {
+            scans += usize::from(entry.decode::<RadarScan>().unwrap().is_some());
+        }
+        assert_eq!(scans, expected, "{cut}");
+        let damage: Vec<_> = reader.damage().iter().map(|damage| damage.kind).collect();
+        assert_eq!(damage, [DamageKind::Cut]);
     }
 }
 
@@ -289,7 +309,7 @@ fn a_log_whose_writer_was_killed_is_read_up_to_there() {
 }
 
 #[test]
-fn an_unwritable_place_is_named() {
+fn an_unwritable_folder_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let error = LogFile::create(
         &folder.path().join("no/such/drive.mcap"),
@@ -337,7 +357,7 @@ proptest! {
             let mut again = Vec::new();
             message.as_ref().write_bytes(&mut again);
             prop_assert!(again == bytes);
-            // A hostile table must not lead outside the slice.
+            // No index of a hostile table leads outside the slice.
             for beam in 0..2000 {
                 let range = message.head.sweep.returns_of(beam, message.items.len());
                 prop_assert!(message.items.get(range).is_some());
@@ -384,7 +404,7 @@ fn a_copy_has_the_same_messages() {
                 (same.channel.schema.clone(), same.bytes),
                 (entry.channel.schema.clone(), entry.bytes)
             );
-            assert_eq!(same.label(), entry.label());
+            assert_eq!(same.record_header(), entry.record_header());
         }
     }
     assert!(first.next_entry().unwrap().is_none());

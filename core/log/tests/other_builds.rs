@@ -4,13 +4,13 @@ use randt_log::{Error, LogReader, LogWriter, Options};
 use randt_messages::{Message, Topic};
 use std::io::Cursor;
 
-/// One topic as two builds have it. Between them a field came, one went, one changed its kind, one its place, an array grew.
+/// One topic as two builds have it. Between them a field came, one went, one changed its kind, one its offset, an array grew.
 mod before {
     use randt_messages::Header;
 
     randt_messages::plain! {
         /// One of several.
-        pub struct Place { pub x_m: f32, pub y_m: f32 }
+        pub struct Post { pub x_m: f32, pub y_m: f32 }
         /// The fixed part.
         pub struct Sweep {
             pub header: Header,
@@ -18,7 +18,7 @@ mod before {
             pub device: u32,
             pub count: u32,
             pub gone: i64,
-            pub places: [Place; 2],
+            pub posts: [Post; 2],
         }
         /// One return.
         pub struct Echo { pub range_m: f32, pub bin: u16, pub beam: u16 }
@@ -34,7 +34,7 @@ mod now {
 
     randt_messages::plain! {
         /// One of several.
-        pub struct Place { pub y_m: f64, pub x_m: f64 }
+        pub struct Post { pub y_m: f64, pub x_m: f64 }
         /// The fixed part.
         pub struct Sweep {
             pub header: Header,
@@ -42,7 +42,7 @@ mod now {
             pub senders: u32,
             pub count: u32,
             pub rate_rad_s: [f64; 3],
-            pub places: [Place; 3],
+            pub posts: [Post; 3],
         }
         /// One return.
         pub struct Echo { pub beam: u16, pub bin: u16, pub range_m: f32, pub intensity: f32 }
@@ -99,7 +99,7 @@ fn sweep(count: u32) -> Message<before::Sweeps> {
     message.head.device = 7;
     message.head.count = count;
     message.head.gone = -1;
-    message.head.places = [1.5, 2.5].map(|x_m| before::Place { x_m, y_m: -x_m });
+    message.head.posts = [1.5, 2.5].map(|x_m| before::Post { x_m, y_m: -x_m });
     message.items = (0..count as u16)
         .map(|bin| before::Echo {
             range_m: f32::from(bin) * 0.1,
@@ -121,8 +121,8 @@ fn fields_are_found_by_their_names_and_what_lacks_is_said() {
         assert_eq!((read.head.device, read.head.count), (7, count));
         assert_eq!(read.head.senders, 0);
         assert_eq!(read.head.rate_rad_s, [0.1, 0.2, 0.3]);
-        let places = [1.5, 2.5, 0.0].map(|x_m| now::Place { x_m, y_m: -x_m });
-        assert_eq!(read.head.places, places);
+        let posts = [1.5, 2.5, 0.0].map(|x_m| now::Post { x_m, y_m: -x_m });
+        assert_eq!(read.head.posts, posts);
         let expected: Vec<now::Echo> = written
             .items
             .iter()
@@ -142,7 +142,7 @@ fn fields_are_found_by_their_names_and_what_lacks_is_said() {
     assert_eq!(said.len(), 1, "{said:?}");
     for words in [
         "other.mcap: test/sweep/v1",
-        "it has no senders, places[2..], intensity",
+        "it has no senders, posts[2..], intensity",
         "not know its gone",
     ] {
         assert!(said[0].contains(words), "{words}: {said:?}");
@@ -150,7 +150,7 @@ fn fields_are_found_by_their_names_and_what_lacks_is_said() {
 }
 
 #[test]
-fn a_log_of_this_build_has_nothing_to_say() {
+fn a_log_of_this_build_is_not_translated() {
     let mut reader = log(&[sweep(2)]);
     while let Some(entry) = reader.next_entry().unwrap() {
         entry.decode::<before::Sweeps>().unwrap().unwrap();
@@ -172,7 +172,7 @@ fn what_is_narrower_here_or_no_such_message_is_not_guessed() {
     let said: Vec<String> = reader.translated().collect();
     assert!(said[0].contains("it has no device, gone"), "{said:?}");
     // An array that is longer there is cut, and that is said.
-    assert!(said[0].contains("places[2..]"), "{said:?}");
+    assert!(said[0].contains("posts[2..]"), "{said:?}");
 
     // Without header it is no message of ours.
     let mut reader = log(&[Message::<other::Sweeps>::default()]);

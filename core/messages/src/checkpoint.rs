@@ -1,10 +1,10 @@
-//! What a stage keeps outside of its process for the next one. Not on the bus.
+//! What a stage keeps outside its process for its next process. Not on the bus.
 
 use crate::plain;
 
 plain! {
-    /// Where odometry is and how far it has counted: small, and the same for every build that has this layout. For a
-    /// start where the whole state cannot be taken over.
+    /// Where odometry is and how far it has counted: small, and valid for every build with this layout. It is used where
+    /// the whole state cannot be taken over.
     pub struct PoseRecord {
         /// End of the last scan's sweep.
         pub stamp_ns: i64,
@@ -36,13 +36,13 @@ plain! {
     pub struct LastRecorded {
         /// Name of the topic, in UTF-8, filled with zeros.
         pub topic: [u8; 32],
-        /// Whose it is, where many stages write a topic; else zero.
+        /// The stage that published it, where several stages write the topic; else zero.
         pub writer: [u8; 16],
         /// Epoch of the publisher.
         pub epoch: u64,
         /// Sequence in that epoch.
         pub sequence: u64,
-        /// Number that goes on over restarts of the publisher, as states and keyframes have one; else 0.
+        /// Number that continues over restarts of the publisher, as that of states and keyframes does; else 0.
         pub id: u64,
         /// When it was published, ns.
         pub published_ns: i64,

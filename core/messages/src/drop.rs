@@ -1,36 +1,26 @@
-//! `log/drop`: what a log should hold and does not.
+//! `log/drop`: messages that a log lacks.
 
-use crate::{Header, plain, topic};
+use crate::{Header, layout::coded, plain, topic};
 
-/// Why messages were not recorded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(u32)]
-pub enum DropCause {
-    /// The recorder did not see them: it was away or slower than the bus.
-    Missed = 0,
-    /// The disk was slower than the data for longer than memory lasts.
-    Slow = 1,
-    /// Too little space was left on the disk.
-    Full = 2,
-    /// The disk or the folder did not take them, or lost them again.
-    Failed = 3,
-    /// Their publisher was replaced while nobody recorded: what it sent last went with it. Counted is how often that
-    /// happened, because nobody knows the number of messages.
-    Replaced = 4,
+coded! {
+    /// Why messages were not recorded.
+    pub enum DropCause {
+        /// The recorder did not see them: it was away or slower than the bus.
+        #[default]
+        Missed = 0 => "missed",
+        /// The disk was slower than the data for longer than memory lasts.
+        Slow = 1 => "disk-slow",
+        /// Too little space was left on the disk.
+        Full = 2 => "disk-full",
+        /// They could not be written, or were lost again with the file.
+        Failed = 3 => "disk-failed",
+        /// Their publisher was replaced while no recorder ran, and what it sent last is lost. The count says how often that
+        /// happened, because the number of messages is unknown.
+        Replaced = 4 => "publisher-replaced",
+    }
 }
 
 impl DropCause {
-    /// The cause of a code; `Missed` for any other.
-    pub fn from_code(code: u32) -> Self {
-        match code {
-            1 => Self::Slow,
-            2 => Self::Full,
-            3 => Self::Failed,
-            4 => Self::Replaced,
-            _ => Self::Missed,
-        }
-    }
-
     /// Its name for people.
     pub fn name(self) -> &'static str {
         match self {
@@ -57,6 +47,7 @@ plain! {
         /// Name of the topic, in UTF-8, filled with zeros.
         pub topic: [u8; 32],
         /// A [`DropCause`] as its code.
+        #[code(DropCause)]
         pub cause: u32,
         /// Zero.
         pub reserved: u32,

@@ -1,47 +1,24 @@
-//! `stage/health`: what a stage says of itself.
+//! `stage/health`: the state of a stage, as it publishes it.
 
-use crate::{Header, plain, topic};
+use crate::{Header, layout::coded, plain, topic};
 
 /// Most ports of a stage that are reported: the recorder reads every topic.
 pub const HEALTH_PORTS: usize = 12;
 
-/// What a stage does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum StageState {
-    /// Not in its loop yet.
-    Starting = 0,
-    /// In its loop.
-    Running = 1,
-    /// In its loop, but something is lost or missing.
-    Degraded = 2,
-    /// On its way out.
-    Stopping = 3,
-    /// At the end of its log; what it sent last stays in reach.
-    Finished = 4,
-}
-
-impl StageState {
-    /// The state of a code; `Starting` for any other.
-    pub fn from_code(code: u32) -> Self {
-        match code {
-            1 => Self::Running,
-            2 => Self::Degraded,
-            3 => Self::Stopping,
-            4 => Self::Finished,
-            _ => Self::Starting,
-        }
-    }
-
-    /// Its name for people.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Starting => "starting",
-            Self::Running => "running",
-            Self::Degraded => "degraded",
-            Self::Stopping => "stopping",
-            Self::Finished => "finished",
-        }
+coded! {
+    /// What a stage does.
+    pub enum StageState {
+        /// Not in its loop yet.
+        #[default]
+        Starting = 0 => "starting",
+        /// In its loop.
+        Running = 1 => "running",
+        /// In its loop, but something is lost or missing.
+        Degraded = 2 => "degraded",
+        /// On its way out.
+        Stopping = 3 => "stopping",
+        /// At the end of its log; what it sent last stays in reach.
+        Finished = 4 => "finished",
     }
 }
 
@@ -77,6 +54,7 @@ plain! {
         /// Data lost in the stage itself, beyond what its ports missed.
         pub lost: u64,
         /// A [`StageState`] as its code.
+        #[code(StageState)]
         pub state: u32,
         /// Ports in use.
         pub port_count: u32,

@@ -1,11 +1,11 @@
-//! What the stages say to each other: payload types, topic names with versions, layout hash.
+//! The messages between the stages: payload types, topic names with versions, layout hash.
 //!
 //! Responsible for the one definition of every message, on the bus and in the log.
-//! Not responsible for carrying them: this crate knows no shared memory, no file, no clock.
+//! Not responsible for transport: this crate knows no shared memory, no file, no clock.
 //!
 //! Every payload is `repr(C)` plain old data without padding (the compiler refuses anything else).
 //! Stamps are nanoseconds of one clock. Frames follow REP-103 and REP-105: x forward, y left,
-//! counter-clockwise; a clockwise sensor is turned at the reader's or driver's door.
+//! counter-clockwise; readers and drivers turn the angles of a clockwise sensor.
 //!
 //! ```
 //! use randt_messages::{Message, RadarScan, Return, Topic};
@@ -55,7 +55,7 @@ plain! {
     pub struct Header {
         /// Number of this message in its topic and epoch, from 0, without gaps.
         pub sequence: u64,
-        /// The instant that the message speaks of; for a radar sweep its end.
+        /// The instant that the message describes; for a radar sweep its end.
         pub stamp_ns: i64,
         /// New at each start of the publisher; 0 in files.
         pub epoch: u64,

@@ -1,20 +1,21 @@
 //! `mapper/correction`, `mapper/graph`, `mapper/grid`: the global map as it becomes known.
 
-use crate::{Header, plain, topic};
+use crate::{Header, layout::coded, plain, topic};
 
 /// Cells along an edge of a tile of the occupancy grid.
 pub const TILE_CELLS: usize = 64;
 /// Most entries in one message of the graph; larger graphs come in pages.
 pub const GRAPH_ENTRIES_MAX: usize = 1024;
 
-/// What an entry of the graph is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum GraphEntryKind {
-    /// A keyframe and where it stands.
-    Node = 0,
-    /// A loop that is in force.
-    Loop = 1,
+coded! {
+    /// What an entry of the graph is.
+    pub enum GraphEntryKind {
+        /// A keyframe and where it stands.
+        #[default]
+        Node = 0 => "node",
+        /// A loop that is in force.
+        Loop = 1 => "loop",
+    }
 }
 
 plain! {
@@ -24,12 +25,14 @@ plain! {
         pub header: Header,
         /// Rises with every change of the map.
         pub graph_version: u64,
-        /// Frame that this places in `map`.
+        /// The odometry frame whose pose this is.
         pub odom_frame_id: u64,
-        /// First `odom_frame_id` of the part of the map that it belongs to; parts have nothing in common.
-        pub part: u64,
+        /// First `odom_frame_id` of the component of the pose graph that it belongs to. No edge joins two components.
+        #[was(part)]
+        pub component: u64,
         /// Pose of `odom` in `map`: x m, y m, yaw rad.
-        pub pose: [f64; 3],
+        #[was(pose)]
+        pub map_from_odom: [f64; 3],
     }
 
     /// The fixed part of a message of the graph.
@@ -48,8 +51,9 @@ plain! {
         pub odom_frame_id: u64,
         /// Loops in force.
         pub loops: u64,
-        /// Parts that nothing joins.
-        pub parts: u64,
+        /// Components of the pose graph.
+        #[was(parts)]
+        pub components: u64,
         /// Path over all keyframes, m.
         pub path_m: f64,
         /// Tiles of the occupancy grid.
@@ -64,7 +68,7 @@ plain! {
     pub struct GraphEntry {
         /// Node: the keyframe. Loop: the older keyframe.
         pub a: u64,
-        /// Node: the first keyframe of its part. Loop: the newer keyframe.
+        /// Node: the first keyframe of its component. Loop: the newer keyframe.
         pub b: u64,
         /// Stamp of the keyframe; 0 for a loop.
         pub stamp_ns: i64,
@@ -73,6 +77,7 @@ plain! {
         /// Loop: how far it is believed, 0..1; 1 for a node.
         pub weight: f32,
         /// A [`GraphEntryKind`] as its code.
+        #[code(GraphEntryKind)]
         pub kind: u32,
     }
 

@@ -1,50 +1,30 @@
 //! `odometry/state`: where the robot is, how fast, how sure, after each sweep.
 
-use crate::{Header, plain, topic};
+use crate::{Header, layout::coded, plain, topic};
 
-/// How far the pose can be believed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[repr(u32)]
-pub enum Trust {
-    /// The estimate has no support in the data; the next scan opens a new odom frame.
-    Lost = 0,
-    /// Some direction is held by the motion model or IMU alone, the scans fit their map poorly, or beams of two senders
-    /// came.
-    Degraded = 1,
-    /// The scan fixes the pose in every direction.
-    Good = 2,
-}
-
-impl Trust {
-    /// Of a code in a message. What no code stands for cannot be believed: it is lost.
-    pub fn from_code(code: u32) -> Self {
-        match code {
-            code if code == Self::Good as u32 => Self::Good,
-            code if code == Self::Degraded as u32 => Self::Degraded,
-            _ => Self::Lost,
-        }
+coded! {
+    /// How far the pose can be believed.
+    pub enum Trust {
+        /// The estimate has no support in the data; the next scan opens a new odom frame.
+        #[default]
+        Lost = 0 => "lost",
+        /// Some direction is held by the motion model or IMU alone, the scans fit their map poorly, or beams of two senders
+        /// came.
+        Degraded = 1 => "degraded",
+        /// The scan fixes the pose in every direction.
+        Good = 2 => "good",
     }
 
-    /// Its name in texts and reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Good => "good",
-            Self::Degraded => "degraded",
-            Self::Lost => "lost",
-        }
+    /// How the IMU was used for a scan.
+    pub enum ImuUse {
+        /// Samples cover the sweep to its end.
+        Covered = 0 => "covered",
+        /// Samples end before the sweep does: the bounded wait ran out.
+        Late = 1 => "late",
+        /// No IMU for this scan.
+        #[default]
+        None = 2 => "none",
     }
-}
-
-/// How the IMU was used for a scan.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum ImuUse {
-    /// Samples cover the sweep to its end.
-    Covered = 0,
-    /// Samples end before the sweep does: the bounded wait ran out.
-    Late = 1,
-    /// No IMU for this scan.
-    None = 2,
 }
 
 plain! {
@@ -63,9 +43,11 @@ plain! {
         /// x m, y m, yaw rad in `odom`.
         pub pose: [f64; 3],
         /// The scan that left the window with this one, by its stamp; 0 where none did.
-        pub settled_stamp_ns: i64,
+        #[was(settled_stamp_ns)]
+        pub retired_stamp_ns: i64,
         /// Its final pose in `odom`: x m, y m, yaw rad.
-        pub settled_pose: [f64; 3],
+        #[was(settled_pose)]
+        pub retired_pose: [f64; 3],
         /// Forward m/s, left m/s, yaw rate rad/s in `base_link`.
         pub velocity: [f64; 3],
         /// Gyro bias about the IMU's x, y, z, rad/s.
@@ -87,8 +69,10 @@ plain! {
         /// When that last sample was published, for diagnosis only.
         pub imu_published_ns: i64,
         /// An [`ImuUse`] as its code.
+        #[code(ImuUse)]
         pub imu_use: u32,
         /// A [`Trust`] as its code.
+        #[code(Trust)]
         pub trust: u32,
         /// Points of the scan.
         pub points: u32,
@@ -129,6 +113,6 @@ mod tests {
             trust: 1,
             ..Default::default()
         };
-        assert_eq!(state.trust().name(), "degraded");
+        assert_eq!(state.trust().as_str(), "degraded");
     }
 }

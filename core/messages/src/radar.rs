@@ -1,38 +1,26 @@
 //! `radar/scan` and `radar/points`: one sweep of a rotating radar, whole and filtered.
 
-use crate::{Header, plain, topic};
+use crate::{Header, layout::coded, plain, topic};
 
 /// Most beams in a sweep.
 pub const MAX_BEAMS: usize = 1024;
 /// Most returns in a sweep.
 pub const MAX_RETURNS: usize = 65_536;
 
-/// Set in [`SweepHead::sensor`] where a sweep's beams may not all be the radar's: another sender's came meanwhile. Above
-/// all codes, so that logs from before it read as what they are, not contested.
-const CONTESTED: u32 = 1 << 31;
-
-/// The sensor that made a sweep.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum SensorKind {
-    /// Not said by the input.
-    Unknown = 0,
-    /// indurad iSDR-C.
-    IsdrC = 1,
-    /// Navtech CTS or CIR series.
-    NavtechCts = 2,
+coded! {
+    /// The sensor that made a sweep.
+    pub enum SensorKind {
+        /// The input does not say.
+        #[default]
+        Unknown = 0 => "unknown",
+        /// indurad iSDR-C.
+        IsdrC = 1 => "isdr-c",
+        /// Navtech CTS or CIR series.
+        NavtechCts = 2 => "navtech-cts",
+    }
 }
 
 impl SensorKind {
-    /// The kind of a code; `Unknown` for any other.
-    pub fn from_code(code: u32) -> Self {
-        match code {
-            1 => Self::IsdrC,
-            2 => Self::NavtechCts,
-            _ => Self::Unknown,
-        }
-    }
-
     /// The kind that the configuration calls so; `Unknown` for any other.
     pub fn from_name(name: &str) -> Self {
         let kinds = [Self::IsdrC, Self::NavtechCts];
@@ -44,8 +32,7 @@ impl SensorKind {
     pub fn name(self) -> Option<&'static str> {
         match self {
             Self::Unknown => None,
-            Self::IsdrC => Some("isdr-c"),
-            Self::NavtechCts => Some("navtech-cts"),
+            known => Some(known.as_str()),
         }
     }
 }
@@ -79,8 +66,8 @@ plain! {
         pub begin_ns: i64,
         /// Last instant of the sweep; the header's stamp.
         pub end_ns: i64,
-        /// A [`SensorKind`] as its code; the highest bit says whether the sweep is contested. See
-        /// [`SweepHead::sensor_kind`] and [`SweepHead::is_contested`].
+        /// A [`SensorKind`] as its code.
+        #[code(SensorKind)]
         pub sensor: u32,
         /// Beams in the table.
         pub beam_count: u32,
@@ -92,6 +79,10 @@ plain! {
         pub range_resolution_m: f32,
         /// Angle between neighbouring beams of the full sweep.
         pub azimuth_step_rad: f32,
+        /// 1 where the beams may not all be the radar's: beams of another sender came meanwhile, or copies of a beam
+        /// differed. Else 0.
+        #[was_bit(sensor, 31)]
+        pub contested: u64,
         /// The table; entries from `beam_count` on are zero.
         pub beams: [Beam; MAX_BEAMS],
     }
@@ -120,19 +111,9 @@ plain! {
 }
 
 impl SweepHead {
-    /// The sensor that made it.
-    pub fn sensor_kind(&self) -> SensorKind {
-        SensorKind::from_code(self.sensor & !CONTESTED)
-    }
-
-    /// Whether its beams may not all be the radar's: beams of another sender came meanwhile, or copies of a beam differed.
+    /// Whether its beams may not all be the radar's.
     pub fn is_contested(&self) -> bool {
-        self.sensor & CONTESTED != 0
-    }
-
-    /// Says who made it, and whether it is contested.
-    pub fn set_sensor(&mut self, kind: SensorKind, contested: bool) {
-        self.sensor = kind as u32 | if contested { CONTESTED } else { 0 };
+        self.contested != 0
     }
 
     /// The beams that are there.

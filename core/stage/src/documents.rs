@@ -8,6 +8,7 @@ use crate::Error;
 use clap::{Command, Parser};
 use clap_complete::Shell;
 use clap_complete::aot::Generator;
+use randt_version::VERSION;
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -27,16 +28,18 @@ const DAEMONS: &str = "8";
 /// Parses the command line, or writes what documents it and ends.
 pub fn parse<A: Parser>() -> A {
     let arguments: Vec<OsString> = std::env::args_os().collect();
+    let command = A::command().version(VERSION);
     if let [_, option, folder] = arguments.as_slice()
         && option == OPTION
     {
-        if let Err(error) = write(A::command(), Path::new(folder)) {
+        if let Err(error) = write(command, Path::new(folder)) {
             eprintln!("error: {error}");
             std::process::exit(1);
         }
         std::process::exit(0);
     }
-    A::parse_from(arguments)
+    let parsed = A::from_arg_matches(&command.get_matches_from(arguments));
+    parsed.unwrap_or_else(|error| error.format(&mut A::command()).exit())
 }
 
 /// Writes all of a program's documents below a folder.
@@ -69,7 +72,7 @@ fn write_pages(command: &Command, section: &str, folder: &Path) -> Result<(), Er
     let page = clap_mangen::Man::new(command.clone())
         .section(section)
         // No date: the same source gives the same bytes.
-        .source(format!("randt {}", env!("CARGO_PKG_VERSION")));
+        .source(format!("randt {VERSION}"));
     let path = folder.join(page.get_filename());
     let mut text = Vec::new();
     page.render(&mut text)

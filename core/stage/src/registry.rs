@@ -23,7 +23,7 @@ pub struct Entry {
     pub started_ns: i64,
     /// How often a stage of this name has started.
     pub starts: u64,
-    /// Version of the program.
+    /// Version and commit of the program.
     pub version: String,
     /// The command that it was started with, word by word.
     #[serde(default)]
@@ -88,7 +88,7 @@ impl Registry {
                 pid: u64::from(std::process::id()),
                 started_ns,
                 starts: last.starts + 1,
-                version: env!("CARGO_PKG_VERSION").to_owned(),
+                version: randt_version::VERSION.to_owned(),
                 command: std::env::args_os()
                     .map(|word| word.to_string_lossy().into_owned())
                     .collect(),

@@ -12,7 +12,7 @@ use std::time::Duration;
 ///
 /// A device that is not there is waited for, and one that was unplugged is found again.
 #[derive(Debug, Parser)]
-#[command(name = "randt-imu", version, max_term_width = 100)]
+#[command(name = "randt-imu", max_term_width = 100)]
 struct Arguments {
     #[command(flatten)]
     stage: StageArguments,

@@ -12,7 +12,7 @@ use std::time::Duration;
 ///
 /// A radar that is not there, or not any more, is no error: the stage says so and tries again, for ever.
 #[derive(Debug, Parser)]
-#[command(name = "randt-radar", version, max_term_width = 100)]
+#[command(name = "randt-radar", max_term_width = 100)]
 struct Arguments {
     #[command(flatten)]
     stage: StageArguments,

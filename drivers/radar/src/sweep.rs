@@ -194,7 +194,8 @@ impl Sweep {
         let sweep = &mut head.sweep;
         sweep.begin_ns = self.timing.begin_ns;
         sweep.end_ns = self.timing.end_ns;
-        sweep.set_sensor(sensor, self.contested);
+        sweep.sensor = sensor as u32;
+        sweep.contested = u64::from(self.contested);
         sweep.beam_count = self.slots.len() as u32;
         sweep.beams_lost = self.lost;
         sweep.returns_dropped = self.below_floor.saturating_add(self.over_limit());

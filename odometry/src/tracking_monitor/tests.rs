@@ -4,7 +4,7 @@ use super::*;
 use crate::{Odometry, Sink};
 use nalgebra::{Matrix3, Vector3};
 use randt_filter::ClusterFilter;
-use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, SensorKind};
+use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints};
 use randt_ndt::ScanCell;
 use randt_persist::{Persist, Reader, Writer};
 use randt_simulator::{Event, Robot, Simulation, World};
@@ -226,7 +226,7 @@ fn a_sweep_of_two_senders_is_doubted_for_a_second() {
         .map(|number| {
             let mut scan = scan(number);
             let sweep = &mut scan.message.head.sweep;
-            sweep.set_sensor(SensorKind::IsdrC, number == 7);
+            sweep.contested = u64::from(number == 7);
             monitor.judge(&solution(0.8, 9000.0), &scan, &config)
         })
         .collect();

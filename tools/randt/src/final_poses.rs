@@ -38,10 +38,10 @@ pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
 pub fn hang(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
     let settled: BTreeMap<Key, Pose2> = states
         .iter()
-        .filter(|state| state.settled_stamp_ns != 0)
+        .filter(|state| state.retired_stamp_ns != 0)
         .map(|state| {
-            let key = (state.odom_frame_id, state.settled_stamp_ns);
-            (key, Pose2::from_array(state.settled_pose))
+            let key = (state.odom_frame_id, state.retired_stamp_ns);
+            (key, Pose2::from_array(state.retired_pose))
         })
         .collect();
     let mut trajectory = Trajectory::stamped();

@@ -86,7 +86,7 @@ pub fn finish_drive(
     let trust = trust_spans::for_evaluation(&trust_spans);
     let silently_wrong = silently_wrong(&odometry, results.truth(), &trust);
     let mut report = Report {
-        randt: env!("CARGO_PKG_VERSION"),
+        randt: randt_version::VERSION,
         scans: results.states.len() as u64,
         keyframes: mapper.places().len() as u64,
         path_m: results.path_m(),

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 /// Radar SLAM for robots that work where cameras and LiDAR are blind: smoke, dust, fog.
 #[derive(Debug, Parser)]
-#[command(name = "randt", version, max_term_width = 100)]
+#[command(name = "randt", max_term_width = 100)]
 struct Arguments {
     #[command(subcommand)]
     command: randt::commands::Command,

@@ -49,7 +49,7 @@ impl Mission {
         let mission = Self {
             folder: folder.to_owned(),
             record: Record {
-                randt: env!("CARGO_PKG_VERSION").to_owned(),
+                randt: randt_version::VERSION.to_owned(),
                 number,
                 begun_ns: date_ns,
                 boot: Some(now.boot.clone()),

@@ -17,7 +17,7 @@ use std::path::Path;
 /// The report. Everything but `timing` is a function of input and configuration.
 #[derive(Debug, Serialize)]
 pub struct Report<'a> {
-    /// Version of the program.
+    /// Version and commit of the program.
     pub randt: &'static str,
     /// What was read.
     pub input: Input,

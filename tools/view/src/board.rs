@@ -169,7 +169,7 @@ impl Board {
         let at = randt_geometry::Pose2::from_array(pose);
         let correction = self
             .correction
-            .map_or([0.0; 3], |correction| correction.pose);
+            .map_or([0.0; 3], |correction| correction.map_from_odom);
         let [x, y, _] = randt_geometry::Pose2::from_array(correction)
             .compose(&at)
             .to_array();

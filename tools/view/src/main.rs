@@ -14,7 +14,7 @@ use std::process::ExitCode;
 /// Viewers connect to ws://127.0.0.1:8765 and see what is young: on a slow link less often, never what was minutes ago. It only reads the
 /// bus; nothing waits for it.
 #[derive(Debug, Parser)]
-#[command(name = "randt-view", version, max_term_width = 100)]
+#[command(name = "randt-view", max_term_width = 100)]
 struct Arguments {
     /// Address with port for viewers, instead of view.listen
     #[arg(long, value_name = "ADDRESS:PORT", value_parser = check_address)]

@@ -24,7 +24,7 @@ pub fn choose(offered: &str) -> Option<&'static str> {
 pub fn server_info(session: &str) -> String {
     json!({
         "op": "serverInfo",
-        "name": concat!("randt-view ", env!("CARGO_PKG_VERSION")),
+        "name": format!("randt-view {}", randt_version::VERSION),
         // The viewer's clock is the robot's: its own may be hours off.
         "capabilities": ["time"],
         "supportedEncodings": [],

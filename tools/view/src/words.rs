@@ -31,7 +31,7 @@ pub(crate) fn of(board: &Board, now_ns: i64, round_trip_s: f64) -> (String, Mood
         Trust::Degraded => Mood::Doubtful,
         Trust::Lost => Mood::Bad,
     };
-    let trust = state.trust().name();
+    let trust = state.trust().as_str();
     let mut words = format!("pose {age_s:.1} s old, trust {trust}, ");
     if let Some(rate_hz) = board.rate_hz() {
         words.push_str(&format!("{rate_hz:.1} Hz, "));

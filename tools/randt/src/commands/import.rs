@@ -48,7 +48,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let info = source.info().clone();
     let bar = progress::bar(info.scans, "sweeps");
 
-    let written_by = concat!("randt ", env!("CARGO_PKG_VERSION")).to_owned();
+    let written_by = format!("randt {}", randt_version::VERSION);
     let mut file = LogFile::create(
         &log,
         Options {

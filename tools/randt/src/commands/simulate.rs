@@ -83,7 +83,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     job::catch_interrupts();
     let robot = robot(&world, &arguments);
     let scans = arguments.scans.unwrap_or_else(|| world.sweeps());
-    let written_by = concat!("randt ", env!("CARGO_PKG_VERSION")).to_owned();
+    let written_by = format!("randt {}", randt_version::VERSION);
     let mut log = LogFile::create(
         &arguments.out,
         Options {

@@ -42,7 +42,7 @@ fn an_address_that_is_taken_is_tried_again() {
         .collect();
     turn(&mut server, AGAIN_NS);
     assert_eq!(server.descriptors().count(), 1 + HANDSHAKES_MAX);
-    assert_eq!(server.remark(0), "nobody watches; refused: 2 no room");
+    assert_eq!(server.status_remark(0), "nobody watches; refused: 2 no room");
     drop(crowd);
     turn(&mut server, AGAIN_NS);
     assert_eq!(server.descriptors().count(), 1);

@@ -121,7 +121,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         Some(of_world(&arguments, &world, &seeds))
     });
     let ablation = Ablation {
-        randt: env!("CARGO_PKG_VERSION"),
+        randt: randt_version::VERSION,
         machine: machine::description(),
         configuration: arguments.selection.description(),
         optimised: !cfg!(debug_assertions),

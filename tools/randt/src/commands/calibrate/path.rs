@@ -214,11 +214,11 @@ impl Heading {
 fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
     let settled: BTreeMap<(u64, i64), [f64; 3]> = states
         .iter()
-        .filter(|state| state.settled_stamp_ns != 0)
+        .filter(|state| state.retired_stamp_ns != 0)
         .map(|state| {
             (
-                (state.odom_frame_id, state.settled_stamp_ns),
-                state.settled_pose,
+                (state.odom_frame_id, state.retired_stamp_ns),
+                state.retired_pose,
             )
         })
         .collect();

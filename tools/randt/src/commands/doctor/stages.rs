@@ -4,6 +4,7 @@ use super::finding::Finding;
 use super::scene::{Scene, program, start};
 use crate::process::Sample;
 use randt_stage::{Entry, TOPICS};
+use randt_version::VERSION;
 
 /// Whoever has not ended in order lives, and is not stopped.
 pub fn check(scene: &Scene) -> Vec<Finding> {
@@ -56,12 +57,8 @@ pub fn check_builds(scene: &Scene) -> Vec<Finding> {
                 "{stage} has the layout {theirs} of {topic}, this build has {ours}: neither reads the other"
             );
             found.push(Finding::bad(ABOUT, text, restart));
-        } else if entry.version != env!("CARGO_PKG_VERSION") {
-            let text = format!(
-                "{stage} is of version {}, this is {}",
-                entry.version,
-                env!("CARGO_PKG_VERSION")
-            );
+        } else if entry.version != VERSION {
+            let text = format!("{stage} is of version {}, this is {VERSION}", entry.version);
             found.push(Finding::warn(ABOUT, text, restart));
         } else if replaced(scene, *pid) {
             let text = format!("the program of {stage} was replaced on disk since it started");

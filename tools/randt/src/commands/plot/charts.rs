@@ -113,7 +113,7 @@ fn trust(recording: &Recording) -> Vec<Band> {
         };
         let span_s = [*begin_ns, *end_ns].map(|at_ns| recording.after_s(at_ns));
         Some(Band {
-            name: trust.name(),
+            name: trust.as_str(),
             colour,
             span_s,
         })

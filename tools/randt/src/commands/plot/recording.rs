@@ -149,8 +149,10 @@ impl Recording {
         self.states.push((time_ns, *state));
         let of_frame = |c: &Correction| c.odom_frame_id == state.odom_frame_id;
         if let Some(correction) = self.correction.filter(of_frame) {
-            let map = Pose2::from_array(correction.pose).compose(&Pose2::from_array(state.pose));
-            self.live.push(state.header.stamp_ns, correction.part, map);
+            let map =
+                Pose2::from_array(correction.map_from_odom).compose(&Pose2::from_array(state.pose));
+            self.live
+                .push(state.header.stamp_ns, correction.component, map);
         }
     }
 

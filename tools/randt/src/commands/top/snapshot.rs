@@ -118,12 +118,12 @@ impl Robot {
     pub fn of(state: &OdometryState, correction: Option<&Correction>, now_ns: i64) -> Self {
         let pose = Pose2::from_array(state.pose);
         let placed = correction.filter(|to| to.odom_frame_id == state.odom_frame_id);
-        let map_pose = placed.map(|to| Pose2::from_array(to.pose).compose(&pose));
+        let map_pose = placed.map(|to| Pose2::from_array(to.map_from_odom).compose(&pose));
         Self {
             pose: Pose::of(&pose),
             map_pose: map_pose.map(|pose| Pose::of(&pose)),
             velocity: state.velocity,
-            trust: state.trust().name(),
+            trust: state.trust().as_str(),
             age_s: (now_ns - state.header.published_ns) as f64 * 1e-9,
             gyro_bias_rad_s: state.gyro_bias_rad_s,
             odom_frame_id: state.odom_frame_id,
@@ -145,7 +145,7 @@ impl From<&GraphHead> for Map {
             keyframes: head.keyframes,
             on_disk: head.on_disk,
             loops: head.loops,
-            parts: head.parts,
+            parts: head.components,
             path_m: head.path_m,
             tiles: head.tiles,
             version: head.graph_version,

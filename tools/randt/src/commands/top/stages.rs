@@ -73,7 +73,7 @@ fn state(
 ) -> (&'static str, String) {
     let Some(sample) = sample else {
         return if entry.ended {
-            (StageState::Finished.name(), String::new())
+            (StageState::Finished.as_str(), String::new())
         } else {
             ("dead", format!("died as process {}", entry.pid))
         };
@@ -89,11 +89,11 @@ fn state(
         Some(silent_ns) if silent_ns > HANGS_NS => {
             let silent_s = silent_ns as f64 * 1e-9;
             (
-                StageState::Degraded.name(),
+                StageState::Degraded.as_str(),
                 format!("has said nothing for {silent_s:.1} s"),
             )
         }
-        _ => (state.name(), message),
+        _ => (state.as_str(), message),
     }
 }
 

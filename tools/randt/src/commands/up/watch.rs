@@ -147,10 +147,10 @@ impl Watch {
     /// The pipeline in a line.
     pub fn line(&self) -> String {
         let newest = self.states.states.last();
-        let trust = newest.map_or("-", |state| state.trust().name());
+        let trust = newest.map_or("-", |state| state.trust().as_str());
         let stages = STAGES.map(|name| {
             let health = self.newest(name);
-            let state = health.map_or("dead", |h| StageState::from_code(h.state).name());
+            let state = health.map_or("dead", |h| StageState::from_code(h.state).as_str());
             match health.map_or(0, |h| h.restarts) {
                 0 => format!("{name} {state}"),
                 restarts => format!("{name} {state} ({restarts} restarts)"),

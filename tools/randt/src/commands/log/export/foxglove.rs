@@ -21,7 +21,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, out: &Path) -> anyhow::
         compression: Compression::Zstd,
         // No profile: what stands in it follows nobody's conventions but the schemas'.
         profile: "",
-        written_by: concat!("randt ", env!("CARGO_PKG_VERSION")).to_owned(),
+        written_by: format!("randt {}", randt_version::VERSION),
         ..Options::default()
     };
     let mut file = LogFile::create_copy(out, options)?;
@@ -60,7 +60,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, out: &Path) -> anyhow::
         if job::interrupted() {
             bail!("interrupted; nothing was written");
         }
-        last = Some(entry.label());
+        last = Some(entry.record_header());
         translator.see(&entry, &mut shown)?;
         write(&mut shown)?;
         bar.set_position(reader.progress().0);

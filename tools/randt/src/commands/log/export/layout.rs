@@ -1,7 +1,7 @@
 //! Messages of any build as columns of numbers: by the description that the log itself carries.
 
 use anyhow::Context;
-use randt_log::{Kind, Number, StoredLayout};
+use randt_log::{Field, Kind, Number, StoredLayout};
 
 /// An array of more numbers than this is no column of a table.
 const ARRAY_MAX: usize = 16;
@@ -14,10 +14,12 @@ pub struct Column {
     cell: Cell,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 enum Cell {
     Number(Number),
-    /// So many bytes, filled with zeros.
+    /// A code, shown as its name where the log has one.
+    Code(Field),
+    /// That many bytes, filled with zeros.
     Text(usize),
 }
 
@@ -53,9 +55,11 @@ impl Layout {
 
 /// Adds the columns of a value that begins at an offset.
 fn add(kind: &Kind, name: String, offset: usize, columns: &mut Vec<Column>) {
-    let mut column = |name, offset, cell| columns.push(Column { name, offset, cell });
     match kind {
-        Kind::Number(number) => column(name, offset, Cell::Number(*number)),
+        Kind::Number(number) => {
+            let cell = Cell::Number(*number);
+            columns.push(Column { name, offset, cell });
+        }
         Kind::Struct(inner) => {
             for field in &inner.fields {
                 // The header's own names stand alone.
@@ -63,16 +67,26 @@ fn add(kind: &Kind, name: String, offset: usize, columns: &mut Vec<Column>) {
                     "" | "header" => field.name.clone(),
                     outer => format!("{outer}.{}", field.name),
                 };
-                add(&field.kind, name, offset + field.offset, columns);
+                let offset = offset + field.offset;
+                if field.codes.is_empty() {
+                    add(&field.kind, name, offset, columns);
+                } else {
+                    let cell = Cell::Code(field.clone());
+                    columns.push(Column { name, offset, cell });
+                }
             }
         }
         Kind::Array(element, count) => match **element {
-            Kind::Number(Number::U8) => column(name, offset, Cell::Text(*count)),
+            Kind::Number(Number::U8) => {
+                let cell = Cell::Text(*count);
+                columns.push(Column { name, offset, cell });
+            }
             Kind::Number(number) if *count <= ARRAY_MAX => {
-                for i in 0..*count {
-                    let offset = offset + i * number.size();
-                    column(format!("{name}.{i}"), offset, Cell::Number(number));
-                }
+                columns.extend((0..*count).map(|i| Column {
+                    name: format!("{name}.{i}"),
+                    offset: offset + i * number.size(),
+                    cell: Cell::Number(number),
+                }));
             }
             _ => {}
         },
@@ -80,10 +94,11 @@ fn add(kind: &Kind, name: String, offset: usize, columns: &mut Vec<Column>) {
 }
 
 impl Cell {
-    fn size(self) -> usize {
+    fn size(&self) -> usize {
         match self {
             Self::Number(number) => number.size(),
-            Self::Text(count) => count,
+            Self::Code(field) => field.kind.size(),
+            Self::Text(count) => *count,
         }
     }
 }
@@ -92,8 +107,13 @@ impl Column {
     /// The value in a head's or item's bytes, as it reads back; empty where the bytes end before it.
     pub fn text(&self, bytes: &[u8]) -> String {
         let field = bytes.get(self.offset..self.offset + self.cell.size());
-        let text = field.and_then(|field| match self.cell {
+        let text = field.and_then(|field| match &self.cell {
             Cell::Number(number) => number.text(field),
+            Cell::Code(code) => {
+                let number = u32::from_le_bytes(*field.first_chunk()?);
+                let name = code.code_name(number).map(str::to_owned);
+                Some(name.unwrap_or_else(|| number.to_string()))
+            }
             Cell::Text(_) => Some(quoted(randt_messages::health::text_of(field))),
         });
         text.unwrap_or_default()
@@ -113,7 +133,9 @@ fn quoted(text: &str) -> String {
 mod tests {
     use super::*;
     use randt_log::describe;
-    use randt_messages::{ImuSampleTopic, Message, RadarScan, Return, StageHealthTopic};
+    use randt_messages::{
+        ImuSampleTopic, Message, OdometryStateTopic, RadarScan, Return, StageHealthTopic, Trust,
+    };
 
     #[test]
     fn every_number_of_a_message_has_its_column() {
@@ -158,5 +180,23 @@ mod tests {
         let name = layout.head.iter().find(|c| c.name == "name").unwrap();
         assert_eq!(name.text(&bytes), "\"a,\"\"b\"");
         assert!(Layout::parse("anything").is_err());
+    }
+
+    #[test]
+    fn codes_are_shown_by_their_names_where_the_log_has_them() {
+        let text = describe::<OdometryStateTopic>();
+        let mut state = Message::<OdometryStateTopic>::default();
+        (state.head.trust, state.head.imu_use) = (Trust::Good as u32, 9);
+        let mut bytes = Vec::new();
+        state.as_ref().write_bytes(&mut bytes);
+        let shown = |text: &str| {
+            let layout = Layout::parse(text).unwrap();
+            let column = |name: &str| layout.head.iter().find(|c| c.name == name).unwrap();
+            ["trust", "imu_use"].map(|name| column(name).text(&bytes))
+        };
+        assert_eq!(shown(&text), ["good", "9"]);
+        let lines = text.lines().filter(|line| !line.starts_with("codes "));
+        let before = lines.collect::<Vec<_>>().join("\n");
+        assert_eq!(shown(&before), ["2", "9"]);
     }
 }

@@ -257,7 +257,7 @@ impl Translator {
         let mut transforms = vec![("odom", BASE_LINK, [x, y], about_z(yaw))];
         let of_frame = |c: &Correction| c.odom_frame_id == state.odom_frame_id;
         if let Some(correction) = self.correction.filter(of_frame) {
-            let [x, y, yaw] = correction.pose;
+            let [x, y, yaw] = correction.map_from_odom;
             transforms.push(("map", "odom", [x, y], about_z(yaw)));
         }
         vec![

@@ -4,7 +4,7 @@ use super::ros::{Style, TOPICS, Translator, Type};
 use crate::output::write_whole;
 use crate::units::count;
 use anyhow::Context;
-use randt_log::{Channel, Compression, Label, LogFile, LogReader, Options};
+use randt_log::{Channel, Compression, LogFile, LogReader, Options, RecordHeader};
 use std::fmt::Write;
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -39,7 +39,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, folder: &Path) -> anyho
             let Some((place, (_, id))) = place.and_then(|p| Some((p, channels.get(p)?))) else {
                 continue;
             };
-            let label = Label {
+            let label = RecordHeader {
                 sequence: 0,
                 time_ns: message.stamp_ns,
             };

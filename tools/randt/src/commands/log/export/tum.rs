@@ -29,8 +29,8 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, folder: &Path) -> anyho
             odometry.push(stamp_ns, frame, pose);
             // Parts of the map have nothing in common, so each is a frame.
             if let Some(correction) = correction.filter(|c| c.odom_frame_id == frame) {
-                let odom = Pose2::from_array(correction.pose);
-                map.push(stamp_ns, correction.part, odom.compose(&pose));
+                let odom = Pose2::from_array(correction.map_from_odom);
+                map.push(stamp_ns, correction.component, odom.compose(&pose));
             }
         } else if let Some(message) = entry.decode::<MapperCorrection>()? {
             correction = Some(*message.head);

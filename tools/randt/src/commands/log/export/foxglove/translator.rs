@@ -8,7 +8,7 @@ use randt_foxglove_schemas::{
     FrameTransforms, Graph, Grid, Log, PointCloud, PoseInFrame, SceneUpdate, Tiles, channel,
     mounting, of_drop, of_points, of_scan, pose_of_state, transforms,
 };
-use randt_log::{Channel, Entry, Label};
+use randt_log::{Channel, Entry, RecordHeader};
 use randt_messages::{
     Correction, Keyframe, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid, OdometryState,
     OdometryStateTopic, RadarPoints, RadarScan, Topic,
@@ -56,7 +56,7 @@ const NODE_BYTES: usize = 100;
 /// A message for viewers.
 pub struct Shown {
     pub view: &'static str,
-    pub label: Label,
+    pub label: RecordHeader,
     pub bytes: Vec<u8>,
 }
 
@@ -95,7 +95,7 @@ impl Translator {
     /// What a message becomes.
     pub fn see(&mut self, entry: &Entry<'_>, out: &mut Vec<Shown>) -> Result<(), randt_log::Error> {
         let mut out = Out {
-            label: entry.label(),
+            label: entry.record_header(),
             shown: out,
         };
         if let Some(scan) = entry.decode::<RadarScan>()? {
@@ -129,7 +129,7 @@ impl Translator {
     }
 
     /// The log is over: what was held back for its size is shown as it is at last.
-    pub fn finish(&mut self, label: Label, out: &mut Vec<Shown>) {
+    pub fn finish(&mut self, label: RecordHeader, out: &mut Vec<Shown>) {
         let mut out = Out { label, shown: out };
         if self.graph_pace.is_behind() {
             self.draw_graph(&mut out);
@@ -187,7 +187,7 @@ impl Translator {
 
 /// Where messages for viewers go, with the label of the one that they are made of.
 struct Out<'a> {
-    label: Label,
+    label: RecordHeader,
     shown: &'a mut Vec<Shown>,
 }
 
