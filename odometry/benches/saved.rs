@@ -44,7 +44,7 @@ fn measure(world: &World, config: &Config) -> Result<(), Error> {
     let mut odometry = Odometry::new(config, true);
     let mut bytes = vec![0; ROOM];
     let (mut saves, mut restores, mut lengths) = (Vec::new(), Vec::new(), Vec::new());
-    for event in Simulation::new(world, Robot::of(world), SCANS, 1) {
+    for event in Simulation::new(world, Robot::for_world(world), SCANS, 1) {
         match event {
             Event::Imu(sample) => odometry.push_imu(&sample, &mut Nowhere),
             Event::Scan(scan) => {

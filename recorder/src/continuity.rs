@@ -1,20 +1,20 @@
 //! What did not come: messages missing before one that did, also over restarts of this recorder and of publishers.
 //!
-//! A publisher hands a reader who joins no more than its history. What a recorder that was away cannot get any more shows
+//! A publisher gives a reader that joins no more than its history. What a recorder that was away cannot get any more shows
 //! in the numbers: the last message in the files of the recorder before, and the first one that this one gets.
 
 use crate::{Positions, Raw};
 use randt_messages::{DropCause, LastRecorded, OdometryStateTopic, Topic, health::text_of};
 
-/// Whoever has not listened for this long was away: stopped, or starved. Awake it listens five times a second.
+/// A recorder that has not listened for this time was away: stopped, or starved. Awake it listens five times a second.
 const AWAY_NS: i64 = 1_000_000_000;
-/// A publisher that died while nobody listened has its successor within this time after that; systemd and a busy machine
+/// A publisher that died while the recorder was away has its successor within this time after that; systemd and a busy machine
 /// need 2.3 s.
 const SUCCESSOR_MAX_NS: i64 = 5_000_000_000;
 /// States of odometry that goes on are at most this many numbers behind the last one: those that it sends again. Farther
 /// back it has begun anew.
 const STATES_AGAIN: u64 = 64;
-/// What a recorder that was killed said of itself last nobody is missing.
+/// The last health message of a recorder that was killed is not counted as missing.
 const ITSELF: &str = "recorder";
 
 /// Messages of one topic that are missing.
@@ -34,12 +34,12 @@ pub struct Gap {
 #[derive(Debug)]
 pub struct Continuity {
     last: Positions,
-    /// Those that were heard since the last absence: their publishers were still there when it ended.
-    heard: Positions,
-    /// The last time when nobody listened.
+    /// Those that came since the last absence: their publishers were still there when it ended.
+    received: Positions,
+    /// The last absence.
     away: Option<Away>,
     listened_ns: Option<i64>,
-    /// Whether a recorder was here before, however short ago.
+    /// Whether a recorder was here before, whenever that was.
     is_back: bool,
 }
 
@@ -55,14 +55,14 @@ impl Continuity {
         let newest_ns = recorded.newest_ns();
         Self {
             last: recorded,
-            heard: Positions::default(),
+            received: Positions::default(),
             away: None,
             listened_ns: (newest_ns > 0).then_some(newest_ns),
             is_back: newest_ns > 0,
         }
     }
 
-    /// Notes that what has come is going to be taken now.
+    /// What has come is going to be taken now.
     pub fn listen(&mut self, now_ns: i64) {
         let is_back = std::mem::take(&mut self.is_back);
         if let Some(from_ns) = self.listened_ns.replace(now_ns)
@@ -70,21 +70,21 @@ impl Continuity {
         {
             let to_ns = now_ns;
             self.away = Some(Away { from_ns, to_ns });
-            self.heard = Positions::default();
+            self.received = Positions::default();
         }
     }
 
     /// Takes a message; gives what is missing before it. A publisher's messages come in the order of their numbers.
     pub fn take(&mut self, raw: &Raw) -> Option<Gap> {
-        let message = Positions::of(raw)?;
+        let message = Positions::position_of(raw)?;
         let gap = self.gap(&message);
         self.last.put(message);
-        self.heard.put(message);
+        self.received.put(message);
         gap
     }
 
     fn gap(&self, message: &LastRecorded) -> Option<Gap> {
-        // Where nothing was recorded before nothing was promised.
+        // Where nothing was recorded before, nothing is missing.
         let last = self.last.last(message)?;
         let (cause, count) = if message.epoch == last.epoch {
             let count = message.sequence.saturating_sub(last.sequence + 1);
@@ -117,8 +117,8 @@ impl Continuity {
         }
     }
 
-    /// Whether a publisher may have sent something unheard before its end. `message`: the first of its successor, whose
-    /// epoch says when that began.
+    /// Whether a publisher may have sent something before its end that did not come. `message`: the first of its successor, whose
+    /// epoch is the time when that began.
     fn is_end_unknown(&self, message: &LastRecorded, last: &LastRecorded) -> bool {
         let Some(away) = self.away else {
             return false;
@@ -126,12 +126,12 @@ impl Continuity {
         if text_of(&last.writer) == ITSELF {
             return false;
         }
-        let was_heard = self
-            .heard
+        let was_received = self
+            .received
             .last(last)
-            .is_some_and(|heard| heard.epoch == last.epoch);
+            .is_some_and(|received| received.epoch == last.epoch);
         let began_ns = i64::try_from(message.epoch).unwrap_or(i64::MAX);
-        !was_heard && (away.from_ns..away.to_ns + SUCCESSOR_MAX_NS).contains(&began_ns)
+        !was_received && (away.from_ns..away.to_ns + SUCCESSOR_MAX_NS).contains(&began_ns)
     }
 }
 
@@ -147,7 +147,7 @@ mod tests {
         let header = &mut sample.head.header;
         (header.epoch, header.sequence) = (epoch as u64, sequence);
         header.published_ns = published_ns;
-        Raw::of(sample.as_ref())
+        Raw::from_message(sample.as_ref())
     }
 
     fn state(epoch: i64, sequence: u64, id: u64) -> Raw {
@@ -156,14 +156,14 @@ mod tests {
         (header.epoch, header.sequence) = (epoch as u64, sequence);
         header.published_ns = id as i64 * S / 5;
         state.head.id = id;
-        Raw::of(state.as_ref())
+        Raw::from_message(state.as_ref())
     }
 
     /// What the files of an earlier recorder hold.
     fn recorded(raws: &[Raw]) -> Continuity {
         let mut positions = Positions::default();
         raws.iter()
-            .filter_map(Positions::of)
+            .filter_map(Positions::position_of)
             .for_each(|last| positions.put(last));
         Continuity::after(positions)
     }
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_publisher_that_was_replaced_meanwhile_took_an_unknown_number_with_it() {
+    fn a_publisher_that_was_replaced_meanwhile_lost_an_unknown_number() {
         let mut continuity = recorded(&[sample(S, 5000, 90 * S)]);
         continuity.listen(100 * S);
         let found = missing(&mut continuity, sample(95 * S, 0, 96 * S));
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_publisher_that_is_replaced_while_somebody_listens_takes_nothing_with_it() {
+    fn a_publisher_that_is_replaced_while_the_recorder_listens_loses_nothing() {
         let mut continuity = recorded(&[sample(S, 5000, 90 * S)]);
         continuity.listen(100 * S);
         // It was still there.
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn who_is_stopped_for_long_was_away_too() {
+    fn a_recorder_that_is_stopped_for_long_was_away_too() {
         let mut continuity = recorded(&[]);
         continuity.listen(10 * S);
         assert_eq!(missing(&mut continuity, sample(S, 7, 10 * S)), None);
@@ -253,13 +253,13 @@ mod tests {
     }
 
     #[test]
-    fn a_recorder_that_was_killed_does_not_miss_its_own_last_word() {
+    fn a_recorder_that_was_killed_does_not_miss_its_own_last_message() {
         let health = |name: &str, epoch: i64| {
             let mut health = Message::<StageHealthTopic>::default();
             health.head.name = fixed_text(name);
             let header = &mut health.head.header;
             (header.epoch, header.published_ns) = (epoch as u64, epoch);
-            Raw::of(health.as_ref())
+            Raw::from_message(health.as_ref())
         };
         for (name, expected) in [
             ("recorder", None),
@@ -282,7 +282,7 @@ mod tests {
         continuity.listen(40 * S);
         let found = missing(&mut continuity, state(30 * S, 3, 121));
         assert_eq!(found, Some((DropCause::Missed, 20)));
-        // Odometry without its past numbers anew.
+        // Odometry without its saved state numbers anew.
         let mut continuity = recorded(&[state(S, 100, 100)]);
         continuity.listen(40 * S);
         let found = missing(&mut continuity, state(30 * S, 4, 4));

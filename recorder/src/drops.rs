@@ -3,15 +3,15 @@
 use crate::Gap;
 use randt_messages::{DropCause, Header, LogDrop, health::fixed_text};
 
-/// Drops that no log tells of yet.
+/// Drops that no log lists yet.
 #[derive(Debug, Default)]
 pub struct Drops {
-    waiting: Vec<Drop>,
+    waiting: Vec<PendingDrop>,
     total: u64,
 }
 
 #[derive(Debug)]
-struct Drop {
+struct PendingDrop {
     topic: &'static str,
     cause: DropCause,
     count: u64,
@@ -21,7 +21,7 @@ struct Drop {
 
 impl Drops {
     /// Counts messages of a topic that were not recorded.
-    pub fn note(&mut self, topic: &'static str, gap: &Gap) {
+    pub fn add(&mut self, topic: &'static str, gap: &Gap) {
         let Gap {
             cause,
             count,
@@ -29,14 +29,14 @@ impl Drops {
             end_ns,
         } = *gap;
         self.total += count;
-        let same = |drop: &&mut Drop| drop.topic == topic && drop.cause == cause;
+        let same = |drop: &&mut PendingDrop| drop.topic == topic && drop.cause == cause;
         match self.waiting.iter_mut().find(same) {
             Some(drop) => {
                 drop.count += count;
                 drop.begin_ns = drop.begin_ns.min(begin_ns);
                 drop.end_ns = drop.end_ns.max(end_ns);
             }
-            None => self.waiting.push(Drop {
+            None => self.waiting.push(PendingDrop {
                 topic,
                 cause,
                 count,
@@ -51,13 +51,13 @@ impl Drops {
         self.total
     }
 
-    /// What is to be written; it then counts as told.
+    /// What is to be written; it is then no longer waiting.
     pub fn take(&mut self) -> Vec<LogDrop> {
         self.waiting.drain(..).map(|drop| drop.message()).collect()
     }
 }
 
-impl Drop {
+impl PendingDrop {
     fn message(&self) -> LogDrop {
         LogDrop {
             header: Header {

@@ -1,7 +1,7 @@
 //! The recorder: every topic into MCAP files, on a disk that may stall, fill up, break or vanish.
 //!
-//! Responsible for that nothing older than about a second is ever lost, that what is not recorded is counted, and that no
-//! disk ever holds the pipeline up: the stage's thread copies messages into a [`Queue`], a thread of its own brings them
+//! Responsible for three promises: nothing older than about a second is ever lost, what is not recorded is counted, and no
+//! disk ever holds the pipeline up. The stage's thread copies messages into a [`Queue`], a thread of its own brings them
 //! to the disk. Not responsible for the container (`randt-log`).
 
 mod continuity;
@@ -10,7 +10,7 @@ mod drops;
 mod metadata;
 mod open_log;
 #[cfg(feature = "process")]
-mod past;
+mod position_store;
 mod positions;
 #[cfg(feature = "process")]
 pub mod process;
@@ -26,15 +26,15 @@ pub use continuity::{Continuity, Gap};
 pub use disk::Disk;
 pub use drops::Drops;
 pub use metadata::{
-    CLOCK_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA, of_configuration,
-    of_machine, says,
+    CLOCK_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA, configuration_records,
+    fields, machine_record,
 };
 #[cfg(feature = "process")]
-pub use past::Past;
+pub use position_store::PositionStore;
 pub use positions::Positions;
 pub use queue::{BUDGET, Queue};
 pub use raw::Raw;
-pub use recorder::{Metadata, Preamble, Recorder, SYNC_NS, Settings, Trouble};
+pub use recorder::{Metadata, Outage, Preamble, Recorder, SYNC_NS, Settings};
 pub use sink::Sink;
 pub use viewer::Viewer;
-pub use worker::{Condition, Worker};
+pub use worker::{Worker, WorkerStatus};

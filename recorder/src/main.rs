@@ -3,7 +3,9 @@
 use clap::Parser;
 use randt_config::Config;
 use randt_recorder::process::{Inputs, preamble};
-use randt_recorder::{BUDGET, Disk, Past, Positions, Queue, Recorder, Settings, Viewer, Worker};
+use randt_recorder::{
+    BUDGET, Disk, PositionStore, Positions, Queue, Recorder, Settings, Viewer, Worker,
+};
 use randt_stage::{StageArguments, WakeReason, ended, go_behind, parse};
 use std::error::Error;
 use std::path::PathBuf;
@@ -11,15 +13,15 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Samples alone wake nobody; they are fetched so often.
+/// Samples alone do not wake the stage; they are fetched with this period.
 const PAUSE: Duration = Duration::from_millis(200);
 /// Exit code: finished, but data were lost.
 const DATA_LOST: u8 = 3;
 
 /// The recorder stage: every message of every topic, and what viewers need, into log files.
 ///
-/// A file is called NAME.mcap.active until it is finished. A disk that is slow, full, broken or gone is told of in the stage's state and
-/// never holds the pipeline up; recording goes on when it can, and the log says what is missing.
+/// A file is called NAME.mcap.active until it is finished. A disk that is slow, full, broken or gone is reported in the stage's status and
+/// never holds the pipeline up; recording goes on when it can, and the log lists what is missing.
 #[derive(Debug, Parser)]
 #[command(name = "randt-recorder", max_term_width = 100)]
 struct Arguments {
@@ -47,38 +49,38 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
         .unwrap_or(record.folder.clone().into());
     go_behind();
     let mut stage = arguments.stage.open("recorder")?;
-    // What it writes says by what the others compute.
+    // What it writes has the configuration of the others.
     let all: Vec<_> = Config::SECTIONS.iter().map(|it| it.name).collect();
     stage.follow_configuration(&arguments.stage.selection, &loaded.config, &all, None);
     let clock = stage.clock();
-    let mut past = Past::open(&mut stage, &folder)?;
-    let recorded = past.positions().clone();
+    let mut store = PositionStore::open(&mut stage, &folder)?;
+    let recorded = store.positions().clone();
     let mut inputs = Inputs::open(&mut stage, recorded.clone())?;
     let queue = Arc::new(Queue::new(BUDGET));
     let recorder = Recorder::new(
         Disk::new(&folder),
-        Settings::of(record),
+        Settings::from_config(record),
         preamble(&loaded, stage.domain(), clock),
         Viewer::new(loaded.config.robot.clone()),
         recorded,
     );
     let now_ns = move || clock.now_ns();
-    let keep = move |positions: &Positions| past.keep(positions);
+    let keep = move |positions: &Positions| store.keep(positions);
     let worker = Worker::start(Arc::clone(&queue), recorder, now_ns, keep);
     stage.running()?;
     let mut file = String::new();
     loop {
         inputs.drain(&queue, clock)?;
-        let condition = worker.condition();
-        let lost = queue.lost() + condition.lost;
-        let message = match condition.trouble.as_str() {
-            "" if lost > 0 => format!("{lost} messages are in no log, log/drop says which"),
-            trouble => trouble.to_owned(),
+        let status = worker.status();
+        let lost = queue.lost() + status.lost;
+        let message = match status.outage.as_str() {
+            "" if lost > 0 => format!("{lost} messages are in no log, log/drop lists them"),
+            outage => outage.to_owned(),
         };
-        // What its ports have missed they say themselves.
+        // What its ports have missed the ports count themselves.
         stage.set_status(&message, lost.saturating_sub(inputs.missed_by_ports()));
-        if condition.file != file {
-            file = condition.file;
+        if status.file != file {
+            file = status.file;
             if !file.is_empty() {
                 stage.log_info(&format!("{}", folder.join(&file).display()));
                 stage.set_status_note(&format!("writing {file}"));

@@ -1,14 +1,14 @@
-//! What a log says of itself at its beginning, and how its channels are declared.
+//! The metadata at the beginning of a log, and how its channels are declared.
 
-use crate::viewer;
 use randt_config::{Config, Loaded};
+use randt_foxglove_schemas::ViewerTopic;
 use randt_geometry::Quaternion;
 use randt_log::{CONFIG_METADATA, CONFIG_TOML, Channel, ROBOT_METADATA, Robot, channels};
 use randt_messages::SensorKind;
 use std::collections::BTreeMap;
 use std::fs;
 
-/// Who wrote what: stages and their versions.
+/// Stages and their versions.
 pub const VERSIONS_METADATA: &str = "randt/versions";
 /// Type name of every topic.
 pub const LAYOUTS_METADATA: &str = "randt/layouts";
@@ -17,20 +17,21 @@ pub const MACHINE_METADATA: &str = "randt/machine";
 /// How stamps become dates.
 pub const CLOCK_METADATA: &str = "randt/clock";
 
-type Says = BTreeMap<String, String>;
+type Fields = BTreeMap<String, String>;
 
-/// The channel of a topic, of ours or for viewers; one that nobody knows has no schema.
+/// The channel of a topic, of ours or for viewers; an unknown one has no schema.
 pub(crate) fn channel_of(topic: &str) -> Channel {
     let ours = randt_log::channel_of(topic);
-    ours.or_else(|| viewer::channel(topic)).unwrap_or_default()
+    ours.or_else(|| ViewerTopic::recorded_channel(topic))
+        .unwrap_or_default()
 }
 
 /// What follows from the configuration: how to read the log again. It is the same in every file of a run.
-pub fn of_configuration(loaded: &Loaded) -> Vec<(&'static str, Says)> {
+pub fn configuration_records(loaded: &Loaded) -> Vec<(&'static str, Fields)> {
     let layouts = channels().into_iter();
     vec![
         (ROBOT_METADATA, robot(&loaded.config).to_metadata()),
-        (CONFIG_METADATA, says([(CONFIG_TOML, loaded.to_toml())])),
+        (CONFIG_METADATA, fields([(CONFIG_TOML, loaded.to_toml())])),
         (
             LAYOUTS_METADATA,
             layouts.map(|c| (c.topic, c.type_name)).collect(),
@@ -38,8 +39,8 @@ pub fn of_configuration(loaded: &Loaded) -> Vec<(&'static str, Says)> {
     ]
 }
 
-/// The machine: for whoever wonders why a run was slow.
-pub fn of_machine() -> (&'static str, Says) {
+/// The machine: it may explain why a run was slow.
+pub fn machine_record() -> (&'static str, Fields) {
     let line = |path: &str| {
         let text = fs::read_to_string(path).unwrap_or_default();
         text.trim().to_owned()
@@ -50,7 +51,7 @@ pub fn of_machine() -> (&'static str, Says) {
         .lines()
         .find_map(|line| line.strip_prefix("model name")?.split_once(": "))
         .map_or("", |(_, model)| model);
-    let says = says([
+    let fields = fields([
         ("host", line("/proc/sys/kernel/hostname")),
         ("system", std::env::consts::OS.to_owned()),
         ("architecture", std::env::consts::ARCH.to_owned()),
@@ -59,15 +60,15 @@ pub fn of_machine() -> (&'static str, Says) {
         ("processor", model.to_owned()),
         ("processors", processors.to_string()),
     ]);
-    (MACHINE_METADATA, says)
+    (MACHINE_METADATA, fields)
 }
 
 /// Pairs as a record.
-pub fn says<const N: usize>(pairs: [(&str, String); N]) -> Says {
+pub fn fields<const N: usize>(pairs: [(&str, String); N]) -> Fields {
     pairs.map(|(key, value)| (key.to_owned(), value)).into()
 }
 
-/// The robot as `randt run LOG` looks for it.
+/// The robot as `randt run LOG` reads it.
 fn robot(config: &Config) -> Robot {
     let robot = &config.robot;
     let kinds = [SensorKind::IsdrC, SensorKind::NavtechCts];
@@ -109,7 +110,7 @@ mod tests {
             ..Selection::default()
         };
         let loaded = Config::load(&selection).unwrap();
-        let records = of_configuration(&loaded);
+        let records = configuration_records(&loaded);
         let robot = Robot::from_metadata(&records[0].1, "x").unwrap();
         assert_eq!(robot.sensor, SensorKind::IsdrC);
         assert_eq!(robot.radar, Some([0.3, 0.0, 0.0]));

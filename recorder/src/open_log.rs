@@ -7,17 +7,22 @@ use std::io;
 /// Messages by topic.
 pub(crate) type Counts = Vec<(&'static str, u64)>;
 
+/// When the log, its chunk and its last sync began, ns.
+struct Times {
+    begun_ns: i64,
+    chunk_ns: i64,
+    synced_ns: i64,
+}
+
 /// A log on its way into a sink.
 pub(crate) struct OpenLog {
     name: String,
     stream: LogStream,
     channels: Vec<(&'static str, ChannelId)>,
     bytes: u64,
-    begun_ns: i64,
-    chunk_ns: i64,
-    synced_ns: i64,
-    /// What viewers see of a message.
-    seen: Vec<Raw>,
+    times: Times,
+    /// What viewers get of a message.
+    viewer_messages: Vec<Raw>,
     /// How far all that was written reaches, and what of it the sink has.
     written: Positions,
     appended: Positions,
@@ -29,7 +34,7 @@ pub(crate) struct OpenLog {
 }
 
 impl OpenLog {
-    /// Begins it with what it must say of itself, on the disk before the first message. `positions`: how far the files
+    /// Begins it with its metadata, on the disk before the first message. `positions`: how far the files
     /// before it reach.
     pub fn begin(
         name: String,
@@ -41,9 +46,9 @@ impl OpenLog {
         sink: &mut impl Sink,
     ) -> io::Result<Self> {
         let mut stream = LogStream::new(&name, options).map_err(io::Error::other)?;
-        for (record, says) in metadata {
+        for (record, fields) in metadata {
             stream
-                .write_metadata(record, says)
+                .write_metadata(record, fields)
                 .map_err(io::Error::other)?;
         }
         let mut log = Self {
@@ -51,10 +56,12 @@ impl OpenLog {
             stream,
             channels: Vec::new(),
             bytes: 0,
-            begun_ns: now_ns,
-            chunk_ns: now_ns,
-            synced_ns: now_ns,
-            seen: Vec::new(),
+            times: Times {
+                begun_ns: now_ns,
+                chunk_ns: now_ns,
+                synced_ns: now_ns,
+            },
+            viewer_messages: Vec::new(),
             leave_out,
             written: positions.clone(),
             appended: positions.clone(),
@@ -75,20 +82,20 @@ impl OpenLog {
     }
 
     pub fn is_older(&self, now_ns: i64, than_ns: i64) -> bool {
-        now_ns - self.begun_ns >= than_ns
+        now_ns - self.times.begun_ns >= than_ns
     }
 
     pub fn is_chunk_due(&self, now_ns: i64, after_ns: i64) -> bool {
-        now_ns - self.chunk_ns >= after_ns
+        now_ns - self.times.chunk_ns >= after_ns
     }
 
     pub fn is_sync_due(&self, now_ns: i64, after_ns: i64) -> bool {
-        now_ns - self.synced_ns >= after_ns
+        now_ns - self.times.synced_ns >= after_ns
     }
 
-    /// Notes that all of it is on the disk.
+    /// All of it is on the disk.
     pub fn synced(&mut self, now_ns: i64) {
-        self.synced_ns = now_ns;
+        self.times.synced_ns = now_ns;
         self.synced.clone_from(&self.counts);
     }
 
@@ -109,10 +116,10 @@ impl OpenLog {
 
     /// When it began, ns.
     pub fn begun_ns(&self) -> i64 {
-        self.begun_ns
+        self.times.begun_ns
     }
 
-    /// Adds a message and what viewers see of it; goes to the sink where a chunk is full.
+    /// Adds a message and what viewers get of it; goes to the sink where a chunk is full.
     pub fn write(
         &mut self,
         raw: &Raw,
@@ -125,11 +132,11 @@ impl OpenLog {
             self.append(sink)?;
             self.count(raw.topic);
         }
-        if let Some(position) = Positions::of(raw) {
+        if let Some(position) = Positions::position_of(raw) {
             self.written.put(position);
         }
-        viewer.see(raw, &mut self.seen);
-        self.write_seen()?;
+        viewer.take(raw, &mut self.viewer_messages);
+        self.write_viewer_messages()?;
         self.append(sink)
     }
 
@@ -140,12 +147,12 @@ impl OpenLog {
         }
     }
 
-    fn write_seen(&mut self) -> io::Result<()> {
-        let mut seen = std::mem::take(&mut self.seen);
-        for raw in seen.drain(..) {
+    fn write_viewer_messages(&mut self) -> io::Result<()> {
+        let mut messages = std::mem::take(&mut self.viewer_messages);
+        for raw in messages.drain(..) {
             self.put(&raw)?;
         }
-        self.seen = seen;
+        self.viewer_messages = messages;
         Ok(())
     }
 
@@ -157,15 +164,15 @@ impl OpenLog {
 
     /// Ends the chunk and gives it to the sink.
     pub fn end_chunk(&mut self, now_ns: i64, sink: &mut impl Sink) -> io::Result<()> {
-        self.chunk_ns = now_ns;
+        self.times.chunk_ns = now_ns;
         self.stream.flush().map_err(io::Error::other)?;
         self.append(sink)
     }
 
-    /// Ends the log with what can only be said now.
+    /// Ends the log with what is known only now.
     pub fn finish(mut self, metadata: Metadata, sink: &mut impl Sink) -> io::Result<()> {
-        for (record, says) in metadata {
-            let written = self.stream.write_metadata(record, says);
+        for (record, fields) in metadata {
+            let written = self.stream.write_metadata(record, fields);
             written.map_err(io::Error::other)?;
         }
         let last = self.stream.finish().map_err(io::Error::other)?;

@@ -10,7 +10,7 @@ use std::mem::offset_of;
 
 /// Publishers that are remembered: one a topic, and of `stage/health` one a stage.
 const PUBLISHERS_MAX: usize = 64;
-/// In front of the entries: what the bytes are of, and how many follow.
+/// In front of the entries: the layout's hash, and the number of entries.
 const HEAD_BYTES: usize = 8 + size_of::<u64>();
 
 /// The last message of every publisher.
@@ -21,8 +21,8 @@ impl Positions {
     /// Room that they take at most, bytes.
     pub const BYTES_MAX: usize = HEAD_BYTES + PUBLISHERS_MAX * size_of::<LastRecorded>();
 
-    /// Where a message stands; `None` for one that was never published, such as `log/drop`.
-    pub fn of(raw: &Raw) -> Option<LastRecorded> {
+    /// A message's position; `None` for one that was never published, such as `log/drop`.
+    pub fn position_of(raw: &Raw) -> Option<LastRecorded> {
         let header: Header = pod_read_unaligned(raw.bytes.get(..size_of::<Header>())?);
         let number = |at: usize| Some(u64::from_le_bytes(*raw.bytes.get(at..)?.first_chunk()?));
         let mut last = LastRecorded {
@@ -43,12 +43,12 @@ impl Positions {
         (header.epoch != 0).then_some(last)
     }
 
-    /// The last one of the publisher that a message is of.
-    pub fn last(&self, of: &LastRecorded) -> Option<&LastRecorded> {
-        self.0.iter().find(|last| is_same_publisher(last, of))
+    /// The last message of the publisher of `message`.
+    pub fn last(&self, message: &LastRecorded) -> Option<&LastRecorded> {
+        self.0.iter().find(|last| is_same_publisher(last, message))
     }
 
-    /// Notes a message; one that is older than the last of its publisher changes nothing.
+    /// Takes a message; one that is older than the last of its publisher changes nothing.
     pub fn put(&mut self, message: LastRecorded) {
         let same = |last: &&mut LastRecorded| is_same_publisher(last, &message);
         match self.0.iter_mut().find(same) {
@@ -112,13 +112,13 @@ mod tests {
         let mut state = Message::<OdometryStateTopic>::default();
         (state.head.header.epoch, state.head.header.sequence) = (epoch, sequence);
         (state.head.header.published_ns, state.head.id) = (sequence as i64, id);
-        Positions::of(&Raw::of(state.as_ref())).unwrap()
+        Positions::position_of(&Raw::from_message(state.as_ref())).unwrap()
     }
 
     fn health(name: &str, epoch: u64) -> LastRecorded {
         let mut health = Message::<StageHealthTopic>::default();
         (health.head.name, health.head.header.epoch) = (fixed_text(name), epoch);
-        Positions::of(&Raw::of(health.as_ref())).unwrap()
+        Positions::position_of(&Raw::from_message(health.as_ref())).unwrap()
     }
 
     #[test]
@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn more_publishers_than_there_is_room_for_cost_the_oldest() {
+    fn more_publishers_than_there_is_room_for_replace_the_oldest() {
         let mut positions = Positions::default();
         for stage in 0..PUBLISHERS_MAX as u64 + 5 {
             let mut health = health(&format!("stage-{stage}"), 1);
@@ -159,6 +159,9 @@ mod tests {
     #[test]
     fn what_was_never_published_has_no_position() {
         let state = Message::<OdometryStateTopic>::default();
-        assert_eq!(Positions::of(&Raw::of(state.as_ref())), None);
+        assert_eq!(
+            Positions::position_of(&Raw::from_message(state.as_ref())),
+            None
+        );
     }
 }

@@ -4,7 +4,7 @@
 
 use crate::{
     CLOCK_METADATA, Continuity, Positions, Preamble, Queue, Raw, VERSIONS_METADATA,
-    of_configuration, of_machine, says,
+    configuration_records, fields, machine_record,
 };
 use randt_config::Loaded;
 use randt_messages::{
@@ -15,20 +15,20 @@ use randt_stage::{Clock, Domain, Error, Registry, Stage, Subscriber, Waitable};
 use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// One topic on its way into the queue.
-trait Tap {
+/// Reads one topic.
+trait TopicReader {
     /// Copies what has come.
     fn drain(&mut self, into: &mut Vec<Raw>) -> Result<(), Error>;
     fn topic(&self) -> &'static str;
     /// Messages that its port counts as missed.
     fn missed(&self) -> u64;
-    fn wakes(&self) -> &dyn Waitable;
+    fn waitable(&self) -> &dyn Waitable;
 }
 
-impl<T: Topic> Tap for Subscriber<T> {
+impl<T: Topic> TopicReader for Subscriber<T> {
     fn drain(&mut self, into: &mut Vec<Raw>) -> Result<(), Error> {
         while let Some(received) = self.receive()? {
-            into.push(Raw::of(received.message()));
+            into.push(Raw::from_message(received.message()));
         }
         Ok(())
     }
@@ -41,24 +41,24 @@ impl<T: Topic> Tap for Subscriber<T> {
         self.missed()
     }
 
-    fn wakes(&self) -> &dyn Waitable {
+    fn waitable(&self) -> &dyn Waitable {
         self
     }
 }
 
 /// All topics.
 pub struct Inputs {
-    taps: Vec<Box<dyn Tap>>,
+    readers: Vec<Box<dyn TopicReader>>,
     batch: Vec<Raw>,
     continuity: Continuity,
 }
 
 impl Inputs {
-    /// Begins to read them; whoever writes hands over what is in reach: what a recorder that was killed did not bring to
-    /// the disk is recorded again. `recorded`: what the files hold; what is missing behind it is counted.
+    /// Begins to read them. Publishers hand over what is in reach: what a recorder that was killed did not bring to the
+    /// disk is recorded again. `recorded`: what the files hold; what is missing behind it is counted.
     pub fn open(stage: &mut Stage, recorded: Positions) -> Result<Self, Error> {
         Ok(Self {
-            taps: vec![
+            readers: vec![
                 reader::<RadarScan>(stage)?,
                 reader::<ImuSampleTopic>(stage)?,
                 reader::<RadarPoints>(stage)?,
@@ -77,8 +77,8 @@ impl Inputs {
     /// Takes all that has come to the queue, in the order in which it was published.
     pub fn drain(&mut self, queue: &Queue, clock: Clock) -> Result<(), Error> {
         self.continuity.listen(clock.now_ns());
-        for tap in &mut self.taps {
-            tap.drain(&mut self.batch)?;
+        for reader in &mut self.readers {
+            reader.drain(&mut self.batch)?;
         }
         self.batch.sort_by_key(|raw| raw.label.time_ns);
         for raw in &self.batch {
@@ -92,37 +92,37 @@ impl Inputs {
 
     /// Messages that the ports count as missed.
     pub fn missed_by_ports(&self) -> u64 {
-        self.taps.iter().map(|tap| tap.missed()).sum()
+        self.readers.iter().map(|reader| reader.missed()).sum()
     }
 
     /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250 times a second.
     pub fn wakes(&self) -> Vec<&dyn Waitable> {
         let slow = self
-            .taps
+            .readers
             .iter()
-            .filter(|tap| tap.topic() != ImuSampleTopic::NAME);
-        slow.map(|tap| tap.wakes()).collect()
+            .filter(|reader| reader.topic() != ImuSampleTopic::NAME);
+        slow.map(|reader| reader.waitable()).collect()
     }
 
     /// Names of the topics.
     pub fn topics(&self) -> impl Iterator<Item = &'static str> {
-        self.taps.iter().map(|tap| tap.topic())
+        self.readers.iter().map(|reader| reader.topic())
     }
 }
 
-fn reader<T: Topic>(stage: &mut Stage) -> Result<Box<dyn Tap>, Error> {
+fn reader<T: Topic>(stage: &mut Stage) -> Result<Box<dyn TopicReader>, Error> {
     Ok(Box::new(stage.subscriber::<T>()?))
 }
 
-/// What every file says at its beginning.
+/// The metadata at the beginning of every file.
 pub fn preamble(loaded: &Loaded, domain: &Domain, clock: Clock) -> Preamble {
-    let mut fixed = of_configuration(loaded);
-    fixed.push(of_machine());
+    let mut fixed = configuration_records(loaded);
+    fixed.push(machine_record());
     let domain = domain.clone();
     Box::new(move || {
         let mut records = fixed.clone();
         records.push((VERSIONS_METADATA, versions(&domain)));
-        records.push((CLOCK_METADATA, of_clock(clock)));
+        records.push((CLOCK_METADATA, clock_fields(clock)));
         records
     })
 }
@@ -138,10 +138,10 @@ fn versions(domain: &Domain) -> BTreeMap<String, String> {
 }
 
 /// The pipeline's clock and the date: stamps are the time since the boot plus the anchor.
-fn of_clock(clock: Clock) -> BTreeMap<String, String> {
+fn clock_fields(clock: Clock) -> BTreeMap<String, String> {
     let date = SystemTime::now().duration_since(UNIX_EPOCH);
     let date_ns = date.map_or(0, |since| since.as_nanos());
-    says([
+    fields([
         ("anchor_ns", clock.anchor_ns().to_string()),
         ("now_ns", clock.now_ns().to_string()),
         ("date_ns", date_ns.to_string()),

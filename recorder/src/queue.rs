@@ -9,16 +9,16 @@ use std::time::Duration;
 /// Bytes that may wait. An iSDR-C with everything computed from it makes 1.2 MB/s: the better part of a minute.
 pub const BUDGET: usize = 64 << 20;
 
-/// A bounded queue. Whoever pushes never waits for the disk: what finds no room is dropped and counted.
+/// A bounded queue. Pushing never waits for the disk: what finds no room is dropped and counted.
 #[derive(Debug)]
 pub struct Queue {
-    inside: Mutex<Inside>,
-    news: Condvar,
+    state: Mutex<QueueState>,
+    arrived: Condvar,
     budget: usize,
 }
 
 #[derive(Debug)]
-struct Inside {
+struct QueueState {
     waiting: VecDeque<Raw>,
     bytes: usize,
     /// Why the next one would be dropped.
@@ -28,68 +28,68 @@ struct Inside {
 }
 
 impl Queue {
-    /// An empty one for so many bytes.
+    /// An empty one for this many bytes.
     pub fn new(budget: usize) -> Self {
         Self {
-            inside: Mutex::new(Inside {
+            state: Mutex::new(QueueState {
                 waiting: VecDeque::new(),
                 bytes: 0,
                 cause: DropCause::Slow,
                 drops: Drops::default(),
                 closed: false,
             }),
-            news: Condvar::new(),
+            arrived: Condvar::new(),
             budget,
         }
     }
 
     /// Adds messages in their order; the newest are dropped where there is no room, so that gaps are few and long.
     pub fn push(&self, messages: impl IntoIterator<Item = Raw>, now_ns: i64) {
-        let mut inside = self.lock();
+        let mut state = self.lock();
         for raw in messages {
-            let bytes = inside.bytes + raw.size();
+            let bytes = state.bytes + raw.size();
             if bytes > self.budget {
                 let gap = Gap {
-                    cause: inside.cause,
+                    cause: state.cause,
                     count: 1,
                     begin_ns: now_ns,
                     end_ns: now_ns,
                 };
-                inside.drops.note(raw.topic, &gap);
+                state.drops.add(raw.topic, &gap);
             } else {
-                inside.bytes = bytes;
-                inside.waiting.push_back(raw);
+                state.bytes = bytes;
+                state.waiting.push_back(raw);
             }
         }
     }
 
     /// Counts messages that never came here.
     pub fn missed(&self, topic: &'static str, gap: &Gap) {
-        self.lock().drops.note(topic, gap);
+        self.lock().drops.add(topic, gap);
     }
 
     /// The oldest messages, some `bytes_max` of them; empty where none waits.
     pub fn take(&self, bytes_max: usize) -> Vec<Raw> {
-        let mut inside = self.lock();
+        let mut state = self.lock();
         let mut taken = Vec::new();
         let mut bytes = 0;
         while bytes < bytes_max {
-            let Some(raw) = inside.waiting.pop_front() else {
+            let Some(raw) = state.waiting.pop_front() else {
                 break;
             };
             bytes += raw.size();
             taken.push(raw);
         }
-        inside.bytes = inside.bytes.saturating_sub(bytes);
+        state.bytes = state.bytes.saturating_sub(bytes);
         taken
     }
 
-    /// Says why messages would be dropped from now on.
-    pub fn blame(&self, cause: DropCause) {
+    /// Sets why messages would be dropped from now on.
+    pub fn set_drop_cause(&self, cause: DropCause) {
         self.lock().cause = cause;
     }
 
-    /// Drops that no log tells of yet.
+    /// Drops that no log lists yet.
     pub fn take_drops(&self) -> Vec<LogDrop> {
         self.lock().drops.take()
     }
@@ -107,19 +107,19 @@ impl Queue {
     /// Nothing more comes.
     pub fn close(&self) {
         self.lock().closed = true;
-        self.news.notify_all();
+        self.arrived.notify_all();
     }
 
-    /// Whether nothing more comes; sleeps so long, or until that is so.
+    /// Whether nothing more comes; sleeps for this time, or until that is so.
     pub fn closes_within(&self, pause: Duration) -> bool {
-        let open = |inside: &mut Inside| !inside.closed;
-        let waited = self.news.wait_timeout_while(self.lock(), pause, open);
+        let open = |state: &mut QueueState| !state.closed;
+        let waited = self.arrived.wait_timeout_while(self.lock(), pause, open);
         waited.unwrap_or_else(PoisonError::into_inner).0.closed
     }
 
-    /// A thread that died in here has left nothing half done.
-    fn lock(&self) -> MutexGuard<'_, Inside> {
-        self.inside.lock().unwrap_or_else(PoisonError::into_inner)
+    /// A thread that panicked with the lock has left nothing half done.
+    fn lock(&self) -> MutexGuard<'_, QueueState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -145,17 +145,17 @@ mod tests {
     fn what_finds_no_room_is_counted_with_its_cause() {
         let queue = Queue::new(3 * raw(0).size());
         queue.push((0..5).map(raw), 10);
-        queue.blame(DropCause::Full);
+        queue.set_drop_cause(DropCause::Full);
         queue.push([raw(5)], 20);
         queue.push([raw(6)], 30);
         assert_eq!(queue.lost(), 4);
         let drops = queue.take_drops();
-        let told: Vec<_> = drops
+        let listed: Vec<_> = drops
             .iter()
             .map(|d| (text_of(&d.topic), d.cause, d.count, d.begin_ns, d.end_ns))
             .collect();
         let (slow, full) = (DropCause::Slow as u32, DropCause::Full as u32);
-        assert_eq!(told, [("a", slow, 2, 10, 10), ("a", full, 2, 20, 30)]);
+        assert_eq!(listed, [("a", slow, 2, 10, 10), ("a", full, 2, 20, 30)]);
         assert!(queue.take_drops().is_empty());
         let left = queue.take(usize::MAX);
         assert_eq!(

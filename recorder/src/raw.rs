@@ -14,12 +14,12 @@ pub struct Raw {
     pub bytes: Vec<u8>,
 }
 
-/// What a message takes in memory beside its bytes.
-const BESIDE: usize = size_of::<Raw>() + 16;
+/// Memory that a message takes beyond its bytes.
+const OVERHEAD_BYTES: usize = size_of::<Raw>() + 16;
 
 impl Raw {
     /// Copies a message.
-    pub fn of<T: Topic>(message: MessageRef<'_, T>) -> Self {
+    pub fn from_message<T: Topic>(message: MessageRef<'_, T>) -> Self {
         let mut bytes = Vec::with_capacity(size_of::<T::Head>() + size_of_val(message.items));
         message.write_bytes(&mut bytes);
         Self {
@@ -31,6 +31,6 @@ impl Raw {
 
     /// Bytes of memory that it takes.
     pub fn size(&self) -> usize {
-        self.bytes.len() + BESIDE
+        self.bytes.len() + OVERHEAD_BYTES
     }
 }

@@ -1,11 +1,11 @@
-//! What becomes of messages on their way into files: chunks, syncs, rotation, and what to do when the disk fails.
+//! From messages to files: chunks, syncs, rotation, and what to do when the disk fails.
 //!
-//! Responsible for that nothing older than a second or so is lost, whatever happens, and that a file is complete by
-//! itself. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
+//! Responsible for losing nothing older than about a second, whatever happens, and for files that are each complete by
+//! themselves. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
 
 use crate::{
     Positions, Raw, Sink,
-    metadata::{VERSIONS_METADATA, says},
+    metadata::{VERSIONS_METADATA, fields},
     open_log::{Counts, OpenLog},
     viewer::Viewer,
 };
@@ -16,12 +16,12 @@ use randt_messages::{
 use std::collections::BTreeMap;
 use std::io;
 
-/// After a failure the disk is tried again so often.
+/// After a failure the disk is tried again with this period.
 const RETRY_NS: i64 = 1_000_000_000;
-/// What was recorded is brought onto the disk so often: with the pauses before and the disk's own time, nothing older than
+/// What was recorded is brought onto the disk with this period: with the pauses before and the disk's own time, nothing older than
 /// 1.5 s is ever lost.
 pub const SYNC_NS: i64 = 800_000_000;
-/// Files that begin in the same second have a number; more than this are no accident.
+/// Files that begin in the same second have a number; more than this is an error.
 const NAMES_MAX: u32 = 1000;
 
 /// How it records.
@@ -37,13 +37,13 @@ pub struct Settings {
     pub file_max_ns: i64,
     /// A chunk ends at this age.
     pub chunk_ns: i64,
-    /// Topics that are not recorded; viewers see what is made of them all the same.
+    /// Topics that are not recorded; viewers get what is made of them all the same.
     pub leave_out: Vec<String>,
     /// Chunks.
     pub log: Options,
 }
 
-/// Records that stand at the beginning of every file: name, and what it says.
+/// Records at the beginning of every file: names, and their fields.
 pub type Metadata = Vec<(&'static str, BTreeMap<String, String>)>;
 
 /// Asked at each beginning of a file: what is true then.
@@ -51,8 +51,8 @@ pub type Preamble = Box<dyn FnMut() -> Metadata + Send>;
 
 /// Why nothing is recorded at the moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Trouble {
-    /// As drops tell it.
+pub struct Outage {
+    /// As drops have it.
     pub cause: DropCause,
     /// For people.
     pub text: String,
@@ -71,7 +71,7 @@ pub struct Recorder<S> {
     positions: Positions,
     /// Messages that went with a file that vanished.
     lost: u64,
-    trouble: Option<Trouble>,
+    outage: Option<Outage>,
     retry_ns: i64,
     files: u64,
 }
@@ -94,20 +94,20 @@ impl<S: Sink> Recorder<S> {
             unsynced: Vec::new(),
             positions,
             lost: 0,
-            trouble: None,
+            outage: None,
             retry_ns: i64::MIN,
             files: 0,
         }
     }
 
-    /// Whether a file is open: where none is, messages had better wait.
+    /// Whether a file is open: while none is, messages wait in the queue.
     pub fn is_recording(&self) -> bool {
         self.file.is_some()
     }
 
     /// Why nothing is recorded at the moment.
-    pub fn trouble(&self) -> Option<&Trouble> {
-        self.trouble.as_ref()
+    pub fn outage(&self) -> Option<&Outage> {
+        self.outage.as_ref()
     }
 
     /// Name of the file that is being written.
@@ -127,7 +127,7 @@ impl<S: Sink> Recorder<S> {
         self.lost
     }
 
-    /// Messages that no file surely has.
+    /// Messages that may be in no file.
     pub fn unsaved(&self) -> u64 {
         let ours = |raw: &&Raw| raw.topic != LogDropTopic::NAME;
         self.unsynced.iter().filter(ours).count() as u64
@@ -152,7 +152,7 @@ impl<S: Sink> Recorder<S> {
     pub fn push_drops(&mut self, drops: &[LogDrop], now_ns: i64) {
         for head in drops {
             let message = MessageRef::<LogDropTopic> { head, items: &[] };
-            self.push(Raw::of(message), now_ns);
+            self.push(Raw::from_message(message), now_ns);
         }
     }
 
@@ -205,7 +205,7 @@ impl<S: Sink> Recorder<S> {
         done
     }
 
-    /// A file that is not found any more took with it what it alone had. The next one says so.
+    /// A file that is not found any more is lost with what it alone had. The next one lists that as a drop.
     fn judge_loss(&mut self, cause: &io::Error, only_here: Counts, begun_ns: i64, now_ns: i64) {
         if cause.kind() != io::ErrorKind::NotFound {
             return;
@@ -226,11 +226,11 @@ impl<S: Sink> Recorder<S> {
             };
             let (head, items) = (&head, &[]);
             let message = MessageRef::<LogDropTopic> { head, items };
-            self.unsynced.push(Raw::of(message));
+            self.unsynced.push(Raw::from_message(message));
         }
     }
 
-    /// The recorder is the first to run: only at the end it knows who else did.
+    /// The recorder is the first to run: it knows the other stages only at the end.
     fn closing(&mut self) -> Metadata {
         let mut records = (self.preamble)();
         records.retain(|(name, _)| *name == VERSIONS_METADATA);
@@ -259,10 +259,10 @@ impl<S: Sink> Recorder<S> {
         Ok(())
     }
 
-    /// Begins a file with what no other one surely has.
+    /// Begins a file with the messages that may be in no other.
     fn open(&mut self, now_ns: i64) {
         match self.try_open(now_ns) {
-            Ok(true) => self.trouble = None,
+            Ok(true) => self.outage = None,
             Ok(false) => self.stop_for_room(now_ns),
             Err(cause) => self.fail(&cause, now_ns),
         }
@@ -275,7 +275,7 @@ impl<S: Sink> Recorder<S> {
         let name = self.create(now_ns)?;
         let begun = self.begin(name, now_ns);
         if begun.is_err() {
-            // A disk that fails for hours shall not be strewn with beginnings.
+            // A disk that fails for hours is not filled with beginnings of files.
             self.sink.discard();
         }
         self.file = Some(begun?);
@@ -285,8 +285,11 @@ impl<S: Sink> Recorder<S> {
 
     fn begin(&mut self, name: String, now_ns: i64) -> io::Result<OpenLog> {
         let mut metadata = (self.preamble)();
-        let (part, begun_ns) = (self.files.to_string(), now_ns.to_string());
-        metadata.push(("randt/file", says([("part", part), ("begun_ns", begun_ns)])));
+        let (number, begun_ns) = (self.files.to_string(), now_ns.to_string());
+        metadata.push((
+            "randt/file",
+            fields([("part", number), ("begun_ns", begun_ns)]),
+        ));
         let log = self.settings.log.clone();
         let (viewer, sink) = (&mut self.viewer, &mut self.sink);
         let leave_out = self.settings.leave_out.clone();
@@ -334,7 +337,7 @@ impl<S: Sink> Recorder<S> {
     fn stop_for_room(&mut self, now_ns: i64) {
         let floor_gb = self.settings.free_min_bytes as f64 * 1e-9;
         self.retry_ns = now_ns + RETRY_NS;
-        self.trouble = Some(Trouble {
+        self.outage = Some(Outage {
             cause: DropCause::Full,
             text: format!("not recording: less than {floor_gb:.1} GB left on the disk"),
         });
@@ -358,7 +361,7 @@ impl<S: Sink> Recorder<S> {
             cause.kind(),
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
         );
-        self.trouble = Some(Trouble {
+        self.outage = Some(Outage {
             cause: if full {
                 DropCause::Full
             } else {

@@ -6,7 +6,7 @@ use randt_log::{Compression, Options};
 
 impl Settings {
     /// As configured.
-    pub fn of(record: &Record) -> Self {
+    pub fn from_config(record: &Record) -> Self {
         let ns = |seconds: f64| (seconds * 1e9) as i64;
         Self {
             free_min_bytes: (record.free_min_gb * 1e9) as u64,

@@ -1,37 +1,21 @@
-//! What viewers see of a run: which topics there are for them in the log, and how often something goes by them.
+//! What viewers see of a run: which message of ours becomes which of theirs in the log, and when.
 
 use crate::Raw;
 use randt_config::Robot;
 use randt_foxglove_schemas::topic::{GRID, POINTS, POSE, TRANSFORMS};
-use randt_foxglove_schemas::{FrameTransforms, Grid, PointCloud, PoseInFrame, Tiles};
-use randt_log::Channel;
+use randt_foxglove_schemas::{Tiles, ViewerTopic};
 use randt_messages::{
     Correction, MapperCorrection, MapperGrid, Message, OdometryState, OdometryStateTopic,
     RadarPoints, Topic,
 };
 
-/// A cloud is shown once a second, give or take a sweep: each takes as much as its scan does.
-const CLOUD_PERIOD_NS: i64 = 950_000_000;
-/// A grid that changes is shown so often ...
-const GRID_PERIOD_NS: i64 = 2_000_000_000;
-/// ... or as seldom as a large one needs, so that it takes no more than this before compression, ...
+/// A grid that changes is recorded with its period, or as rarely as a large one needs, so that it takes no more than this
+/// before compression, ...
 const GRID_BYTES_PER_SECOND: i64 = 500_000;
 /// ... but whole each minute, changed or not.
 const GRID_PERIOD_MAX_NS: i64 = 60_000_000_000;
 
-/// The channel of a topic for viewers; `None` for any other.
-pub(crate) fn channel(topic: &str) -> Option<Channel> {
-    use randt_foxglove_schemas::channel;
-    match topic {
-        POSE => Some(channel::<PoseInFrame>(POSE)),
-        TRANSFORMS => Some(channel::<FrameTransforms>(TRANSFORMS)),
-        POINTS => Some(channel::<PointCloud>(POINTS)),
-        GRID => Some(channel::<Grid>(GRID)),
-        _ => None,
-    }
-}
-
-/// Follows a run and says what a viewer needs to see of it.
+/// Follows a run and gives the messages for viewers.
 #[derive(Debug)]
 pub struct Viewer {
     robot: Robot,
@@ -55,24 +39,24 @@ impl Viewer {
         }
     }
 
-    /// A new file begins: it shall show everything by itself.
+    /// A new file begins: it shows everything by itself.
     pub fn begin(&mut self) {
         self.grid_ns = None;
     }
 
     /// What a message of ours becomes.
-    pub fn see(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
+    pub fn take(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
         if raw.topic == OdometryStateTopic::NAME {
             let Some(state) = Message::<OdometryStateTopic>::from_bytes(&raw.bytes) else {
                 return;
             };
-            self.see_state(&state.head, raw, out);
+            self.take_state(&state.head, raw, out);
         } else if raw.topic == MapperCorrection::NAME {
             if let Some(message) = Message::<MapperCorrection>::from_bytes(&raw.bytes) {
-                self.see_correction(*message.head);
+                self.take_correction(*message.head);
             }
         } else if raw.topic == RadarPoints::NAME {
-            self.see_points(raw, out);
+            self.take_points(raw, out);
         } else if raw.topic == MapperGrid::NAME
             && let Some(tile) = Message::<MapperGrid>::from_bytes(&raw.bytes)
         {
@@ -81,34 +65,46 @@ impl Viewer {
         }
     }
 
-    fn see_correction(&mut self, correction: Correction) {
+    fn take_correction(&mut self, correction: Correction) {
         let known = self.correction.replace(correction);
         if known.is_some_and(|known| known.graph_version > correction.graph_version) {
-            // Another drive: nothing of the map before holds any more.
+            // Another drive: the map before is void.
             self.tiles = Tiles::default();
             self.grid_ns = None;
         }
     }
 
-    fn see_points(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
+    fn take_points(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
         let now_ns = raw.label.time_ns;
-        if is_early(self.cloud_ns, now_ns, CLOUD_PERIOD_NS) {
+        if is_early(
+            self.cloud_ns,
+            now_ns,
+            ViewerTopic::Points.recorded_period_ns(),
+        ) {
             return;
         }
         if let Some(points) = Message::<RadarPoints>::from_bytes(&raw.bytes) {
             self.cloud_ns = Some(now_ns);
             let cloud = randt_foxglove_schemas::of_points(points.as_ref());
-            out.extend(with(raw, POINTS, randt_foxglove_schemas::bytes(&cloud)));
+            out.extend(viewer_message(
+                raw,
+                POINTS,
+                randt_foxglove_schemas::bytes(&cloud),
+            ));
         }
     }
 
-    fn see_state(&mut self, state: &OdometryState, raw: &Raw, out: &mut Vec<Raw>) {
+    fn take_state(&mut self, state: &OdometryState, raw: &Raw, out: &mut Vec<Raw>) {
         let pose = randt_foxglove_schemas::pose_of_state(state);
-        out.extend(with(raw, POSE, randt_foxglove_schemas::bytes(&pose)));
-        // All of them with every state: whatever part of a log is looked at, the frames are known.
+        out.extend(viewer_message(
+            raw,
+            POSE,
+            randt_foxglove_schemas::bytes(&pose),
+        ));
+        // All of them with every state: the frames are known in every part of a log.
         let frames =
             randt_foxglove_schemas::transforms(&self.robot, state, self.correction.as_ref());
-        out.extend(with(
+        out.extend(viewer_message(
             raw,
             TRANSFORMS,
             randt_foxglove_schemas::bytes(&frames),
@@ -116,7 +112,7 @@ impl Viewer {
         if self.is_grid_due(raw.label.time_ns) {
             let grid = self.tiles.draw(state.header.stamp_ns);
             let bytes = grid.and_then(|grid| randt_foxglove_schemas::bytes(&grid));
-            out.extend(with(raw, GRID, bytes));
+            out.extend(viewer_message(raw, GRID, bytes));
         }
     }
 
@@ -126,7 +122,7 @@ impl Viewer {
         };
         let paced_ns = size.saturating_mul(1_000_000_000) / GRID_BYTES_PER_SECOND;
         let pause_ns = match self.has_changed {
-            true => paced_ns.clamp(GRID_PERIOD_NS, GRID_PERIOD_MAX_NS),
+            true => paced_ns.clamp(ViewerTopic::Grid.recorded_period_ns(), GRID_PERIOD_MAX_NS),
             false => GRID_PERIOD_MAX_NS,
         };
         if is_early(self.grid_ns, now_ns, pause_ns) {
@@ -144,8 +140,8 @@ fn is_early(last_ns: Option<i64>, now_ns: i64, pause_ns: i64) -> bool {
 }
 
 /// A message for viewers, recorded with the one that it was made of.
-fn with(of: &Raw, topic: &'static str, bytes: Option<Vec<u8>>) -> Option<Raw> {
-    let label = of.label;
+fn viewer_message(source: &Raw, topic: &'static str, bytes: Option<Vec<u8>>) -> Option<Raw> {
+    let label = source.label;
     bytes.map(|bytes| Raw {
         topic,
         label,
@@ -164,7 +160,7 @@ mod tests {
         let mut tile = Message::<MapperGrid>::default();
         tile.head.resolution_m = 0.1;
         tile.items = vec![cell; TILE_CELLS * TILE_CELLS];
-        Raw::of(tile.as_ref())
+        Raw::from_message(tile.as_ref())
     }
 
     #[test]
@@ -173,9 +169,9 @@ mod tests {
         let correct = |viewer: &mut Viewer, version| {
             let mut correction = Message::<MapperCorrection>::default();
             correction.head.graph_version = version;
-            viewer.see(&Raw::of(correction.as_ref()), &mut Vec::new());
+            viewer.take(&Raw::from_message(correction.as_ref()), &mut Vec::new());
         };
-        viewer.see(&tile(0), &mut Vec::new());
+        viewer.take(&tile(0), &mut Vec::new());
         correct(&mut viewer, 7);
         correct(&mut viewer, 8);
         assert!(viewer.tiles.size().is_some());
@@ -187,16 +183,16 @@ mod tests {
     fn the_grid_is_shown_when_it_changes_each_minute_and_in_each_file() {
         let mut viewer = Viewer::new(Robot::default());
         let shown = |viewer: &mut Viewer, time_ns| {
-            let mut state = Raw::of(Message::<OdometryStateTopic>::default().as_ref());
+            let mut state = Raw::from_message(Message::<OdometryStateTopic>::default().as_ref());
             state.label.time_ns = time_ns;
             let mut out = Vec::new();
-            viewer.see(&state, &mut out);
+            viewer.take(&state, &mut out);
             out.iter().any(|raw| raw.topic == GRID)
         };
         assert!(!shown(&mut viewer, 0));
-        viewer.see(&tile(0), &mut Vec::new());
+        viewer.take(&tile(0), &mut Vec::new());
         assert!(shown(&mut viewer, 0) && !shown(&mut viewer, 10 * S));
-        viewer.see(&tile(50), &mut Vec::new());
+        viewer.take(&tile(50), &mut Vec::new());
         assert!(!shown(&mut viewer, S) && shown(&mut viewer, 2 * S));
         assert!(!shown(&mut viewer, 61 * S) && shown(&mut viewer, 62 * S));
         viewer.begin();

@@ -1,23 +1,23 @@
 //! The thread that brings messages from the queue to the disk.
 
-use crate::{Positions, Queue, Recorder, Sink, Trouble};
+use crate::{Outage, Positions, Queue, Recorder, Sink};
 use randt_messages::DropCause;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Looked for messages so often: they come in chunks of half a second anyway.
+/// The queue is polled with this period: messages come in chunks of half a second anyway.
 const PAUSE: Duration = Duration::from_millis(100);
 /// Taken out of the queue at once; about a chunk.
 const BATCH: usize = 1 << 20;
-/// A disk that has not answered for so long is told of.
+/// A disk that has not answered for this time is reported.
 const SILENCE_MAX: Duration = Duration::from_millis(1500);
 
-/// What the thread says of itself.
+/// The thread's status.
 #[derive(Clone, Debug, Default)]
-pub struct Condition {
+pub struct WorkerStatus {
     /// Why nothing is recorded; empty where all is well.
-    pub trouble: String,
+    pub outage: String,
     /// The file that is being written.
     pub file: String,
     /// Messages that were recorded and are lost.
@@ -34,8 +34,8 @@ pub struct Worker {
 
 #[derive(Debug)]
 struct Shared {
-    condition: Condition,
-    seen: Instant,
+    status: WorkerStatus,
+    updated: Instant,
 }
 
 impl Worker {
@@ -48,8 +48,8 @@ impl Worker {
         keep: impl FnMut(&Positions) + Send + 'static,
     ) -> Self {
         let shared = Arc::new(Mutex::new(Shared {
-            condition: Condition::default(),
-            seen: Instant::now(),
+            status: WorkerStatus::default(),
+            updated: Instant::now(),
         }));
         let (from, to) = (Arc::clone(&queue), Arc::clone(&shared));
         let thread = std::thread::spawn(move || work(&from, recorder, &to, now_ns, keep));
@@ -60,21 +60,21 @@ impl Worker {
         }
     }
 
-    /// How it is.
-    pub fn condition(&self) -> Condition {
+    /// Its status now.
+    pub fn status(&self) -> WorkerStatus {
         let shared = lock(&self.shared);
-        let mut condition = shared.condition.clone();
-        let silent = shared.seen.elapsed();
-        if condition.trouble.is_empty() && silent > SILENCE_MAX {
+        let mut status = shared.status.clone();
+        let silent = shared.updated.elapsed();
+        if status.outage.is_empty() && silent > SILENCE_MAX {
             // In doublings: each text that is new is a line in the journal.
-            let mut said = SILENCE_MAX;
-            while 2 * said <= silent {
-                said *= 2;
+            let mut reported = SILENCE_MAX;
+            while 2 * reported <= silent {
+                reported *= 2;
             }
-            let seconds = said.as_secs_f64();
-            condition.trouble = format!("the disk has not answered for over {seconds} s");
+            let seconds = reported.as_secs_f64();
+            status.outage = format!("the disk has not answered for over {seconds} s");
         }
-        condition
+        status
     }
 
     /// Whether it has ended by itself, which it never should.
@@ -87,7 +87,7 @@ impl Worker {
     pub fn finish(mut self) -> u64 {
         self.queue.close();
         let left = self.thread.take().map(JoinHandle::join);
-        // A thread that panicked has said so itself, and left what it had not taken.
+        // A thread that panicked has printed its message, and left what it had not taken.
         left.and_then(Result::ok)
             .unwrap_or_else(|| self.queue.waiting())
     }
@@ -120,30 +120,30 @@ fn work<S: Sink>(
             }
             recorder.tick(now_ns());
             keep(recorder.positions());
-            tell(&recorder, queue, shared);
+            publish_status(&recorder, queue, shared);
         }
         keep(recorder.positions());
-        tell(&recorder, queue, shared);
+        publish_status(&recorder, queue, shared);
         if closed {
             recorder.finish(now_ns());
             keep(recorder.positions());
-            tell(&recorder, queue, shared);
+            publish_status(&recorder, queue, shared);
             return queue.waiting() + recorder.unsaved() + recorder.lost();
         }
     }
 }
 
-fn tell<S: Sink>(recorder: &Recorder<S>, queue: &Queue, shared: &Mutex<Shared>) {
-    let trouble = recorder.trouble();
-    queue.blame(trouble.map_or(DropCause::Slow, |trouble| trouble.cause));
-    let text = |trouble: &Trouble| trouble.text.clone();
-    let condition = Condition {
-        trouble: trouble.map(text).unwrap_or_default(),
+fn publish_status<S: Sink>(recorder: &Recorder<S>, queue: &Queue, shared: &Mutex<Shared>) {
+    let outage = recorder.outage();
+    queue.set_drop_cause(outage.map_or(DropCause::Slow, |outage| outage.cause));
+    let text = |outage: &Outage| outage.text.clone();
+    let status = WorkerStatus {
+        outage: outage.map(text).unwrap_or_default(),
         file: recorder.file().unwrap_or_default().to_owned(),
         lost: recorder.lost(),
     };
     *lock(shared) = Shared {
-        condition,
-        seen: Instant::now(),
+        status,
+        updated: Instant::now(),
     };
 }

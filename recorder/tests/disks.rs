@@ -1,4 +1,4 @@
-//! Disks that are full, broken, gone or slow: what is recorded, what is told.
+//! Disks that are full, broken, gone or slow: what is recorded, what is reported.
 
 use crate::support::{
     BEGIN_NS, Drive, Faulty, Name, S, Wrong, drops, name, read, recorder, settings,
@@ -34,7 +34,7 @@ impl Bench {
         }
     }
 
-    /// What the stage and its thread do, for so long.
+    /// What the stage and its thread do, for this time.
     fn run(&mut self, seconds: f64) {
         let end_ns = self.now_ns + (seconds * 1e9) as i64;
         while self.now_ns < end_ns {
@@ -50,9 +50,9 @@ impl Bench {
                     self.recorder.push(raw, self.now_ns);
                 }
             }
-            let trouble = self.recorder.trouble();
+            let outage = self.recorder.outage();
             self.queue
-                .blame(trouble.map_or(DropCause::Slow, |t| t.cause));
+                .set_drop_cause(outage.map_or(DropCause::Slow, |t| t.cause));
         }
     }
 
@@ -73,12 +73,12 @@ fn after_a_failed_write_the_next_file_has_everything() {
         };
         bench.sink.set(wrong);
         bench.run(2.0);
-        let trouble = bench.recorder.trouble().unwrap();
+        let outage = bench.recorder.outage().unwrap();
         let full = kind == ErrorKind::StorageFull;
-        assert_eq!(trouble.cause == DropCause::Full, full, "{trouble:?}");
+        assert_eq!(outage.cause == DropCause::Full, full, "{outage:?}");
         bench.sink.set(Wrong::default());
         bench.run(3.0);
-        assert_eq!(bench.recorder.trouble(), None);
+        assert_eq!(bench.recorder.outage(), None);
         bench.recorder.finish(bench.now_ns);
         assert_eq!(bench.recorded(), bench.all);
         assert_eq!(bench.queue.lost(), 0);
@@ -96,14 +96,14 @@ fn after_a_failed_write_the_next_file_has_everything() {
 }
 
 #[test]
-fn a_folder_that_takes_no_files_is_told_of_and_tried_again() {
+fn a_folder_that_takes_no_files_is_reported_and_tried_again() {
     let mut bench = Bench::new(BUDGET);
     bench.sink.set(Wrong {
         creates: Some(ErrorKind::ReadOnlyFilesystem),
         ..Wrong::default()
     });
     bench.run(3.0);
-    let text = &bench.recorder.trouble().unwrap().text;
+    let text = &bench.recorder.outage().unwrap().text;
     assert!(text.contains("read-only"), "{text}");
     bench.sink.set(Wrong::default());
     bench.run(2.0);
@@ -122,20 +122,20 @@ fn a_folder_that_is_removed_costs_what_was_in_it() {
     let recorded = bench.recorded();
     let after: BTreeSet<_> = bench.all.difference(&before).cloned().collect();
     assert!(recorded.is_superset(&after), "all that came later is there");
-    // The next file says what went with the folder.
+    // The next file lists what was lost with the folder.
     let files = bench.sink.files();
-    let told: u64 = files
+    let reported: u64 = files
         .values()
         .flat_map(|file| drops(&file.bytes))
         .map(|drop| drop.count)
         .sum();
     let missing = (bench.all.len() - recorded.len()) as u64;
     assert!(missing > 500, "{missing}");
-    assert_eq!((told, bench.recorder.lost()), (missing, missing));
+    assert_eq!((reported, bench.recorder.lost()), (missing, missing));
 }
 
 #[test]
-fn below_the_floor_it_stops_red_and_goes_on_when_there_is_room() {
+fn below_the_floor_it_stops_and_goes_on_when_there_is_room() {
     let mut bench = Bench::new(100_000);
     bench.run(2.0);
     bench.sink.set(Wrong {
@@ -143,25 +143,25 @@ fn below_the_floor_it_stops_red_and_goes_on_when_there_is_room() {
         ..Wrong::default()
     });
     bench.run(10.0);
-    let trouble = bench.recorder.trouble().unwrap();
-    assert_eq!(trouble.cause, DropCause::Full);
-    assert!(trouble.text.contains("2.0 GB"), "{trouble:?}");
+    let outage = bench.recorder.outage().unwrap();
+    assert_eq!(outage.cause, DropCause::Full);
+    assert!(outage.text.contains("2.0 GB"), "{outage:?}");
     bench.sink.set(Wrong::default());
     bench.run(2.0);
     bench.recorder.finish(bench.now_ns);
     let files = bench.sink.files();
     assert_eq!(files.len(), 2);
     assert!(files.values().all(|file| file.finished));
-    // What did not fit into memory meanwhile is missing, and the log says how much.
-    let told: Vec<_> = files.values().flat_map(|file| drops(&file.bytes)).collect();
+    // What did not fit into memory meanwhile is missing, and the log lists how much.
+    let reported: Vec<_> = files.values().flat_map(|file| drops(&file.bytes)).collect();
     let missing = bench.all.len() - bench.recorded().len();
     assert!(missing > 500, "{missing}");
     assert_eq!(
-        told.iter().map(|drop| drop.count).sum::<u64>(),
+        reported.iter().map(|drop| drop.count).sum::<u64>(),
         missing as u64
     );
     assert_eq!(bench.queue.lost(), missing as u64);
-    for drop in told {
+    for drop in reported {
         assert_eq!(DropCause::from_code(drop.cause), DropCause::Full);
         assert!(text_of(&drop.topic) == "imu/sample/v1" || text_of(&drop.topic) == "radar/scan/v1");
         assert!(drop.end_ns - drop.begin_ns > 5 * S, "{drop:?}");
@@ -191,7 +191,7 @@ fn the_oldest_logs_go_where_that_is_configured() {
             });
         }
     }
-    assert_eq!(recorder.trouble(), None);
+    assert_eq!(recorder.outage(), None);
     let names: Vec<_> = sink.files().into_keys().collect();
     assert!(
         !names.contains(&"2026-11-24T13-05-10Z.mcap".to_owned()),
@@ -199,7 +199,7 @@ fn the_oldest_logs_go_where_that_is_configured() {
     );
 }
 
-/// What became of a drive.
+/// The result of a drive.
 struct Outcome {
     lost: u64,
     drops: Vec<LogDrop>,
@@ -222,7 +222,7 @@ fn stalled_for(stall: Duration, budget: usize, returns: usize) -> Outcome {
     let mut drive = Drive::new(returns);
     let mut all = BTreeSet::new();
     let mut longest = Duration::ZERO;
-    let mut told = false;
+    let mut reported = false;
     let end = stall + Duration::from_secs(3);
     let mut has_stalled = false;
     while begin.elapsed() < end {
@@ -238,7 +238,7 @@ fn stalled_for(stall: Duration, budget: usize, returns: usize) -> Outcome {
         let before = Instant::now();
         queue.push(raws, clock());
         longest = longest.max(before.elapsed());
-        told |= worker.condition().trouble.contains("not answered");
+        reported |= worker.status().outage.contains("not answered");
         std::thread::sleep(Duration::from_millis(20));
     }
     worker.finish();
@@ -248,7 +248,7 @@ fn stalled_for(stall: Duration, budget: usize, returns: usize) -> Outcome {
         longest < stall / 2,
         "the bus waited {longest:?} for the disk"
     );
-    assert!(told, "a stall is told of while it lasts");
+    assert!(reported, "a stall is reported while it lasts");
     let files = sink.files();
     let drops = files.values().flat_map(|file| drops(&file.bytes)).collect();
     let recorded = files.values().flat_map(|file| read(&file.bytes)).collect();

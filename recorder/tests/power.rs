@@ -10,10 +10,10 @@ use std::io::Cursor;
 
 /// Nothing older is lost.
 const LOST_MAX_NS: i64 = 3 * S / 2;
-/// How often the thread looks after what is due.
+/// The period of the thread's ticks.
 const TICK_NS: i64 = S / 10;
 
-/// Drives for so long; gives each message with when it was there, and when the power went.
+/// Drives for this time; gives each message with when it was there, and when the power went.
 fn drive(sink: &Faulty, seconds: i64) -> (Vec<(i64, Raw)>, Option<i64>) {
     let mut settings = settings();
     settings.file_max_ns = 4 * S;

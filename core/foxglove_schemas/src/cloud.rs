@@ -6,7 +6,7 @@ use foxglove::messages::{PackedElementField, PointCloud};
 use randt_geometry::elementary::sin_cos;
 use randt_messages::{MessageRef, RadarPoints, RadarScan, Return, SweepHead};
 
-/// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that nobody sees would double what the
+/// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that no viewer shows would double what the
 /// cloud takes on the disk.
 const GRAIN_M: f64 = 1.0 / 64.0;
 /// The same for intensities, in the sensor's unit.
@@ -17,7 +17,7 @@ pub fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
     of_some_points(message, usize::MAX)
 }
 
-/// The same, with every n-th return only, so that the data take at most so many bytes.
+/// The same, with every n-th return only, so that the data take at most `bytes_max` bytes.
 pub fn of_some_points(message: MessageRef<'_, RadarPoints>, bytes_max: usize) -> PointCloud {
     let head = message.head;
     let count = (bytes_max / STRIDE).max(1);
@@ -54,9 +54,9 @@ fn cloud(stamp_ns: i64, sweep: &SweepHead, returns: &[Return], step: usize) -> P
         fields: ["x", "y", "intensity"]
             .iter()
             .zip(0..)
-            .map(|(name, place)| PackedElementField {
+            .map(|(name, index)| PackedElementField {
                 name: (*name).to_owned(),
-                offset: 4 * place,
+                offset: 4 * index,
                 r#type: NumericType::Float32 as i32,
             })
             .collect(),

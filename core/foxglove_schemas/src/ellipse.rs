@@ -11,7 +11,7 @@ use randt_ndt::Cell;
 const CORNERS: u32 = 12;
 /// How many standard deviations it is wide to each side: within are 86 % of the points.
 const DEVIATIONS: f64 = 2.0;
-/// Faint to strong (viridis without its darkest, which nobody sees on a dark ground). Cells of one colour are one
+/// Faint to strong (viridis without its darkest, which cannot be seen on a dark ground). Cells of one colour are one
 /// primitive: viewers draw a few large ones easily, and hundreds of small ones not.
 const COLOURS: [Colour; 6] = [
     [0.27, 0.35, 0.64, 0.9],
@@ -21,7 +21,7 @@ const COLOURS: [Colour; 6] = [
     [0.74, 0.87, 0.15, 0.9],
     [0.99, 0.91, 0.14, 0.9],
 ];
-/// Of the intensities so many at either end do not stretch the scale of colours, as a share.
+/// This share of the intensities at either end does not stretch the scale of colours.
 const OUTSIDE: f64 = 0.05;
 
 /// Cells in the frame of a root, that lies in `odom` (x m, y m, yaw rad), coloured by their mean intensity.
@@ -34,7 +34,7 @@ pub fn of_cells<'a>(
     let circle: Vec<(f64, f64)> = (0..CORNERS)
         .map(|corner| sin_cos(core::f64::consts::TAU * f64::from(corner) / f64::from(CORNERS)))
         .collect();
-    let scale = Scale::of(&cells);
+    let scale = Scale::from_cells(&cells);
     let mut drawn = COLOURS.map(|colour| LinePrimitive {
         pose: Some(pose_of(root)),
         ..lines(Type::LineList, Vec::new(), colour)
@@ -73,12 +73,12 @@ struct Scale {
 }
 
 impl Scale {
-    fn of(cells: &[&Cell]) -> Self {
+    fn from_cells(cells: &[&Cell]) -> Self {
         let mut means: Vec<f64> = cells.iter().map(|cell| cell.mean[2]).collect();
         means.sort_by(f64::total_cmp);
         let outside = (OUTSIDE * means.len() as f64) as usize;
         let end = means.len().saturating_sub(1 + outside);
-        let at = |place: usize| means.get(place).copied().unwrap_or_default();
+        let at = |index: usize| means.get(index).copied().unwrap_or_default();
         Self {
             least: at(outside),
             most: at(end),

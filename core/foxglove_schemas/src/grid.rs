@@ -6,11 +6,11 @@ use foxglove::messages::{Grid, PackedElementField, Vector2};
 use randt_messages::{MapperGrid, Message, TILE_CELLS};
 use std::collections::BTreeMap;
 
-/// Red, green, blue, alpha: viewers show it without being told how.
+/// Red, green, blue, alpha: viewers show it without any settings.
 const STRIDE: usize = 4;
 const UNKNOWN: u8 = 255;
 
-/// All tiles that were ever heard of.
+/// All tiles that ever came.
 #[derive(Debug, Default)]
 pub struct Tiles {
     /// By row, then column, with their cells.
@@ -25,18 +25,18 @@ impl Tiles {
             return;
         }
         self.cell_m = tile.head.resolution_m;
-        let place = (tile.head.row, tile.head.column);
-        self.tiles.insert(place, tile.items.into_boxed_slice());
+        let index = (tile.head.row, tile.head.column);
+        self.tiles.insert(index, tile.items.into_boxed_slice());
     }
 
-    /// Bytes of the whole grid as a message; `None` where there is none, or one that nobody could show.
+    /// Bytes of the whole grid as a message; `None` where there is none, or one that no viewer could show.
     pub fn size(&self) -> Option<i64> {
         self.extent().map(|extent| extent.bytes())
     }
 
     /// The whole grid.
     pub fn draw(&self, stamp_ns: i64) -> Option<Grid> {
-        self.extent().map(|extent| self.on(&extent, stamp_ns))
+        self.extent().map(|extent| self.draw_on(&extent, stamp_ns))
     }
 
     fn extent(&self) -> Option<Extent> {
@@ -49,11 +49,11 @@ impl Tiles {
             rows: usize::try_from(i64::from(last_row) - i64::from(first_row) + 1).ok()?,
             columns: usize::try_from(i64::from(last_column) - i64::from(first_column) + 1).ok()?,
         };
-        // Two parts of a map that lie a world apart are not put on one sheet.
+        // Two components of a map that lie far apart are not put into one grid.
         (extent.bytes() <= BYTES_MAX).then_some(extent)
     }
 
-    fn on(&self, extent: &Extent, stamp_ns: i64) -> Grid {
+    fn draw_on(&self, extent: &Extent, stamp_ns: i64) -> Grid {
         let width = extent.columns * TILE_CELLS;
         let mut data = vec![0; width * extent.rows * TILE_CELLS * STRIDE];
         for ((row, column), cells) in &self.tiles {

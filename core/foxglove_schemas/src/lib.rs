@@ -1,14 +1,14 @@
 //! What viewers understand, made of our messages: Foxglove's well-known schemas in protobuf, one file a schema.
 //!
-//! Responsible for what a message looks like and what its topic is called, not for how often it goes. Pure: the same messages give
-//! the same bytes.
+//! Responsible for what a message looks like, what its topic is called and how often it goes at most, not for when it
+//! goes. Pure: the same messages give the same bytes.
 
 mod cloud;
 mod ellipse;
 mod graph;
+mod graph_entities;
 mod grid;
 mod notice;
-mod pieces;
 mod pose;
 mod scene;
 pub mod status;
@@ -20,11 +20,12 @@ pub use cloud::{of_points, of_scan, of_some_points};
 pub use ellipse::of_cells;
 pub use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame, SceneUpdate};
 pub use graph::Graph;
+pub use graph_entities::{empty_entity, graph_entities};
 pub use grid::Tiles;
 pub use notice::of_drop;
-pub use pieces::{nothing, pieces};
 pub use pose::of_state as pose_of_state;
 pub use scene::clear;
+pub use topic::ViewerTopic;
 pub use transform::{mounting, transforms};
 
 pub use foxglove::Encode;

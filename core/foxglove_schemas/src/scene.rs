@@ -10,10 +10,10 @@ use foxglove::messages::{
 /// Red, green, blue, alpha, from 0 to 1.
 pub(crate) type Colour = [f64; 4];
 
-/// Points are at whole numbers of this, m: digits that nobody sees would double what a drawing takes on the disk.
+/// Points are at whole numbers of this, m: digits that no viewer shows would double what a drawing takes on the disk.
 const GRAIN_M: f64 = 1.0 / 256.0;
 
-/// Pairs of points, or a line through all of them; in metres, as thick as a few pixels wherever they are looked at from.
+/// Pairs of points, or a line through all of them; in metres, a few pixels thick at every zoom.
 pub(crate) fn lines(kind: Type, points: Vec<Point3>, colour: Colour) -> LinePrimitive {
     /// In pixels.
     const THICKNESS: f64 = 2.0;
@@ -43,7 +43,7 @@ pub(crate) fn color([r, g, b, a]: Colour) -> Color {
     Color { r, g, b, a }
 }
 
-/// A drawing in a frame, with which it moves; it takes the place of the one that had this name on the topic.
+/// A drawing in a frame, with which it moves; it replaces the one that had this name on the topic.
 pub(crate) fn drawing(
     frame: &str,
     name: &str,

@@ -10,21 +10,21 @@ const ABOVE_M: f64 = 1.0;
 
 /// How good it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mood {
+pub enum StatusLevel {
     /// As it should be.
     Good,
-    /// To be looked at with care.
+    /// To be used with care.
     Doubtful,
-    /// Not to be believed.
+    /// Not to be trusted.
     Bad,
 }
 
-/// The text at the robot, or at the map's origin while nobody knows where the robot is.
-pub fn text(stamp_ns: i64, words: &str, mood: Mood, knows_robot: bool) -> SceneUpdate {
-    let [r, g, b] = match mood {
-        Mood::Good => [0.0, 0.6, 0.2],
-        Mood::Doubtful => [0.9, 0.55, 0.0],
-        Mood::Bad => [0.95, 0.0, 0.0],
+/// The text at the robot, or at the map's origin while the robot's pose is unknown.
+pub fn text(stamp_ns: i64, words: &str, level: StatusLevel, knows_robot: bool) -> SceneUpdate {
+    let [r, g, b] = match level {
+        StatusLevel::Good => [0.0, 0.6, 0.2],
+        StatusLevel::Doubtful => [0.9, 0.55, 0.0],
+        StatusLevel::Bad => [0.95, 0.0, 0.0],
     };
     let mut pose = pose_of([0.0; 3]);
     if let Some(position) = &mut pose.position {
@@ -49,15 +49,15 @@ pub fn text(stamp_ns: i64, words: &str, mood: Mood, knows_robot: bool) -> SceneU
 }
 
 /// The same for a log.
-pub fn line(stamp_ns: i64, words: &str, mood: Mood) -> Log {
-    let level = match mood {
-        Mood::Good => log::Level::Info,
-        Mood::Doubtful => log::Level::Warning,
-        Mood::Bad => log::Level::Error,
+pub fn line(stamp_ns: i64, words: &str, level: StatusLevel) -> Log {
+    let log_level = match level {
+        StatusLevel::Good => log::Level::Info,
+        StatusLevel::Doubtful => log::Level::Warning,
+        StatusLevel::Bad => log::Level::Error,
     };
     Log {
         timestamp: timestamp(stamp_ns),
-        level: level as i32,
+        level: log_level as i32,
         message: words.to_owned(),
         name: "randt-view".to_owned(),
         ..Log::default()
@@ -70,11 +70,14 @@ mod tests {
 
     #[test]
     fn bad_news_are_red_and_errors() {
-        let update = text(5, "pose 7 s old", Mood::Bad, true);
+        let update = text(5, "pose 7 s old", StatusLevel::Bad, true);
         let entity = &update.entities[0];
         let colour = entity.texts[0].color.unwrap();
         assert!(colour.r > 0.9 && colour.g < 0.1 && colour.b < 0.1);
         assert_eq!(entity.frame_id, BASE_LINK);
-        assert_eq!(line(5, "", Mood::Bad).level, log::Level::Error as i32);
+        assert_eq!(
+            line(5, "", StatusLevel::Bad).level,
+            log::Level::Error as i32
+        );
     }
 }

@@ -1,4 +1,4 @@
-//! `SceneUpdate` of one tile of the occupancy grid, in quarters: what changes on the map goes to a viewer piece by piece,
+//! `SceneUpdate` of one tile of the occupancy grid, in quarters: what changes on the map goes to a viewer a quarter at a time,
 //! where a `Grid` would have to go whole.
 
 use crate::{MAP, pose_of, scene};
@@ -25,7 +25,7 @@ const OCCUPIED_COLOUR: Color = Color {
     a: 1.0,
 };
 
-/// Cells along an edge of a piece.
+/// Cells along an edge of a quarter.
 const SIDE: usize = TILE_CELLS / 2;
 
 /// How exactly a tile is drawn.
@@ -39,8 +39,8 @@ pub enum Detail {
 
 /// A quarter of a tile: small enough to go over a slow link in a moment.
 #[derive(Clone, Debug)]
-pub struct Piece {
-    /// The entity's name, "tile ROW COLUMN.QUARTER": whatever comes by that name takes its place.
+pub struct TileQuarter {
+    /// The entity's name, "tile ROW COLUMN.QUARTER": an entity that comes by that name replaces it.
     pub name: String,
     /// Its middle in `map`, m.
     pub middle_m: [f64; 2],
@@ -51,7 +51,7 @@ pub struct Piece {
 }
 
 /// The four quarters of a tile, row by row from below. None where its cells are not a tile's.
-pub fn of_tile(message: MessageRef<'_, MapperGrid>, detail: Detail) -> Vec<Piece> {
+pub fn of_tile(message: MessageRef<'_, MapperGrid>, detail: Detail) -> Vec<TileQuarter> {
     let head = message.head;
     if message.items.len() != TILE_CELLS * TILE_CELLS {
         return Vec::new();
@@ -68,7 +68,7 @@ pub fn of_tile(message: MessageRef<'_, MapperGrid>, detail: Detail) -> Vec<Piece
         let corner = [at(head.column, right), at(head.row, up)];
         let triangles = patch.draw(corner);
         let name = format!("tile {} {}.{quarter}", head.row, head.column);
-        Piece {
+        TileQuarter {
             middle_m: corner.map(|m| m + 0.5 * edge_m),
             is_empty: triangles.is_empty(),
             update: scene::update(SceneEntity {
@@ -111,11 +111,11 @@ impl Patch {
             let occupied = four.into_iter().find(|cell| is_occupied(*cell));
             occupied.unwrap_or(four.into_iter().min().unwrap_or(UNKNOWN))
         };
-        let places = (0..side).flat_map(|row| (0..side).map(move |column| (row, column)));
+        let coarse_cells = (0..side).flat_map(|row| (0..side).map(move |column| (row, column)));
         Self {
             side,
             cell_m: 2.0 * self.cell_m,
-            cells: places.map(|(row, column)| one(row, column)).collect(),
+            cells: coarse_cells.map(|(row, column)| one(row, column)).collect(),
         }
     }
 
@@ -140,7 +140,7 @@ impl Patch {
         drawn.collect()
     }
 
-    /// Rectangles that cover every wanted cell, and beside them only such as may be covered: from below, each as wide as
+    /// Rectangles that cover every wanted cell, and besides them only cells that may be covered: from below, each as wide as
     /// it can be and then as high.
     fn rectangles(&self, wanted: &dyn Fn(u8) -> bool, may: &dyn Fn(u8) -> bool) -> Vec<Rectangle> {
         let side = self.side;
@@ -252,11 +252,11 @@ mod tests {
     }
 
     /// The cells as a viewer shows them: free below, occupied above.
-    fn shown(pieces: &[Piece]) -> Vec<u8> {
+    fn shown(quarters: &[TileQuarter]) -> Vec<u8> {
         let mut cells = vec![UNKNOWN; CELLS];
-        for layer in pieces
+        for layer in quarters
             .iter()
-            .flat_map(|piece| &piece.update.entities[0].triangles)
+            .flat_map(|quarter| &quarter.update.entities[0].triangles)
         {
             let is_dark = layer.color.unwrap().r < 0.5;
             let origin = layer.pose.unwrap().position.unwrap();
@@ -286,25 +286,25 @@ mod tests {
             cells[i] = 100;
             cells[i * TILE_CELLS] = 100;
         }
-        let pieces = of_tile(tile(cells.clone()).as_ref(), Detail::Fine);
-        let entity = &pieces[1].update.entities[0];
+        let quarters = of_tile(tile(cells.clone()).as_ref(), Detail::Fine);
+        let entity = &quarters[1].update.entities[0];
         assert_eq!(
             (entity.id.as_str(), entity.frame_id.as_str()),
             ("tile -1 2.1", MAP)
         );
         assert!(entity.lifetime.is_none(), "it stays");
-        assert!((pieces[1].middle_m[0] - 17.6).abs() < 1e-12);
-        assert!((pieces[1].middle_m[1] + 4.8).abs() < 1e-12);
-        let count = |piece: &Piece| {
-            let layers = piece.update.entities[0].triangles.iter();
+        assert!((quarters[1].middle_m[0] - 17.6).abs() < 1e-12);
+        assert!((quarters[1].middle_m[1] + 4.8).abs() < 1e-12);
+        let count = |quarter: &TileQuarter| {
+            let layers = quarter.update.entities[0].triangles.iter();
             layers.map(|layer| layer.indices.len() / 6).sum::<usize>()
         };
-        let counts: Vec<_> = pieces.iter().map(count).collect();
+        let counts: Vec<_> = quarters.iter().map(count).collect();
         assert_eq!(counts, [3, 2, 2, 1], "the floor, and the walls");
-        assert_eq!(shown(&pieces), cells);
-        // One that became empty takes the place of what was there.
+        assert_eq!(shown(&quarters), cells);
+        // One that became empty replaces what was there.
         let gone = of_tile(tile(vec![UNKNOWN; CELLS]).as_ref(), Detail::Fine);
-        assert!(gone.iter().all(|piece| piece.is_empty));
+        assert!(gone.iter().all(|quarter| quarter.is_empty));
         assert!(of_tile(tile(vec![0; 7]).as_ref(), Detail::Fine).is_empty());
     }
 

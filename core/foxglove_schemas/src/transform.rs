@@ -6,7 +6,7 @@ use randt_config::Robot;
 use randt_messages::{Correction, OdometryState};
 
 /// All frames as they lie when a state holds: where the sensors sit, `odom` to `base_link`, and `map` to `odom` where the
-/// mapper has said it.
+/// mapper has published it.
 pub fn transforms(
     robot: &Robot,
     state: &OdometryState,
@@ -19,7 +19,7 @@ pub fn transforms(
     FrameTransforms { transforms }
 }
 
-/// Where the sensors sit alone, while nobody knows where the robot is.
+/// Where the sensors sit alone, while the robot's pose is unknown.
 pub fn mounting(robot: &Robot, stamp_ns: i64) -> FrameTransforms {
     let transforms = sensors(robot, stamp_ns);
     FrameTransforms { transforms }

@@ -39,7 +39,7 @@ impl Backoff {
     }
 
     /// The device sends: the next failure is the first one again. Not for a mere success in opening it, since some open
-    /// and fail at once, for ever.
+    /// and fail at once, without end.
     pub fn succeeded(&mut self) {
         *self = Self::default();
     }

@@ -1,7 +1,7 @@
 //! A device's clock in the host's time.
 //!
 //! Responsible for the estimate of when something was measured, from the device's own stamp and the moment when it
-//! reached the host. Not responsible for the device's constant delay, which nobody can see from here
+//! reached the host. Not responsible for the device's constant delay, which cannot be seen from here
 //! (`randt calibrate time` can).
 
 use crate::hull::beneath;
@@ -9,18 +9,18 @@ use std::collections::VecDeque;
 
 /// The best sample of each of these stretches is kept, ns.
 const STRETCH_NS: i64 = 500_000_000;
-/// Stretches that are looked at: half a minute, in which a cheap quartz does not change.
+/// Stretches that are used: half a minute, in which a cheap quartz does not change.
 const STRETCHES: usize = 60;
-/// The skew is believed when samples span this, ns; before it a device is taken to be as fast as the host. In five
+/// The skew is known when samples span this, ns; before that a device is taken to be as fast as the host. In five
 /// seconds 200 ppm are a millisecond, as much as the jitter of a message.
 const SPAN_MIN_NS: i64 = 5_000_000_000;
 /// No quartz is worse; what seems to be is late messages.
 const SKEW_MAX: f64 = 1e-3;
-/// A sample that would have been measured so long after it arrived, or that is so much later than all before it for
-/// [`STRANGE_MAX`] stretches, says that the device's clock was set, ns.
-const STRANGE_NS: i64 = 100_000_000;
+/// Where a sample would have been measured this long after it arrived, or is this much later than all before it for
+/// [`LATE_STRETCHES_MAX`] stretches, the device's clock was set, ns.
+const SET_NS: i64 = 100_000_000;
 /// A stopped process reads old samples when it goes on; they are late for as long as its buffer is deep.
-const STRANGE_MAX: usize = 6;
+const LATE_STRETCHES_MAX: usize = 6;
 
 /// A sample of little delay.
 #[derive(Clone, Copy, Debug)]
@@ -44,7 +44,7 @@ pub struct DeviceClock {
     quick: VecDeque<Quick>,
     last: Option<(i64, i64)>,
     /// Stretches in a row of which even the best sample is much too late.
-    strange: usize,
+    late_stretches: usize,
     restarts: u64,
 }
 
@@ -54,7 +54,7 @@ impl DeviceClock {
         if self.was_set(device_ns, arrival_ns) {
             self.restarts += 1;
             self.quick.clear();
-            self.strange = 0;
+            self.late_stretches = 0;
             self.last = self.last.map(|(_, host_ns)| (device_ns, host_ns));
         }
         self.learn(device_ns, arrival_ns);
@@ -89,8 +89,8 @@ impl DeviceClock {
         };
         let early = self
             .estimate(device_ns)
-            .is_some_and(|host_ns| host_ns.saturating_sub(arrival_ns) > STRANGE_NS);
-        device_ns < last_device_ns || early || self.strange > STRANGE_MAX
+            .is_some_and(|host_ns| host_ns.saturating_sub(arrival_ns) > SET_NS);
+        device_ns < last_device_ns || early || self.late_stretches > LATE_STRETCHES_MAX
     }
 
     fn learn(&mut self, device_ns: i64, arrival_ns: i64) {
@@ -114,13 +114,13 @@ impl DeviceClock {
         }
     }
 
-    /// A stretch is over: whether even its best sample was strangely late.
+    /// A stretch is over: whether even its best sample was much too late.
     fn judge_last(&mut self) {
         let late = self.quick.back().is_some_and(|last| {
             let host_ns = self.estimate(last.device_ns);
-            host_ns.is_some_and(|host_ns| last.arrival_ns.saturating_sub(host_ns) > STRANGE_NS)
+            host_ns.is_some_and(|host_ns| last.arrival_ns.saturating_sub(host_ns) > SET_NS)
         });
-        self.strange = if late { self.strange + 1 } else { 0 };
+        self.late_stretches = if late { self.late_stretches + 1 } else { 0 };
     }
 
     fn estimate(&self, device_ns: i64) -> Option<i64> {
@@ -139,12 +139,12 @@ impl DeviceClock {
             return None;
         }
         let least_ns = self.quick.iter().map(Quick::delay_ns).min()?;
-        let place = |device_ns: i64| device_ns.saturating_sub(first.device_ns) as f64;
+        let since_first = |device_ns: i64| device_ns.saturating_sub(first.device_ns) as f64;
         let points = self.quick.iter().map(|quick| {
             let above_ns = quick.delay_ns().saturating_sub(least_ns);
-            (place(quick.device_ns), above_ns as f64)
+            (since_first(quick.device_ns), above_ns as f64)
         });
-        beneath(points, place(device_ns)).filter(|(_, slope)| slope.abs() < SKEW_MAX)
+        beneath(points, since_first(device_ns)).filter(|(_, slope)| slope.abs() < SKEW_MAX)
     }
 }
 
@@ -182,8 +182,8 @@ mod tests {
         for skew in [0.0, 200e-6, -200e-6] {
             let mut clock = DeviceClock::default();
             let errors = errors(&mut clock, 60, skew, bursts);
-            let settled = &errors[250 * 10..];
-            let worst = settled.iter().map(|e| e.abs()).max().unwrap();
+            let steady = &errors[250 * 10..];
+            let worst = steady.iter().map(|e| e.abs()).max().unwrap();
             assert!(worst < 100_000, "skew {skew}: {worst} ns");
             assert!((clock.skew() - skew).abs() < 5e-6, "{}", clock.skew());
             assert_eq!(clock.restarts(), 0);
@@ -246,7 +246,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever comes in: it rises, and it does not break.
+        /// For any input it rises and does not panic.
         #[test]
         fn it_rises_whatever_comes(samples in prop::collection::vec((any::<i64>(), any::<i64>()), 1..200)) {
             let mut clock = DeviceClock::default();

@@ -1,5 +1,5 @@
-//! What every driver needs: a device's clock in the host's time, patience with a device that is not there, and what to
-//! say of it.
+//! What every driver needs: a device's clock in the host's time, pauses between attempts to reach a device, and the state
+//! of its link.
 //!
 //! Pure: time comes in as nanoseconds of the one clock. Not responsible for any protocol, nor for I/O.
 //!

@@ -1,25 +1,25 @@
-//! What a driver says of its device.
+//! The state of a driver's device.
 
 /// How a driver stands to its device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Link {
-    /// Nothing has been heard yet, and it is too early to wonder.
+    /// Nothing has come yet, and it is too early for a warning.
     #[default]
     Starting,
     /// Data come.
     Streaming,
-    /// Data come, but a person should know this.
+    /// Data come, with this warning for people.
     Warning(String),
     /// No data come, for this reason.
-    Trouble(String),
+    Down(String),
 }
 
 impl Link {
-    /// What to tell people; empty where all is well.
+    /// Its text for people; empty where all is well.
     pub fn text(&self) -> &str {
         match self {
             Self::Starting | Self::Streaming => "",
-            Self::Warning(text) | Self::Trouble(text) => text,
+            Self::Warning(text) | Self::Down(text) => text,
         }
     }
 
@@ -37,8 +37,8 @@ pub struct Interruptions {
 }
 
 impl Interruptions {
-    /// Looks how it is now.
-    pub fn see(&mut self, link: &Link) {
+    /// Takes the link as it is now.
+    pub fn update(&mut self, link: &Link) {
         self.count += u64::from(self.streamed && !link.streams());
         self.streamed = link.streams();
     }
@@ -85,21 +85,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_interruption_counts_once_however_long_it_lasts() {
+    fn an_interruption_counts_once_whatever_its_length() {
         let mut interruptions = Interruptions::default();
-        let trouble = Link::Trouble("silent".to_owned());
+        let down = Link::Down("silent".to_owned());
         let warning = Link::Warning("slow".to_owned());
         let links = [
             &Link::Starting,
-            &trouble,
+            &down,
             &Link::Streaming,
             &warning,
-            &trouble,
-            &trouble,
+            &down,
+            &down,
             &warning,
-            &trouble,
+            &down,
         ];
-        links.into_iter().for_each(|link| interruptions.see(link));
+        links
+            .into_iter()
+            .for_each(|link| interruptions.update(link));
         assert_eq!(interruptions.count().value, 2);
     }
 }

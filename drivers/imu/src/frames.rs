@@ -6,23 +6,53 @@
 
 use std::marker::PhantomData;
 
-/// What a protocol sees at the beginning of the bytes that it is shown.
+/// What stands at the beginning of the bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
+pub enum FrameStart {
     /// No frame begins here.
     Junk,
     /// A frame may begin here, and more bytes are needed to know.
-    More,
-    /// A frame of so many bytes, its checksum right.
+    Incomplete,
+    /// A frame of this many bytes, its checksum right.
     Frame(usize),
     /// A frame to its end, its checksum wrong.
     Damaged,
 }
 
-/// How a protocol's frames look.
+/// How a protocol frames what it sends: two sync bytes, a header with a length, data, a checksum.
 pub trait Framing {
-    /// What is at the beginning of `bytes`, which are not empty. Asks for no more bytes than its longest frame has.
-    fn look(bytes: &[u8]) -> Look;
+    /// The first two bytes.
+    const SYNC: [u8; 2];
+    /// The bytes of the longest frame, sync and checksum included.
+    const LONGEST: usize;
+
+    /// The bytes of the frame that begins with `bytes`, sync and checksum included; none while its header is not whole.
+    fn length(bytes: &[u8]) -> Option<usize>;
+
+    /// Whether the checksum of a whole frame is right.
+    fn is_intact(frame: &[u8]) -> bool;
+
+    /// What is at the beginning of `bytes`, which are not empty. Asks for no more bytes than [`Self::LONGEST`].
+    fn inspect(bytes: &[u8]) -> FrameStart {
+        if bytes
+            .iter()
+            .zip(Self::SYNC)
+            .any(|(byte, sync)| *byte != sync)
+        {
+            return FrameStart::Junk;
+        }
+        let Some(length) = Self::length(bytes) else {
+            return FrameStart::Incomplete;
+        };
+        if length > Self::LONGEST {
+            return FrameStart::Junk;
+        }
+        match bytes.get(..length) {
+            None => FrameStart::Incomplete,
+            Some(frame) if Self::is_intact(frame) => FrameStart::Frame(length),
+            Some(_) => FrameStart::Damaged,
+        }
+    }
 }
 
 /// What was counted.
@@ -60,15 +90,15 @@ impl<F: Framing> Frames<F> {
         self.bytes.extend_from_slice(bytes);
         let mut begin = 0;
         while let Some(rest) = self.bytes.get(begin..).filter(|rest| !rest.is_empty()) {
-            match F::look(rest) {
-                Look::More => break,
-                Look::Frame(length) => {
+            match F::inspect(rest) {
+                FrameStart::Incomplete => break,
+                FrameStart::Frame(length) => {
                     self.counts.frames += 1;
                     take(rest.get(..length).unwrap_or(rest));
                     begin += length.max(1);
                 }
-                look => {
-                    self.counts.checksum_errors += u64::from(look == Look::Damaged);
+                start => {
+                    self.counts.checksum_errors += u64::from(start == FrameStart::Damaged);
                     self.counts.junk_bytes += 1;
                     begin += 1;
                 }

@@ -1,10 +1,10 @@
 //! An IMU as its driver knows it, without a process: readings become samples.
 //!
-//! Responsible for axes, stamps, order, what is lost, and for what to say of the device. Not responsible for reaching it:
+//! Responsible for axes, stamps, order, what is lost, and for the device's link. Not responsible for reaching the device:
 //! its source is.
 
+use crate::reading_source::{ReadingSource, reading_source};
 use crate::sequence::Sequence;
-use crate::source::{Source, source};
 use crate::upright::Upright;
 use crate::{Axes, Error, Reading};
 use randt_config::Config;
@@ -16,9 +16,8 @@ use std::time::Instant;
 /// An IMU.
 #[derive(Debug)]
 pub struct Imu {
-    source: Box<dyn Source>,
-    rate_axes: Axes,
-    acceleration_axes: Axes,
+    source: Box<dyn ReadingSource>,
+    axes: SensorAxes,
     silence_ns: i64,
     clock: DeviceClock,
     sequence: Sequence,
@@ -26,13 +25,26 @@ pub struct Imu {
     readings: Vec<Reading>,
     link: Link,
     interruptions: Interruptions,
-    reconnects: u64,
     /// When the driver began or the last sample came.
-    heard_ns: Option<i64>,
+    last_ns: Option<i64>,
     stamp_ns: i64,
+    counts: SampleCounts,
+}
+
+/// The axes of both sensors.
+#[derive(Debug)]
+struct SensorAxes {
+    rate: Axes,
+    acceleration: Axes,
+}
+
+/// What was counted.
+#[derive(Debug, Default)]
+struct SampleCounts {
     samples: u64,
     unknown: u64,
     doubled: u64,
+    reconnects: u64,
 }
 
 impl Imu {
@@ -40,9 +52,11 @@ impl Imu {
     pub fn new(config: &Config) -> Result<Self, Error> {
         let imu = &config.imu;
         Ok(Self {
-            source: source(imu)?,
-            rate_axes: Axes::read_for_rates("rate_axes", &imu.rate_axes)?,
-            acceleration_axes: Axes::read("acceleration_axes", &imu.acceleration_axes)?,
+            source: reading_source(imu)?,
+            axes: SensorAxes {
+                rate: Axes::read_for_rates("rate_axes", &imu.rate_axes)?,
+                acceleration: Axes::read("acceleration_axes", &imu.acceleration_axes)?,
+            },
             silence_ns: (imu.silence_s * 1e9) as i64,
             clock: DeviceClock::default(),
             sequence: Sequence::default(),
@@ -50,12 +64,9 @@ impl Imu {
             readings: Vec::new(),
             link: Link::Starting,
             interruptions: Interruptions::default(),
-            reconnects: 0,
-            heard_ns: None,
+            last_ns: None,
             stamp_ns: i64::MIN,
-            samples: 0,
-            unknown: 0,
-            doubled: 0,
+            counts: SampleCounts::default(),
         })
     }
 
@@ -66,12 +77,12 @@ impl Imu {
 
     /// When to poll although nothing came; at once before the first poll.
     pub fn due_ns(&self) -> i64 {
-        let Some(heard_ns) = self.heard_ns else {
+        let Some(last_ns) = self.last_ns else {
             return i64::MIN;
         };
         let mut due_ns = self.source.due_ns().unwrap_or(i64::MAX);
         if self.link.streams() || self.link == Link::Starting {
-            due_ns = due_ns.min(heard_ns.saturating_add(self.silence_ns + 1));
+            due_ns = due_ns.min(last_ns.saturating_add(self.silence_ns + 1));
         }
         due_ns
     }
@@ -89,27 +100,27 @@ impl Imu {
     /// The same by a clock, which is read as soon as something has come. With the time from before it a program that was
     /// interrupted in between would take a sample to have arrived before it was measured.
     pub fn poll_by(&mut self, clock: &dyn Fn() -> i64, sink: &mut dyn FnMut(&ImuSample)) {
-        self.heard_ns.get_or_insert_with(clock);
+        self.last_ns.get_or_insert_with(clock);
         let mut readings = std::mem::take(&mut self.readings);
         self.source.poll(clock, &mut readings);
         let now_ns = clock();
-        if self.source.reconnects() != self.reconnects {
-            self.reconnects = self.source.reconnects();
+        if self.source.reconnects() != self.counts.reconnects {
+            self.counts.reconnects = self.source.reconnects();
             self.sequence.restart();
             self.upright.restart();
         }
         for reading in readings.drain(..) {
             if self.sequence.is_double(&reading) {
-                self.doubled += 1;
+                self.counts.doubled += 1;
             } else if reading.known() {
                 let sample = self.sample(&reading);
                 self.upright
                     .push(sample.header.stamp_ns, sample.acceleration_m_s2);
                 sink(&sample);
-                self.samples += 1;
-                self.heard_ns = Some(now_ns);
+                self.counts.samples += 1;
+                self.last_ns = Some(now_ns);
             } else {
-                self.unknown += 1;
+                self.counts.unknown += 1;
             }
         }
         self.readings = readings;
@@ -130,8 +141,8 @@ impl Imu {
         let mut sample = ImuSample {
             device_ns: reading.device_ns.unwrap_or_default(),
             arrival_ns: reading.arrival_ns,
-            rate_rad_s: self.rate_axes.map(reading.rate_rad_s),
-            acceleration_m_s2: self.acceleration_axes.map(reading.acceleration_m_s2),
+            rate_rad_s: self.axes.rate.map(reading.rate_rad_s),
+            acceleration_m_s2: self.axes.acceleration.map(reading.acceleration_m_s2),
             ..ImuSample::default()
         };
         sample.header.stamp_ns = self.stamp_ns;
@@ -139,16 +150,16 @@ impl Imu {
     }
 
     fn judge(&mut self, now_ns: i64) {
-        let silent_ns = now_ns.saturating_sub(self.heard_ns.unwrap_or(now_ns));
-        self.link = if !self.source.trouble().is_empty() {
-            Link::Trouble(self.source.trouble().to_owned())
+        let silent_ns = now_ns.saturating_sub(self.last_ns.unwrap_or(now_ns));
+        self.link = if !self.source.fault().is_empty() {
+            Link::Down(self.source.fault().to_owned())
         } else if silent_ns > self.silence_ns {
-            Link::Trouble(format!(
+            Link::Down(format!(
                 "{} for over {}",
                 self.source.silence(),
                 self.silent(silent_ns)
             ))
-        } else if self.samples == 0 {
+        } else if self.counts.samples == 0 {
             Link::Starting
         } else if !self.upright.complaint().is_empty() {
             Link::Warning(self.upright.complaint().to_owned())
@@ -161,19 +172,19 @@ impl Imu {
         } else {
             Link::Streaming
         };
-        self.interruptions.see(&self.link);
+        self.interruptions.update(&self.link);
     }
 
-    /// How long it is silent, in doublings: each text that is new is a line in the journal.
+    /// The time of silence in doublings: each text that is new is a line in the journal.
     fn silent(&self, silent_ns: i64) -> String {
-        let mut said_ns = self.silence_ns.max(1);
-        while said_ns < silent_ns / 2 {
-            said_ns *= 2;
+        let mut shown_ns = self.silence_ns.max(1);
+        while shown_ns < silent_ns / 2 {
+            shown_ns *= 2;
         }
-        format!("{} s", said_ns as f64 * 1e-9)
+        format!("{} s", shown_ns as f64 * 1e-9)
     }
 
-    /// How the device is.
+    /// The device's link.
     pub fn link(&self) -> &Link {
         &self.link
     }
@@ -183,7 +194,7 @@ impl Imu {
         self.clock.skew()
     }
 
-    /// Whether gravity was seen, and points where the configuration says.
+    /// Whether gravity was measured, and points as the configured axes have it.
     pub fn is_upright(&self) -> Option<bool> {
         self.upright
             .known()
@@ -193,12 +204,12 @@ impl Imu {
     /// Everything that was counted.
     pub fn counters(&self) -> Vec<Count> {
         let mut counts = vec![
-            Count::event("samples", self.samples),
+            Count::event("samples", self.counts.samples),
             Count::loss("samples_lost", self.sequence.lost()),
-            Count::event("samples_doubled", self.doubled),
-            Count::loss("unknown_values", self.unknown),
+            Count::event("samples_doubled", self.counts.doubled),
+            Count::loss("unknown_values", self.counts.unknown),
             self.interruptions.count(),
-            Count::event("reconnects", self.reconnects),
+            Count::event("reconnects", self.counts.reconnects),
             Count::event("clock_resets", self.clock.restarts()),
         ];
         counts.extend(self.source.counts());

@@ -4,12 +4,12 @@
 //! one clock. Not responsible for attitude, bias or filtering: odometry does that.
 //!
 //! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`]) are pure and go both ways, because the
-//! emulators speak with them. What this was never run on: a device. It is proven against emulators, and the Phidgets'
-//! part against the vendor's own library.
+//! emulators speak with them. This was never run with a device. It is tested against emulators, and the Phidgets'
+//! part with the vendor's own library.
 
 mod axes;
 mod bytes;
-mod conversation;
+pub mod command_sequence;
 mod error;
 pub mod frames;
 mod imu;
@@ -18,9 +18,9 @@ pub mod phidget;
 mod port;
 pub mod protocol;
 mod reading;
+mod reading_source;
 mod sequence;
 mod serial;
-mod source;
 mod upright;
 pub mod xsens;
 
@@ -28,5 +28,5 @@ pub use axes::Axes;
 pub use error::Error;
 pub use imu::Imu;
 pub use reading::{Reading, STANDARD_GRAVITY_M_S2};
+pub use reading_source::ReadingSource;
 pub use serial::Serial;
-pub use source::Source;

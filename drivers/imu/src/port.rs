@@ -1,6 +1,6 @@
 //! An open serial port.
 //!
-//! Responsible for opening, for saying in plain words why that fails, and for bytes. Not responsible for when.
+//! Responsible for opening, for the text where that fails, and for bytes. Not responsible for when.
 //!
 //! The crate serialport sets the port up. Bytes go through a descriptor of our own: serialport's cannot be slept on
 //! without unsafe code.
@@ -15,24 +15,24 @@ use std::path::Path;
 
 /// Bytes that the kernel keeps for a reader: N_TTY_BUF_SIZE. It drops what comes beyond them.
 pub(crate) const KERNEL_BUFFER: usize = 4096;
-/// Somebody else reads it.
+/// Another program reads it.
 const TAKEN: &str = "another program has it open";
 
 /// A serial port, open, raw, at its speed, ours alone. Reads and writes do not wait.
 #[derive(Debug)]
 pub(crate) struct Port {
     bytes: File,
-    /// Has set the port up, and keeps others from opening it: also root, by a lock, where he asks for it.
+    /// Has set the port up, and keeps others from opening it: also root, by a lock, where it asks for it.
     _settings: TTYPort,
 }
 
 impl Port {
-    /// Opens it, or says why not.
+    /// Opens it, or gives the reason why not.
     pub(crate) fn open(path: &Path, baud: u32) -> Result<Self, String> {
-        let say = |why: &str| format!("{}: {why}", path.display());
-        let told = |error: &io::Error| say(&plain(error));
+        let at_path = |why: &str| format!("{}: {why}", path.display());
+        let failed = |error: &io::Error| at_path(&plain(error));
         let kind = fs::metadata(path)
-            .map_err(|error| told(&error))?
+            .map_err(|error| failed(&error))?
             .file_type();
         if !kind.is_char_device() {
             let kind = match kind {
@@ -40,7 +40,7 @@ impl Port {
                 _ if kind.is_file() => "is a file, not a serial port",
                 _ => "is no serial port",
             };
-            return Err(say(kind));
+            return Err(at_path(kind));
         }
         let flags = OFlags::NOCTTY | OFlags::NONBLOCK;
         let bytes = OpenOptions::new()
@@ -48,17 +48,17 @@ impl Port {
             .write(true)
             .custom_flags(flags.bits() as i32)
             .open(path)
-            .map_err(|error| told(&error))?;
+            .map_err(|error| failed(&error))?;
         if !bytes.is_terminal() {
-            return Err(say("is another device, not a serial port"));
+            return Err(at_path("is another device, not a serial port"));
         }
         let settings = serialport::new(path.to_string_lossy(), baud)
             .open_native()
-            // What lies there was measured nobody knows when.
+            // The age of what lies there is unknown.
             .and_then(|settings| settings.clear(ClearBuffer::Input).map(|()| settings));
         Ok(Self {
             bytes,
-            _settings: settings.map_err(|error| say(&settings_failed(&error)))?,
+            _settings: settings.map_err(|error| at_path(&settings_failed(&error)))?,
         })
     }
 
@@ -67,7 +67,7 @@ impl Port {
         match self.bytes.read(bytes) {
             Ok(0) => Err(ErrorKind::UnexpectedEof.into()),
             Ok(count) => Ok(Some(count)),
-            Err(error) if nothing(&error) => Ok(None),
+            Err(error) if is_nothing(&error) => Ok(None),
             Err(error) => Err(error),
         }
     }
@@ -75,7 +75,7 @@ impl Port {
     /// Writes what there is room for; a command is sent again where it is not answered.
     pub(crate) fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
         match self.bytes.write(bytes) {
-            Err(error) if !nothing(&error) => Err(error),
+            Err(error) if !is_nothing(&error) => Err(error),
             _ => Ok(()),
         }
     }
@@ -86,7 +86,7 @@ impl Port {
     }
 }
 
-fn nothing(error: &io::Error) -> bool {
+fn is_nothing(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
 

@@ -1,6 +1,8 @@
 //! What a serial protocol does for its port.
 
-use crate::{frames::FrameCounts, reading::Reading};
+use crate::command_sequence::{CommandSequence, Step};
+use crate::frames::{FrameCounts, Frames, Framing};
+use crate::reading::Reading;
 use std::fmt::Debug;
 
 /// A protocol, without its port: bytes in, readings and commands out.
@@ -17,6 +19,9 @@ pub trait Protocol: Debug {
     /// When [`Self::send`] may have something; none once the device is configured.
     fn due_ns(&self) -> Option<i64>;
 
+    /// Whether the device is being configured, and answers.
+    fn is_under_way(&self) -> bool;
+
     /// What was counted.
     fn counts(&self) -> FrameCounts;
 
@@ -25,6 +30,90 @@ pub trait Protocol: Debug {
 
     /// From one reading to the next, ns, as the device has agreed to, else as it is configured here.
     fn interval_ns(&self) -> i64;
+}
+
+/// What a protocol's frames and commands mean.
+pub trait Codec: Debug {
+    /// The form of its frames.
+    type Framing: Framing + Debug;
+    /// What is asked of a device after its port was opened.
+    type Step: Step;
+
+    /// The port was opened: the device is configured from the beginning.
+    fn restart(&mut self);
+
+    /// The command of a step, as bytes.
+    fn command(&self, step: Self::Step) -> Vec<u8>;
+
+    /// Takes a frame: a reading, or an answer to a command.
+    fn take(
+        &mut self,
+        frame: &[u8],
+        commands: &mut CommandSequence<Self::Step>,
+        arrival_ns: i64,
+    ) -> Option<Reading>;
+
+    /// From one reading to the next, ns.
+    fn interval_ns(&self) -> i64;
+}
+
+/// A protocol of frames and commands.
+#[derive(Debug)]
+pub struct Framed<C: Codec> {
+    frames: Frames<C::Framing>,
+    commands: CommandSequence<C::Step>,
+    codec: C,
+}
+
+impl<C: Codec> Framed<C> {
+    /// One that has not begun.
+    pub(crate) fn with_codec(codec: C) -> Self {
+        Self {
+            frames: Frames::default(),
+            commands: CommandSequence::default(),
+            codec,
+        }
+    }
+}
+
+impl<C: Codec> Protocol for Framed<C> {
+    fn opened(&mut self) {
+        self.frames.cut();
+        self.commands = CommandSequence::default();
+        self.codec.restart();
+    }
+
+    fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>) {
+        let (codec, commands) = (&mut self.codec, &mut self.commands);
+        self.frames.push(bytes, &mut |frame| {
+            readings.extend(codec.take(frame, commands, arrival_ns));
+        });
+    }
+
+    fn send(&mut self, now_ns: i64) -> Option<Vec<u8>> {
+        let step = self.commands.send(now_ns)?;
+        Some(self.codec.command(step))
+    }
+
+    fn due_ns(&self) -> Option<i64> {
+        self.commands.due_ns()
+    }
+
+    fn is_under_way(&self) -> bool {
+        self.commands.is_under_way()
+    }
+
+    fn counts(&self) -> FrameCounts {
+        self.frames.counts()
+    }
+
+    fn complaint(&self) -> &str {
+        self.commands.complaint()
+    }
+
+    fn interval_ns(&self) -> i64 {
+        self.codec.interval_ns()
+    }
 }
 
 /// Nanoseconds between readings at a rate. At least one: a rate is finite and positive (`imu.rate_hz`).

@@ -4,8 +4,8 @@ use crate::Reading;
 
 /// A longer step than this is a device that was away, ns.
 const AWAY_NS: i64 = 10_000_000_000;
-/// The interval is looked at after so many readings: a quarter of a second.
-const LOOKED_AT: usize = 64;
+/// The interval is checked after this many readings: a quarter of a second.
+const CHECKED_AFTER: usize = 64;
 /// A change below this share is no change: stamps have a grain, and a text that wavers is of no use.
 const SAME: f64 = 0.02;
 /// The device may be off its rate by this share: quartzes are not, dividers are.
@@ -62,16 +62,16 @@ impl Sequence {
         }
         if let Some(step_ns) = step_ns {
             self.steps_ns.push(step_ns);
-            if self.steps_ns.len() == LOOKED_AT {
-                self.look();
+            if self.steps_ns.len() == CHECKED_AFTER {
+                self.check_interval();
             }
         }
     }
 
     /// The usual interval: the mean of the shorter steps, so that lost readings do not move it.
-    fn look(&mut self) {
+    fn check_interval(&mut self) {
         self.steps_ns.sort_unstable();
-        let short_ns = self.steps_ns.get(LOOKED_AT / 4).copied().unwrap_or(1);
+        let short_ns = self.steps_ns.get(CHECKED_AFTER / 4).copied().unwrap_or(1);
         // Stamps with a grain are off by less, and a lost reading by more.
         let near = |step_ns: &&i64| **step_ns < short_ns.saturating_mul(7) / 4;
         let (mut sum_ns, mut count) = (0, 0);
@@ -156,6 +156,6 @@ mod tests {
         let (is, asked) = sequence.wrong_rate().unwrap();
         assert!((is - 125.0).abs() < 1.0 && asked == 250.0, "{is}");
         // Until it is known to be the rate.
-        assert_eq!(sequence.lost(), LOOKED_AT as u64);
+        assert_eq!(sequence.lost(), CHECKED_AFTER as u64);
     }
 }

@@ -5,13 +5,13 @@
 //! anew when it is silent. Not responsible for the protocol's bytes.
 
 use crate::port::{KERNEL_BUFFER, Port};
-use crate::{Reading, protocol::Protocol, source::Source};
+use crate::{Reading, protocol::Protocol, reading_source::ReadingSource};
 use randt_config::ImuDriver;
 use randt_device::{Backoff, Count};
 use std::os::fd::BorrowedFd;
 use std::path::PathBuf;
 
-/// A device that is being configured may need so long to its first reading.
+/// A device that is configured, or that does not answer, may need this long to its first reading.
 const SETTLING_NS: i64 = 1_500_000_000;
 /// Reads in a row, so that a device that never stops cannot hold the driver.
 const READS_MAX: usize = 16;
@@ -25,15 +25,21 @@ pub struct Serial {
     patience_ns: i64,
     port: Option<Port>,
     backoff: Backoff,
-    trouble: String,
-    /// When the port was opened or the last reading came.
-    heard_ns: i64,
-    /// Bytes since it was opened, and frames before it.
-    bytes: u64,
-    frames_before: u64,
+    fault: String,
+    /// When the port was opened, the last reading came, or the device last answered its setup.
+    active_ns: i64,
+    session: Session,
     opened: u64,
     overruns: u64,
     buffer: Vec<u8>,
+}
+
+/// What is known since the port was opened.
+#[derive(Debug, Default)]
+struct Session {
+    bytes: u64,
+    /// Frames before it was opened.
+    frames_before: u64,
 }
 
 impl Serial {
@@ -46,10 +52,9 @@ impl Serial {
             patience_ns: ((config.silence_s * 1e9) as i64).max(SETTLING_NS),
             port: None,
             backoff: Backoff::default(),
-            trouble: String::new(),
-            heard_ns: 0,
-            bytes: 0,
-            frames_before: 0,
+            fault: String::new(),
+            active_ns: 0,
+            session: Session::default(),
             opened: 0,
             overruns: 0,
             buffer: vec![0; KERNEL_BUFFER],
@@ -61,10 +66,12 @@ impl Serial {
             Ok(port) => {
                 self.port = Some(port);
                 self.protocol.opened();
-                self.trouble.clear();
-                self.heard_ns = now_ns;
-                self.bytes = 0;
-                self.frames_before = self.protocol.counts().frames;
+                self.fault.clear();
+                self.active_ns = now_ns;
+                self.session = Session {
+                    bytes: 0,
+                    frames_before: self.protocol.counts().frames,
+                };
                 self.opened += 1;
             }
             Err(why) => self.gone(now_ns, why),
@@ -73,7 +80,7 @@ impl Serial {
 
     fn gone(&mut self, now_ns: i64, why: String) {
         self.port = None;
-        self.trouble = why;
+        self.fault = why;
         self.backoff.failed(now_ns);
     }
 
@@ -91,7 +98,7 @@ impl Serial {
             let Some(count) = port.read(&mut self.buffer)? else {
                 break;
             };
-            self.bytes += count as u64;
+            self.session.bytes += count as u64;
             // One byte is the kernel's own.
             self.overruns += u64::from(count + 1 >= KERNEL_BUFFER);
             let bytes = self.buffer.get(..count).unwrap_or_default();
@@ -99,8 +106,10 @@ impl Serial {
         }
         let now_ns = clock();
         if readings.len() > before {
-            self.heard_ns = now_ns;
+            self.active_ns = now_ns;
             self.backoff.succeeded();
+        } else if self.protocol.is_under_way() {
+            self.active_ns = now_ns;
         }
         while let Some(command) = self.protocol.send(now_ns) {
             port.write(&command)?;
@@ -109,7 +118,7 @@ impl Serial {
     }
 }
 
-impl Source for Serial {
+impl ReadingSource for Serial {
     fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.port.as_ref().map(Port::descriptor)
     }
@@ -124,7 +133,7 @@ impl Source for Serial {
                 now_ns,
                 format!("{}: unplugged ({error})", self.path.display()),
             );
-        } else if self.port.is_some() && now_ns - self.heard_ns > self.patience_ns {
+        } else if self.port.is_some() && now_ns - self.active_ns > self.patience_ns {
             // It is there, so there is nothing to be patient with.
             self.port = None;
             self.open(now_ns);
@@ -135,20 +144,20 @@ impl Source for Serial {
         if self.port.is_none() {
             return Some(self.backoff.due_ns());
         }
-        let silent_ns = self.heard_ns.saturating_add(self.patience_ns);
+        let silent_ns = self.active_ns.saturating_add(self.patience_ns);
         let due_ns = self.protocol.due_ns().unwrap_or(i64::MAX);
         Some(due_ns.min(silent_ns))
     }
 
-    fn trouble(&self) -> &str {
-        &self.trouble
+    fn fault(&self) -> &str {
+        &self.fault
     }
 
     fn silence(&self) -> String {
         let path = self.path.display();
-        if self.protocol.counts().frames > self.frames_before {
+        if self.protocol.counts().frames > self.session.frames_before {
             format!("{path}: answers, but no sample")
-        } else if self.bytes > 0 {
+        } else if self.session.bytes > 0 {
             format!(
                 "{path}: bytes that are not of this protocol; are imu.source and imu.baud right?"
             )

@@ -29,7 +29,7 @@ impl Upright {
         }
     }
 
-    /// Looks again: the device was opened anew, and may be another one.
+    /// Begins anew: the device was opened again, and may be another one.
     pub(crate) fn restart(&mut self) {
         (self.check, self.known) = (MountingCheck::default(), false);
     }
@@ -40,11 +40,11 @@ impl Upright {
             return;
         }
         let force = self.mounting.rotate(Vector3::from(acceleration_m_s2));
-        let Some(verdict) = self.check.push(stamp_ns, force) else {
+        let Some(result) = self.check.push(stamp_ns, force) else {
             return;
         };
         self.known = true;
-        let how = match verdict.mounting {
+        let how = match result.mounting {
             Mounting::Upright => return self.complaint.clear(),
             Mounting::UpsideDown => "upside down",
             Mounting::OnItsSide => "on its side",
@@ -52,7 +52,7 @@ impl Upright {
         self.complaint = format!(
             "{how}: up is {} of the robot; set imu.acceleration_axes (the sign of gravity), or robot.imu_roll_rad and \
              imu_pitch_rad (how it is mounted)",
-            verdict.up_axis()
+            result.up_axis()
         );
     }
 

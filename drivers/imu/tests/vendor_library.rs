@@ -12,17 +12,17 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-/// PyPI's release that the driver is held against.
+/// PyPI's release that the driver is tested with.
 const WHEEL: &str = "phidget22-1.26.20260821-py3-none-manylinux_2_28_x86_64.whl";
 const SHA256: &str = "dd7ed82e6b9e8ea6eb5333d326eebd94d764430e779ea2e5dac75c142f4fad5a";
 const LIBRARY: &str = "Phidget22/.libs/libphidget22.so";
 
 const SERIAL_NUMBER: u32 = 123_456;
-/// An emulator begins so long before its first sample.
+/// An emulator begins this long before its first sample.
 const LEAD: Duration = Duration::from_millis(500);
-/// A device that is back is heard within 2 s where nothing else runs; the machine of a test may be slow.
+/// A device that is back sends within 2 s where nothing else runs; the machine of a test may be slow.
 const BACK_MAX: Duration = Duration::from_secs(10);
-/// Tells a process that it is the one of a test's own.
+/// Marks the process of one test.
 const ALONE: &str = "RANDT_TEST_ALONE";
 
 /// The library is one a process, and its servers and threads disturb each other: each test has a process of its own, and
@@ -35,11 +35,11 @@ fn alone(test: &str, body: impl FnOnce()) {
     let mut command = Command::new(std::env::current_exe().unwrap());
     command.args([&format!("vendor_library::{test}"), "--exact", "--nocapture"]);
     let output = command.env(ALONE, "1").output().unwrap();
-    let told = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    let said = told(&output.stdout);
-    println!("{said}");
-    assert!(output.status.success(), "{}", told(&output.stderr));
-    assert!(said.contains("1 passed"), "no test has this name");
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let printed = text(&output.stdout);
+    println!("{printed}");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert!(printed.contains("1 passed"), "no test has this name");
 }
 
 /// A test that is run in a process of its own.
@@ -88,15 +88,15 @@ fn library() -> &'static Path {
 
 fn run(command: &mut Command) {
     let output = command.output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{command:?}: {told}");
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {errors}");
 }
 
 fn serve(drive: &Drive, address: SocketAddr, faults: &[&str]) -> (Emulated, SocketAddr) {
-    let mut moments = drive.moments(faults);
+    let mut measurements = drive.measurements(faults, 1);
     let mut server = PhidgetServer::open(address, SERIAL_NUMBER).unwrap();
     let address = server.address();
-    let emulated = Emulated::new(move |ends| server.run(&mut moments, ends).unwrap());
+    let emulated = Emulated::new(move |ends| server.run(&mut measurements, ends).unwrap());
     (emulated, address)
 }
 

@@ -1,11 +1,11 @@
-//! A decoded beam, before anything is known of its sweep.
+//! A decoded beam, before its sweep is known.
 
 use crate::Sender;
 
-/// What a decoder knows of a beam's place in the stream.
+/// A beam's position in the stream, as far as a decoder knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// A counter that rises by one from beam to beam; where a sweep begins, the azimuth says: it rises and begins anew.
+pub enum BeamPosition {
+    /// A counter that rises by one from beam to beam; a sweep begins where the azimuth, which rises, begins anew.
     Running(u16),
     /// The number of the sweep and that of the beam in it, below the layout's `beams`.
     Numbered {
@@ -27,7 +27,7 @@ pub struct BeamLayout {
     pub bin_m: f64,
     /// Range of bin 0, m: of its middle.
     pub first_m: f64,
-    /// Time of one turn as the radar says it, ns.
+    /// Time of one turn as the radar gives it, ns.
     pub turn_ns: Option<i64>,
 }
 
@@ -50,14 +50,14 @@ pub struct Echo {
 /// One beam as it came. Decoders use one over and over, so that nothing is allocated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawBeam {
-    /// Whose it is.
+    /// Its sender.
     pub sender: Sender,
-    /// Of all its bytes: copies of a beam have the same. 0 where the connection makes no copies.
+    /// Checksum of all its bytes: copies of a beam have the same. 0 where the connection makes no copies.
     pub fingerprint: u32,
     /// Copies of a part of it differed.
     pub contradicted: bool,
-    /// Its place in the stream.
-    pub place: Place,
+    /// Its position in the stream.
+    pub position: BeamPosition,
     /// Direction as the radar counts it; 2^32 are one turn.
     pub azimuth: u32,
     /// The radar's own stamp, ns of its clock.
@@ -80,7 +80,7 @@ impl Default for RawBeam {
             sender: Sender::default(),
             fingerprint: 0,
             contradicted: false,
-            place: Place::Running(0),
+            position: BeamPosition::Running(0),
             azimuth: 0,
             device_ns: None,
             arrival_ns: 0,

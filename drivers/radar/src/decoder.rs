@@ -1,7 +1,7 @@
 //! Where a radar's protocol goes in: bytes to beams.
 //!
 //! A decoder for a radar whose protocol is not public here, such as the iSDR-C's own, is one struct with this trait and
-//! one [`Source`](crate::Source) that hands it what its socket receives; `navtech/decoder.rs` (a stream) and
+//! one [`BeamSource`](crate::BeamSource) that hands it what its socket receives; `navtech/decoder.rs` (a stream) and
 //! `beam_udp/decoder.rs` (datagrams) are the examples. Nothing after it has to change.
 
 use crate::RawBeam;
@@ -16,6 +16,6 @@ pub trait BeamDecoder {
     /// The connection is a new one: what was half read is forgotten.
     fn restart(&mut self);
 
-    /// Tells all counters.
-    fn counts(&self, tell: &mut dyn FnMut(Count));
+    /// Gives all counters.
+    fn counts(&self, visit: &mut dyn FnMut(Count));
 }

@@ -1,7 +1,7 @@
 //! Sweeps with all their bins, as polar images in the format of the Oxford Radar RobotCar data set, which `tools/readers`
 //! reads: one row a beam, 11 bytes before its powers. Pure: bytes in, bytes out.
 
-use crate::{Place, RawBeam, Sweep};
+use crate::{BeamPosition, RawBeam, Sweep};
 use std::collections::VecDeque;
 
 /// Before a row's powers: i64 little-endian us, u16 little-endian encoder counts, 255 (measured).
@@ -33,7 +33,7 @@ pub struct DenseRows {
 impl DenseRows {
     /// Takes the powers of a beam with a running counter.
     pub fn push(&mut self, beam: &RawBeam) {
-        let Place::Running(counter) = beam.place else {
+        let BeamPosition::Running(counter) = beam.position else {
             return;
         };
         if self.rows.len() >= ROWS_MAX {

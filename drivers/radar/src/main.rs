@@ -8,9 +8,9 @@ use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// The radar's driver: every sweep of the radar that section [radar] of the configuration says.
+/// The radar's driver: every sweep of the radar in section [radar] of the configuration.
 ///
-/// A radar that is not there, or not any more, is no error: the stage says so and tries again, for ever.
+/// A radar that is not there, or not any more, is no error: the stage's status shows it, and it is tried without end.
 #[derive(Debug, Parser)]
 #[command(name = "randt-radar", max_term_width = 100)]
 struct Arguments {

@@ -1,10 +1,10 @@
-//! A radar as the configuration says: from its socket to whole sweeps.
+//! A radar as it is configured: from its socket to whole sweeps.
 
 use crate::beam_udp::{BeamUdpDecoder, BeamUdpSocket, Listening};
-use crate::condition::Condition;
+use crate::image_writer::ImageWriter;
 use crate::navtech::{NavtechClient, NavtechDecoder};
-use crate::recorder::Recorder;
-use crate::{Error, Poller, RawBeam, Sink, Source, Streams, Sweep};
+use crate::sweep_monitor::SweepMonitor;
+use crate::{BeamSink, BeamSource, Error, Poller, RawBeam, Streams, Sweep};
 use randt_config::{Config, RadarSource};
 use randt_device::{Count, Link};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -12,7 +12,7 @@ use std::os::fd::BorrowedFd;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A spinning radar. It is never an error that it is not there: [`Radar::link`] says so, and it is tried for ever.
+/// A spinning radar. It is never an error that it is not there: [`Radar::link`] has the reason, and it is tried without end.
 ///
 /// ```no_run
 /// let mut radar = randt_radar::Radar::new(&randt_config::Config::default())?;
@@ -23,41 +23,41 @@ use std::sync::Arc;
 /// ```
 pub struct Radar {
     poller: Arc<Poller>,
-    source: Box<dyn Source>,
+    source: Box<dyn BeamSource>,
     streams: Streams,
-    recorder: Option<Recorder>,
-    condition: Condition,
+    writer: Option<ImageWriter>,
+    monitor: SweepMonitor,
 }
 
 /// Beams on their way into sweeps.
-struct Joining<'a> {
+struct BeamRouter<'a> {
     now_ns: i64,
     streams: &'a mut Streams,
-    condition: &'a mut Condition,
-    recorder: Option<&'a mut Recorder>,
+    monitor: &'a mut SweepMonitor,
+    writer: Option<&'a mut ImageWriter>,
     whole: &'a mut dyn FnMut(&Sweep),
 }
 
-impl Joining<'_> {
+impl BeamRouter<'_> {
     fn join(&mut self, join: impl FnOnce(&mut Streams, &mut dyn FnMut(&Sweep))) {
-        let (recorder, whole) = (&mut self.recorder, &mut self.whole);
-        let (condition, now_ns) = (&mut self.condition, self.now_ns);
+        let (writer, whole) = (&mut self.writer, &mut self.whole);
+        let (monitor, now_ns) = (&mut self.monitor, self.now_ns);
         join(self.streams, &mut |sweep| {
-            // Who waits for the sweep goes first.
+            // The sweep's consumer goes first.
             whole(sweep);
-            condition.came(sweep, now_ns);
-            if let Some(recorder) = recorder {
-                recorder.sweep(sweep);
+            monitor.take_sweep(sweep, now_ns);
+            if let Some(writer) = writer {
+                writer.sweep(sweep);
             }
         });
     }
 }
 
-impl Sink for Joining<'_> {
+impl BeamSink for BeamRouter<'_> {
     fn beam(&mut self, beam: &RawBeam) {
-        self.condition.heard(self.now_ns);
-        if let Some(recorder) = &mut self.recorder {
-            recorder.beam(beam);
+        self.monitor.take_beam(self.now_ns);
+        if let Some(writer) = &mut self.writer {
+            writer.beam(beam);
         }
         self.join(|streams, whole| streams.push(beam, whole));
     }
@@ -73,16 +73,16 @@ impl Radar {
         let poller = Arc::new(Poller::new()?);
         let silence_ns = nanoseconds(config.radar.silence_s);
         let turn_ns = nanoseconds(config.sensor.period_s);
-        let condition = Condition::new(silence_ns, turn_ns);
+        let monitor = SweepMonitor::new(silence_ns, turn_ns);
         let keep_power = config.sensor.keep_power as f32;
-        let mut recorder = None;
-        let source: Box<dyn Source> = match config.radar.source {
+        let mut writer = None;
+        let source: Box<dyn BeamSource> = match config.radar.source {
             RadarSource::Navtech => {
                 let address = reachable(&config.radar.address, "192.168.0.1:6317")?;
                 let mut decoder = NavtechDecoder::new(keep_power, config.radar.byte_order);
                 if !config.record.dense.is_empty() {
                     decoder.keep_all();
-                    recorder = Some(Recorder::new(Path::new(&config.record.dense))?);
+                    writer = Some(ImageWriter::new(Path::new(&config.record.dense))?);
                 }
                 let poller = Arc::clone(&poller);
                 Box::new(NavtechClient::new(address, silence_ns, decoder, poller))
@@ -102,9 +102,9 @@ impl Radar {
         Ok(Self {
             poller,
             source,
-            streams: Streams::new(turn_ns, condition.patience_ns()),
-            recorder,
-            condition,
+            streams: Streams::new(turn_ns, monitor.patience_ns()),
+            writer,
+            monitor,
         })
     }
 
@@ -115,29 +115,29 @@ impl Radar {
 
     /// When [`Radar::poll`] is due even if nothing comes, ns.
     pub fn due_ns(&self) -> i64 {
-        self.source.due_ns().min(self.condition.due_ns())
+        self.source.due_ns().min(self.monitor.due_ns())
     }
 
     /// Takes what has come and does what is due; hands out the sweeps that became whole. `now_ns` is of the clock that
     /// sweeps are to be stamped in.
     pub fn poll(&mut self, now_ns: i64, whole: &mut dyn FnMut(&Sweep)) {
-        let mut joining = Joining {
+        let mut router = BeamRouter {
             now_ns,
             streams: &mut self.streams,
-            condition: &mut self.condition,
-            recorder: self.recorder.as_mut(),
+            monitor: &mut self.monitor,
+            writer: self.writer.as_mut(),
             whole,
         };
-        self.source.poll(now_ns, &mut joining);
+        self.source.poll(now_ns, &mut router);
         let beams = self.source.link();
-        if joining.condition.judge(now_ns, beams, joining.streams) {
-            self.source.begin_anew(now_ns, &mut joining);
+        if router.monitor.judge(now_ns, beams, router.streams) {
+            self.source.reconnect(now_ns, &mut router);
         }
     }
 
-    /// How it stands to the radar: it streams when its sweeps come.
+    /// The state of the radar's link: it streams when its sweeps come.
     pub fn link(&self) -> &Link {
-        self.condition.link()
+        self.monitor.link()
     }
 
     /// What is known of the radar, for people.
@@ -145,13 +145,13 @@ impl Radar {
         self.source.about()
     }
 
-    /// Tells all counters.
-    pub fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        tell(self.condition.count());
-        self.source.counts(tell);
-        self.streams.counts(tell);
-        if let Some(recorder) = &self.recorder {
-            recorder.counts(tell);
+    /// Gives all counters.
+    pub fn counts(&self, visit: &mut dyn FnMut(Count)) {
+        visit(self.monitor.count());
+        self.source.counts(visit);
+        self.streams.counts(visit);
+        if let Some(writer) = &self.writer {
+            writer.counts(visit);
         }
     }
 
@@ -181,7 +181,7 @@ fn address(text: &str, example: &'static str) -> Result<SocketAddr, Error> {
     })
 }
 
-/// An address of one machine: what is listened on is nobody's.
+/// An address of one machine: an unspecified one is none.
 fn reachable(text: &str, example: &'static str) -> Result<SocketAddr, Error> {
     match address(text, example)? {
         address if address.ip().is_unspecified() => Err(Error::Address {

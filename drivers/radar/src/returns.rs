@@ -2,10 +2,10 @@
 
 use randt_messages::{MAX_RETURNS, Return};
 
-/// Returns that are held before the weakest have to go. Room to spare, so that going through them is seldom.
+/// Returns that are held before the weakest are dropped. Room to spare, so that the search for them is rare.
 const HELD: usize = 4 * MAX_RETURNS;
 
-/// Returns by beam; their `beam` is the place of the beam in the order of arrival.
+/// Returns by beam; their `beam` is the index of the beam in the order of arrival.
 #[derive(Debug, Default)]
 pub(crate) struct Returns {
     items: Vec<Return>,
@@ -30,7 +30,7 @@ impl Returns {
         &self.items
     }
 
-    /// Returns that had to go.
+    /// Returns that were dropped.
     pub fn over(&self) -> u32 {
         self.over
     }
@@ -44,7 +44,7 @@ impl Returns {
         self.scratch.clear();
         self.scratch
             .extend(self.items.iter().map(|item| item.intensity));
-        // So many must go, the strongest of which has this intensity.
+        // The strongest of those that are dropped has this intensity.
         let (weaker, edge, _) = self
             .scratch
             .select_nth_unstable_by(surplus - 1, f32::total_cmp);

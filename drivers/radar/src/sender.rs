@@ -1,20 +1,20 @@
-//! Who sends beams.
+//! A sender of beams.
 
 use std::fmt;
 use std::net::SocketAddr;
 
-/// A sender of beams, as far as its datagrams tell: anybody can write both.
+/// A sender of beams, as its datagrams name it: every host can write both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sender {
     /// Device number in its datagrams; 0 where the protocol has none.
     pub device: u32,
-    /// Where its datagrams come from; `None` where a connection says it.
+    /// Where its datagrams come from; `None` where there is a connection.
     pub address: Option<SocketAddr>,
 }
 
 impl Sender {
-    /// What tells two senders apart, and the key that decides between them: short, because a stage's message is.
-    pub fn unlike(&self, other: &Self) -> String {
+    /// In what two senders differ, and the key that decides between them: short, because a stage's message is.
+    pub fn difference(&self, other: &Self) -> String {
         let ip = |sender: &Self| sender.address.map(|address| address.ip());
         let port = |sender: &Self| sender.address.map_or(0, |address| address.port());
         match (ip(self), ip(other)) {
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn two_senders_are_told_apart_by_what_differs() {
+    fn two_senders_are_distinguished_by_what_differs() {
         let ours = sender(7, "10.0.0.5:4000");
         for (other, words) in [
             (sender(9, "10.0.0.6:4000"), "10.0.0.5 and 10.0.0.6"),
@@ -64,8 +64,8 @@ mod tests {
             (sender(7, "10.0.0.5:4001"), "ports 4000 and 4001"),
             (ours, "one address"),
         ] {
-            let told = ours.unlike(&other);
-            assert!(told.contains(words), "{told}");
+            let text = ours.difference(&other);
+            assert!(text.contains(words), "{text}");
         }
     }
 }

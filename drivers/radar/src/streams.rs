@@ -1,17 +1,17 @@
-//! Beams to sweeps, where anybody can send: whose sweeps are taken.
+//! Beams to sweeps, where every host of the network can send: whose sweeps are taken.
 //!
-//! Responsible for telling senders apart, for which one is the radar, and for what others send meanwhile. Pure. Each
+//! Responsible for distinguishing senders, for which one is the radar, and for what others send meanwhile. Pure. Each
 //! sender has an assembler of its own, so that nothing that one sends can reach another one's sweep.
 
 use crate::sweep::{Sweep, TURN};
-use crate::{Assembler, BeamLayout, Place, RawBeam, Sender};
+use crate::{Assembler, BeamLayout, BeamPosition, RawBeam, Sender};
 use randt_device::Count;
 
-/// Senders that are listened to beside the radar. Each costs the memory of three sweeps.
+/// Senders that are followed beside the radar. Each costs the memory of three sweeps.
 const OTHERS_MAX: usize = 4;
 /// Sweeps by which a number may be late: what a network puts out of order is one.
 const LATE_MAX: i64 = 2;
-/// A radar turns at most so many times faster than it should: in a pause its numbers rise no further.
+/// A radar turns at most this many times faster than it should: in a pause its numbers rise no further.
 const FAST: i64 = 2;
 /// A radar without a beam for this many turns is gone, where another sender has a whole sweep to show.
 const GONE_TURNS: i64 = 2;
@@ -43,12 +43,12 @@ pub struct Streams {
     patience_ns: i64,
     taken: Option<Stream>,
     others: Vec<Stream>,
-    stranger: Option<Sender>,
-    strange_beams: u64,
+    other_sender: Option<Sender>,
+    other_beams: u64,
 }
 
 impl Streams {
-    /// `turn_ns` is the time of a turn where the radar does not say it; a radar that gives no sweep for `patience_ns`
+    /// `turn_ns` is the time of a turn where the radar does not give it; a radar that gives no sweep for `patience_ns`
     /// makes way for another one.
     pub fn new(turn_ns: i64, patience_ns: i64) -> Self {
         Self {
@@ -56,36 +56,36 @@ impl Streams {
             patience_ns: patience_ns.max(1),
             taken: None,
             others: Vec::new(),
-            stranger: None,
-            strange_beams: 0,
+            other_sender: None,
+            other_beams: 0,
         }
     }
 
     /// Takes a beam; hands out the sweep that it makes whole, if that is the radar's.
     pub fn push(&mut self, beam: &RawBeam, whole: &mut dyn FnMut(&Sweep)) {
         let turn_ns = self.turn_ns;
-        if self.taken.is_none() && matches!(beam.place, Place::Running(_)) {
-            // Whom a connection leads to needs not prove itself.
+        if self.taken.is_none() && matches!(beam.position, BeamPosition::Running(_)) {
+            // A connection leads to the radar itself: no other sender can come by it.
             self.taken = Some(Stream::begin(beam, Assembler::new(turn_ns)));
         }
         if let Some(taken) = &mut self.taken
             && taken.is_continued_by(beam, turn_ns)
         {
             for other in &mut self.others {
-                other.assembler.heard_stranger();
+                other.assembler.count_other_sender();
             }
             taken.push(beam, whole);
             return;
         }
         if let Some(taken) = &mut self.taken {
-            taken.assembler.heard_stranger();
-            self.strange_beams += 1;
-            self.stranger = Some(beam.sender);
+            taken.assembler.count_other_sender();
+            self.other_beams += 1;
+            self.other_sender = Some(beam.sender);
         }
-        let at = self.place_of(beam);
+        let at = self.index_for(beam);
         for (i, other) in self.others.iter_mut().enumerate() {
             if i != at {
-                other.assembler.heard_stranger();
+                other.assembler.count_other_sender();
             }
         }
         if self.try_stream(at, beam, whole) {
@@ -134,9 +134,9 @@ impl Streams {
         is_radar
     }
 
-    /// Where the stream is that a beam continues, or a new one; the one with the fewest beams has to go for it, or one
-    /// that is over.
-    fn place_of(&mut self, beam: &RawBeam) -> usize {
+    /// The index of the stream that a beam continues, or of a new one. A new one replaces the one with the fewest beams, or
+    /// one that is over.
+    fn index_for(&mut self, beam: &RawBeam) -> usize {
         let turn_ns = self.turn_ns;
         let continued = |other: &Stream| other.is_continued_by(beam, turn_ns);
         if let Some(at) = self.others.iter().position(continued) {
@@ -149,8 +149,8 @@ impl Streams {
         }
         let over_ns = beam.arrival_ns.saturating_sub(self.patience_ns);
         let worth = |other: &Stream| (other.beam_ns >= over_ns, other.beams);
-        let places = 0..self.others.len();
-        let at = places.min_by_key(|at| self.others.get(*at).map(worth));
+        let indices = 0..self.others.len();
+        let at = indices.min_by_key(|at| self.others.get(*at).map(worth));
         let at = at.unwrap_or_default();
         if let Some(other) = self.others.get_mut(at) {
             let mut assembler = std::mem::replace(&mut other.assembler, Assembler::new(turn_ns));
@@ -174,22 +174,22 @@ impl Streams {
     }
 
     /// The last sender beside it.
-    pub fn stranger(&self) -> Option<Sender> {
-        self.stranger
+    pub fn other_sender(&self) -> Option<Sender> {
+        self.other_sender
     }
 
-    /// Who was heard last and has shown no sweep yet.
+    /// The sender of the last beam that has shown no sweep yet.
     pub fn candidate(&self) -> Option<Sender> {
         let last = self.others.iter().max_by_key(|other| other.beam_ns)?;
         Some(last.sender)
     }
 
-    /// Tells all counters.
-    pub fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        tell(Count::event("beams_of_other_senders", self.strange_beams));
+    /// Gives all counters.
+    pub fn counts(&self, visit: &mut dyn FnMut(Count)) {
+        visit(Count::event("beams_of_other_senders", self.other_beams));
         match &self.taken {
-            Some(taken) => taken.assembler.counts(tell),
-            None => Assembler::new(self.turn_ns).counts(tell),
+            Some(taken) => taken.assembler.counts(visit),
+            None => Assembler::new(self.turn_ns).counts(visit),
         }
     }
 }
@@ -212,7 +212,7 @@ impl Stream {
         if self.sender != beam.sender {
             return false;
         }
-        let Place::Numbered { sweep, .. } = beam.place else {
+        let BeamPosition::Numbered { sweep, .. } = beam.position else {
             return true;
         };
         let ahead = i64::from(sweep.wrapping_sub(self.newest).cast_signed());
@@ -244,9 +244,9 @@ impl Stream {
 
 /// The number of a beam's sweep; a running counter has none.
 fn sweep_of(beam: &RawBeam) -> u32 {
-    match beam.place {
-        Place::Numbered { sweep, .. } => sweep,
-        Place::Running(_) => 0,
+    match beam.position {
+        BeamPosition::Numbered { sweep, .. } => sweep,
+        BeamPosition::Running(_) => 0,
     }
 }
 

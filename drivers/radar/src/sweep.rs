@@ -11,7 +11,7 @@ pub(crate) const TURN: i64 = 1 << 32;
 
 /// A beam in its sweep.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Slot {
+pub(crate) struct BeamSlot {
     /// Its number in the stream.
     pub number: i64,
     /// As the radar counts it.
@@ -20,16 +20,16 @@ pub(crate) struct Slot {
     pub unwrapped: i64,
     pub device_ns: Option<i64>,
     pub arrival_ns: i64,
-    /// Of all its bytes.
+    /// Checksum of all its bytes.
     fingerprint: u32,
-    /// Its place in the order of arrival, by which its returns are known.
-    place: u16,
+    /// Its index in the order of arrival, by which its returns are found.
+    arrival_index: u16,
 }
 
 /// One turn of the radar, its beams in the order in which they were measured.
 #[derive(Debug, Default)]
 pub struct Sweep {
-    slots: Vec<Slot>,
+    slots: Vec<BeamSlot>,
     returns: Returns,
     /// First return of each beam, in the order of arrival, and the end.
     firsts: Vec<u32>,
@@ -77,15 +77,15 @@ impl Sweep {
         if self.slots.len() >= MAX_BEAMS {
             return false;
         }
-        let place = self.slots.len() as u16;
-        self.slots.push(Slot {
+        let arrival_index = self.slots.len() as u16;
+        self.slots.push(BeamSlot {
             number,
             azimuth: beam.azimuth,
             unwrapped: 0,
             device_ns: beam.device_ns,
             arrival_ns: beam.arrival_ns,
             fingerprint: beam.fingerprint,
-            place,
+            arrival_index,
         });
         self.newest = self.newest.max(number);
         self.below_floor = self.below_floor.saturating_add(beam.dropped);
@@ -93,7 +93,7 @@ impl Sweep {
             self.returns.push(Return {
                 range_m: beam.layout.range_m(echo.bin) as f32,
                 intensity: echo.intensity,
-                beam: place,
+                beam: arrival_index,
                 bin: echo.bin,
             });
         }
@@ -109,14 +109,14 @@ impl Sweep {
         self.returns.limit();
         let items = self.returns.items();
         let mut at = 0;
-        for place in 0..=self.slots.len() {
+        for index in 0..=self.slots.len() {
             let rest = items.get(at..).unwrap_or_default();
-            at += rest.partition_point(|item| usize::from(item.beam) < place);
+            at += rest.partition_point(|item| usize::from(item.beam) < index);
             self.firsts.push(at as u32);
         }
     }
 
-    pub(crate) fn slots(&self) -> &[Slot] {
+    pub(crate) fn slots(&self) -> &[BeamSlot] {
         &self.slots
     }
 
@@ -231,9 +231,9 @@ impl Sweep {
         message
     }
 
-    fn returns_of(&self, slot: &Slot) -> &[Return] {
-        let place = usize::from(slot.place);
-        let ends = self.firsts.get(place).zip(self.firsts.get(place + 1));
+    fn returns_of(&self, slot: &BeamSlot) -> &[Return] {
+        let index = usize::from(slot.arrival_index);
+        let ends = self.firsts.get(index).zip(self.firsts.get(index + 1));
         ends.and_then(|(first, end)| self.returns.items().get(*first as usize..*end as usize))
             .unwrap_or_default()
     }
@@ -252,9 +252,9 @@ impl Sweep {
     }
 }
 
-/// Follows the azimuths over the encoder's zero. Beams may be missing: the numbers say how many, the layout how far that
-/// is, and most beams say in which sense.
-fn unwrap(slots: &mut [Slot], beams: u16) {
+/// Follows the azimuths over the encoder's zero. Beams may be missing: the numbers give how many, the layout how far that
+/// is, and most beams the sense of rotation.
+fn unwrap(slots: &mut [BeamSlot], beams: u16) {
     let difference = |to: u32, from: u32| i64::from(to.wrapping_sub(from).cast_signed());
     let pairs = slots.iter().zip(slots.iter().skip(1));
     let turned: i64 = pairs

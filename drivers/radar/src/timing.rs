@@ -3,7 +3,7 @@
 //! The radar's stamps come in bursts, its turning does not: each sweep's stamps are fitted by a line over the encoder's
 //! angle. The line is in the radar's time; it is brought into the host's by the beam that reached the host soonest.
 
-use crate::sweep::{Slot, TURN};
+use crate::sweep::{BeamSlot, TURN};
 use randt_device::DeviceClock;
 use randt_geometry::Rotation;
 
@@ -34,8 +34,13 @@ pub(crate) struct Timing {
 }
 
 impl Timing {
-    /// Of beams in order; `turn_ns` is what a turn should take.
-    pub fn of(slots: &[Slot], beams: u16, turn_ns: i64, clock: &mut DeviceClock) -> Self {
+    /// Fits beams in order; `turn_ns` is what a turn should take.
+    pub fn from_beams(
+        slots: &[BeamSlot],
+        beams: u16,
+        turn_ns: i64,
+        clock: &mut DeviceClock,
+    ) -> Self {
         let line = by_device(slots, turn_ns, clock)
             .or_else(|| by_arrival(slots, turn_ns))
             .unwrap_or_else(|| by_period(slots, turn_ns));
@@ -60,12 +65,12 @@ impl Timing {
     }
 }
 
-fn ends(slots: &[Slot]) -> (i64, i64) {
-    let of = |slot: Option<&Slot>| slot.map_or(0, |slot| slot.unwrapped);
-    (of(slots.first()), of(slots.last()))
+fn ends(slots: &[BeamSlot]) -> (i64, i64) {
+    let unwrapped = |slot: Option<&BeamSlot>| slot.map_or(0, |slot| slot.unwrapped);
+    (unwrapped(slots.first()), unwrapped(slots.last()))
 }
 
-fn sense(slots: &[Slot]) -> f64 {
+fn sense(slots: &[BeamSlot]) -> f64 {
     let (first, last) = ends(slots);
     if last < first { -1.0 } else { 1.0 }
 }
@@ -82,7 +87,7 @@ fn fit(
     (1.0 / ODD..=ODD).contains(&ratio).then_some(rotation)
 }
 
-fn by_device(slots: &[Slot], turn_ns: i64, clock: &mut DeviceClock) -> Option<Timing> {
+fn by_device(slots: &[BeamSlot], turn_ns: i64, clock: &mut DeviceClock) -> Option<Timing> {
     if slots.iter().any(|slot| slot.device_ns.is_none()) {
         return None;
     }
@@ -90,7 +95,7 @@ fn by_device(slots: &[Slot], turn_ns: i64, clock: &mut DeviceClock) -> Option<Ti
         .iter()
         .map(|slot| (slot.unwrapped, slot.device_ns.unwrap_or_default()));
     let rotation = fit(rows, turn_ns, sense(slots))?;
-    let device_ns = |slot: &Slot| rotation.ns(slot.unwrapped as f64);
+    let device_ns = |slot: &BeamSlot| rotation.ns(slot.unwrapped as f64);
     let quickest = slots
         .iter()
         .min_by_key(|slot| slot.arrival_ns.saturating_sub(device_ns(slot)))?;
@@ -104,7 +109,7 @@ fn by_device(slots: &[Slot], turn_ns: i64, clock: &mut DeviceClock) -> Option<Ti
     })
 }
 
-fn by_arrival(slots: &[Slot], turn_ns: i64) -> Option<Timing> {
+fn by_arrival(slots: &[BeamSlot], turn_ns: i64) -> Option<Timing> {
     let rows = slots.iter().map(|slot| (slot.unwrapped, slot.arrival_ns));
     let rotation = fit(rows, turn_ns, sense(slots))?;
     let (first, _) = ends(slots);
@@ -117,7 +122,7 @@ fn by_arrival(slots: &[Slot], turn_ns: i64) -> Option<Timing> {
     })
 }
 
-fn by_period(slots: &[Slot], turn_ns: i64) -> Timing {
+fn by_period(slots: &[BeamSlot], turn_ns: i64) -> Timing {
     Timing {
         at: ends(slots).1,
         at_ns: slots.iter().map(|slot| slot.arrival_ns).max().unwrap_or(0),

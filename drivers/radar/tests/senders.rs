@@ -31,7 +31,7 @@ fn listen(ip: &str, start: impl FnOnce(&str) -> Child) {
         let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
         now.as_nanos() as i64
     };
-    radar.poll(now_ns(), &mut |_| panic!("nobody sends"));
+    radar.poll(now_ns(), &mut |_| panic!("no sender has begun"));
     let mut sender = start(&port.to_string());
     let mut sweeps = Vec::new();
     let deadline = Instant::now() + Duration::from_secs(60);

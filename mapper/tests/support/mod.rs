@@ -35,7 +35,7 @@ impl Sink for Keep {
 
 /// The configuration for a world's robot.
 pub fn config(world: &World) -> Config {
-    let mounting = Robot::of(world).radar_mounting;
+    let mounting = Robot::for_world(world).radar_mounting;
     let mut config = Config::default();
     config.robot.radar_x_m = mounting.x_m;
     config.robot.radar_y_m = mounting.y_m;
@@ -50,7 +50,7 @@ impl Drive {
         let mut points = Message::<RadarPoints>::default();
         let mut odometry = Odometry::new(&config, true);
         let (mut keep, mut truth) = (Keep::default(), BTreeMap::new());
-        for event in Simulation::new(world, Robot::of(world), scans, seed) {
+        for event in Simulation::new(world, Robot::for_world(world), scans, seed) {
             let time_s = (event.stamp_ns() - START_NS) as f64 * 1e-9;
             let is_dark = blackouts_s
                 .iter()

@@ -53,11 +53,11 @@ impl States {
 }
 
 fn events(world: &World, scans: u64) -> Vec<Event> {
-    Simulation::new(world, Robot::of(world), scans, 4).collect()
+    Simulation::new(world, Robot::for_world(world), scans, 4).collect()
 }
 
 fn config_of(world: &World) -> Config {
-    let mounting = Robot::of(world).radar_mounting;
+    let mounting = Robot::for_world(world).radar_mounting;
     let mut config = Config::default();
     (config.robot.radar_x_m, config.robot.radar_y_m) = (mounting.x_m, mounting.y_m);
     config

@@ -9,7 +9,7 @@ use randt_config::{Config, Loaded, Selection};
 use randt_log::LogReader;
 use randt_messages::{ImuSampleTopic, LogDrop, LogDropTopic, Message, RadarScan, Return, Topic};
 use randt_recorder::Viewer;
-use randt_recorder::{Positions, Raw, Recorder, Settings, Sink, of_configuration};
+use randt_recorder::{Positions, Raw, Recorder, Settings, Sink, configuration_records};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Cursor, ErrorKind};
 use std::sync::{Arc, Mutex};
@@ -86,7 +86,7 @@ fn scan(sequence: u64, stamp_ns: i64, returns: usize) -> Raw {
             bin: bin as u16,
         })
         .collect();
-    Raw::of(scan.as_ref())
+    Raw::from_message(scan.as_ref())
 }
 
 fn sample(sequence: u64, stamp_ns: i64) -> Raw {
@@ -96,7 +96,7 @@ fn sample(sequence: u64, stamp_ns: i64) -> Raw {
     sample.head.header.published_ns = stamp_ns;
     let mut random = Random(sequence);
     sample.head.rate_rad_s = [0, 1, 2].map(|_| random.below(1_000_000) as f64 * 1e-6);
-    Raw::of(sample.as_ref())
+    Raw::from_message(sample.as_ref())
 }
 
 pub fn loaded() -> Loaded {
@@ -105,7 +105,7 @@ pub fn loaded() -> Loaded {
 
 /// As configured, with chunks of 16 KiB.
 pub fn settings() -> Settings {
-    let mut settings = Settings::of(&loaded().config.record);
+    let mut settings = Settings::from_config(&loaded().config.record);
     settings.log.chunk_bytes = 16 << 10;
     settings
 }
@@ -113,7 +113,7 @@ pub fn settings() -> Settings {
 pub fn recorder<S: Sink>(sink: S, settings: Settings) -> Recorder<S> {
     let loaded = loaded();
     let viewer = Viewer::new(loaded.config.robot.clone());
-    let records = of_configuration(&loaded);
+    let records = configuration_records(&loaded);
     let preamble = Box::new(move || records.clone());
     Recorder::new(sink, settings, preamble, viewer, Positions::default())
 }
@@ -121,7 +121,7 @@ pub fn recorder<S: Sink>(sink: S, settings: Settings) -> Recorder<S> {
 /// What a disk does wrong.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Wrong {
-    /// Everything after so many operations is as if it had never been: the power is off.
+    /// Everything after this many operations is lost: the power is off.
     pub power_cut_after: Option<u64>,
     /// Writes and syncs fail with this.
     pub writes: Option<ErrorKind>,
@@ -129,16 +129,16 @@ pub struct Wrong {
     pub creates: Option<ErrorKind>,
     /// Room that is left.
     pub free_bytes: Option<u64>,
-    /// The next write takes so long.
+    /// The next write takes this time.
     pub stall: Option<Duration>,
 }
 
 /// A disk in memory.
 #[derive(Clone, Debug, Default)]
-pub struct Faulty(Arc<Mutex<Inside>>);
+pub struct Faulty(Arc<Mutex<DiskState>>);
 
 #[derive(Debug, Default)]
-struct Inside {
+struct DiskState {
     files: BTreeMap<String, Stored>,
     current: Option<String>,
     wrong: Wrong,
@@ -176,7 +176,7 @@ impl Faulty {
     }
 }
 
-impl Inside {
+impl DiskState {
     fn is_off(&self) -> bool {
         let limit = self.wrong.power_cut_after;
         limit.is_some_and(|limit| self.operations > limit)
@@ -199,19 +199,19 @@ impl Inside {
 
 impl Sink for Faulty {
     fn create(&mut self, name: &str) -> io::Result<()> {
-        let mut inside = self.0.lock().unwrap();
-        inside.operations += 1;
-        if inside.is_off() {
+        let mut state = self.0.lock().unwrap();
+        state.operations += 1;
+        if state.is_off() {
             return Ok(());
         }
-        if let Some(kind) = inside.wrong.creates {
+        if let Some(kind) = state.wrong.creates {
             return Err(kind.into());
         }
-        if inside.files.contains_key(name) {
+        if state.files.contains_key(name) {
             return Err(ErrorKind::AlreadyExists.into());
         }
-        inside.files.insert(name.to_owned(), Stored::default());
-        inside.current = Some(name.to_owned());
+        state.files.insert(name.to_owned(), Stored::default());
+        state.current = Some(name.to_owned());
         Ok(())
     }
 
@@ -220,16 +220,16 @@ impl Sink for Faulty {
         if let Some(stall) = stall {
             std::thread::sleep(stall);
         }
-        let mut inside = self.0.lock().unwrap();
-        if let Some(file) = inside.operate()? {
+        let mut state = self.0.lock().unwrap();
+        if let Some(file) = state.operate()? {
             file.bytes.extend_from_slice(bytes);
         }
         Ok(())
     }
 
     fn sync(&mut self) -> io::Result<()> {
-        let mut inside = self.0.lock().unwrap();
-        if let Some(file) = inside.operate()? {
+        let mut state = self.0.lock().unwrap();
+        if let Some(file) = state.operate()? {
             file.synced = file.bytes.len();
         }
         Ok(())
@@ -237,11 +237,11 @@ impl Sink for Faulty {
 
     fn finish(&mut self) -> io::Result<()> {
         self.sync()?;
-        let mut inside = self.0.lock().unwrap();
-        if let Some(file) = inside.operate()? {
+        let mut state = self.0.lock().unwrap();
+        if let Some(file) = state.operate()? {
             file.finished = true;
         }
-        inside.current = None;
+        state.current = None;
         Ok(())
     }
 
@@ -250,11 +250,11 @@ impl Sink for Faulty {
     }
 
     fn discard(&mut self) {
-        let mut inside = self.0.lock().unwrap();
-        if let Some(name) = inside.current.take()
-            && !inside.is_off()
+        let mut state = self.0.lock().unwrap();
+        if let Some(name) = state.current.take()
+            && !state.is_off()
         {
-            inside.files.remove(&name);
+            state.files.remove(&name);
         }
     }
 
@@ -263,13 +263,13 @@ impl Sink for Faulty {
     }
 
     fn delete_oldest(&mut self) -> io::Result<Option<String>> {
-        let mut inside = self.0.lock().unwrap();
-        let mut finished = inside.files.iter().filter(|(_, file)| file.finished);
+        let mut state = self.0.lock().unwrap();
+        let mut finished = state.files.iter().filter(|(_, file)| file.finished);
         let Some(name) = finished.next().map(|(name, _)| name.clone()) else {
             return Ok(None);
         };
-        let size = inside.files.remove(&name).unwrap().bytes.len() as u64;
-        if let Some(free) = &mut inside.wrong.free_bytes {
+        let size = state.files.remove(&name).unwrap().bytes.len() as u64;
+        if let Some(free) = &mut state.wrong.free_bytes {
             *free += size;
         }
         Ok(Some(name))
@@ -297,7 +297,7 @@ pub fn read(bytes: &[u8]) -> BTreeSet<Name> {
     names
 }
 
-/// The drops that a file tells of.
+/// The drops that a file lists.
 pub fn drops(bytes: &[u8]) -> Vec<LogDrop> {
     let mut reader = LogReader::new(Cursor::new(bytes), "t").unwrap();
     let mut drops = Vec::new();

@@ -14,9 +14,9 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     mip.opened();
     assert!(mip.counts().junk_bytes <= bytes.len() as u64);
-    if let Some(packet) = Packet::of(bytes) {
+    if let Some(packet) = Packet::from_frame(bytes) {
         for (descriptor, data) in packet.fields() {
-            if let Some(field) = Field::of(descriptor, data) {
+            if let Some(field) = Field::decode(descriptor, data) {
                 assert_eq!(field.encode(), (descriptor, data.to_vec()));
             }
         }

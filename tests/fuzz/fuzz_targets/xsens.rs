@@ -14,9 +14,9 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     }
     xsens.opened();
     assert!(xsens.counts().junk_bytes <= bytes.len() as u64);
-    if let Some(message) = Message::of(bytes) {
+    if let Some(message) = Message::from_frame(bytes) {
         for (id, data) in message.items() {
-            if let Some(item) = Item::of(id, data) {
+            if let Some(item) = Item::decode(id, data) {
                 let mut encoded = Vec::new();
                 item.encode(&mut encoded);
                 assert_eq!(encoded.get(3..), Some(data));

@@ -2,7 +2,7 @@
 
 /// A parameter that was not excited, and what would excite it.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Unshown {
+pub enum Unobservable {
     /// Too little turning for the time offset.
     #[error(
         "the drive turns too little: {turning} stretches of {stretch_s:.0} s change their yaw rate by {rate_rad_s} rad/s or more, and it takes {needed}; drive curves or turn in place"

@@ -9,17 +9,17 @@ pub struct Estimate {
     pub sigma: f64,
 }
 
-/// What one part of the drive says.
+/// The estimate of one part of the drive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Part {
+pub(crate) struct PartialEstimate {
     pub value: f64,
     /// Its information, in any unit.
     pub weight: f64,
 }
 
-/// Parts from which a spread can be told: a Student distribution of fewer has no variance to speak of.
-pub(crate) const PARTS_MIN: usize = 4;
-/// Deviations above so many robust standard deviations lose weight (Huber): 95 % efficient with good data.
+/// Parts from which a spread can be estimated: a Student distribution of fewer has no variance.
+pub(crate) const ESTIMATES_MIN: usize = 4;
+/// Deviations above this many robust standard deviations lose weight (Huber): 95 % efficient with good data.
 const HUBER: f64 = 1.5;
 const ROUNDS: u32 = 10;
 
@@ -43,11 +43,11 @@ impl Estimate {
 
 /// The robust weighted mean. Its sigma comes from how the parts differ (each left out once), not from any model of
 /// their noise: whatever is correlated within a part is counted. `None` without any weight.
-pub(crate) fn mean(parts: &[Part]) -> Option<Estimate> {
+pub(crate) fn mean(parts: &[PartialEstimate]) -> Option<Estimate> {
     let mut weights: Vec<f64> = parts.iter().map(|part| part.weight).collect();
     let mut value = weighted(parts, &weights)?;
     for _ in 0..ROUNDS {
-        let deviation = |part: &Part| part.weight.sqrt() * (part.value - value).abs();
+        let deviation = |part: &PartialEstimate| part.weight.sqrt() * (part.value - value).abs();
         let mut sizes: Vec<f64> = parts.iter().map(deviation).collect();
         let scale = 1.4826 * median(&mut sizes)?;
         for (weight, part) in weights.iter_mut().zip(parts) {
@@ -70,13 +70,13 @@ pub(crate) fn mean(parts: &[Part]) -> Option<Estimate> {
         .map(|(part, weight)| weight * (part.value - value) / (total - weight).max(1e-3 * total))
         .map(|shift| shift * shift)
         .sum();
-    // The variance of Student's distribution: few parts say little of their own spread.
+    // The variance of Student's distribution: few parts are weak evidence of their own spread.
     let student = (count - 1.0) / (count - 3.0).max(0.1);
     let sigma = ((count - 1.0) / count * spread * student.max(1.0)).sqrt();
     Some(Estimate { value, sigma })
 }
 
-fn weighted(parts: &[Part], weights: &[f64]) -> Option<f64> {
+fn weighted(parts: &[PartialEstimate], weights: &[f64]) -> Option<f64> {
     let total: f64 = weights.iter().sum();
     let sum: f64 = parts
         .iter()
@@ -97,8 +97,8 @@ pub(crate) fn median(values: &mut [f64]) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn parts(values: &[f64]) -> Vec<Part> {
-        let part = |value: &f64| Part {
+    fn parts(values: &[f64]) -> Vec<PartialEstimate> {
+        let part = |value: &f64| PartialEstimate {
             value: *value,
             weight: 2.0,
         };
@@ -115,13 +115,13 @@ mod tests {
     }
 
     #[test]
-    fn one_part_that_is_far_off_has_little_say() {
+    fn one_part_that_is_far_off_has_little_weight() {
         let found = mean(&parts(&[1.0, 1.1, 0.9, 1.05, 0.95, 30.0])).unwrap();
         assert!((found.value - 1.0).abs() < 0.1, "{found:?}");
     }
 
     #[test]
-    fn few_parts_are_believed_less_than_many_of_the_same_spread() {
+    fn few_parts_have_a_larger_sigma_than_many_of_the_same_spread() {
         let few = mean(&parts(&[-1.0, 1.0, -1.0, 1.0])).unwrap().sigma;
         let many = mean(&parts(&[-1.0, 1.0].repeat(20))).unwrap().sigma;
         assert!(few > 1.5 * many * 10f64.sqrt(), "{few} {many}");
@@ -129,8 +129,8 @@ mod tests {
     }
 
     #[test]
-    fn parts_without_any_weight_say_nothing() {
-        let nothing = Part {
+    fn parts_without_any_weight_give_no_estimate() {
+        let nothing = PartialEstimate {
             value: 1.0,
             weight: 0.0,
         };

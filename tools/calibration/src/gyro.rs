@@ -5,24 +5,25 @@
 pub struct YawRate {
     /// Its instant by the gyro's stamps, ns.
     pub stamp_ns: i64,
-    /// How fast the heading turns, bias and all, rad/s.
+    /// Rate of the heading, with the bias, rad/s.
     pub rate_rad_s: f64,
 }
 
 /// A hole above this is not bridged, ns: in 20 ms a robot's turn changes by less than a radar sees.
 const HOLE_NS: i64 = 20_000_000;
 
+/// The gyro at a sample.
 #[derive(Clone, Copy, Debug)]
-struct Moment {
+struct GyroState {
     stamp_ns: i64,
     angle_rad: f64,
     rate_rad_s: f64,
 }
 
-/// The integrated yaw rate, bias and all.
+/// The integrated yaw rate, with the bias.
 #[derive(Clone, Debug, Default)]
 pub struct Gyro {
-    moments: Vec<Moment>,
+    states: Vec<GyroState>,
     /// Begins of holes and their ends, ns.
     holes: Vec<(i64, i64)>,
     /// Samples that held no numbers, repeated a stamp or went back in time.
@@ -35,7 +36,7 @@ impl Gyro {
         let mut gyro = Self::default();
         for sample in samples {
             let rate_rad_s = sample.rate_rad_s;
-            let last = gyro.moments.last().copied();
+            let last = gyro.states.last().copied();
             if !rate_rad_s.is_finite() || last.is_some_and(|last| sample.stamp_ns <= last.stamp_ns)
             {
                 gyro.rejected += 1;
@@ -48,7 +49,7 @@ impl Gyro {
                 }
                 last.angle_rad + 0.5 * (last.rate_rad_s + rate_rad_s) * dt_ns as f64 * 1e-9
             });
-            gyro.moments.push(Moment {
+            gyro.states.push(GyroState {
                 stamp_ns: sample.stamp_ns,
                 angle_rad,
                 rate_rad_s,
@@ -59,9 +60,9 @@ impl Gyro {
 
     /// Angle and rate at an instant; `None` outside the samples.
     pub fn at(&self, stamp_ns: i64) -> Option<(f64, f64)> {
-        let after = self.moments.partition_point(|m| m.stamp_ns <= stamp_ns);
-        let a = self.moments.get(after.checked_sub(1)?)?;
-        let b = self.moments.get(after)?;
+        let after = self.states.partition_point(|m| m.stamp_ns <= stamp_ns);
+        let a = self.states.get(after.checked_sub(1)?)?;
+        let b = self.states.get(after)?;
         let (s, dt) = (
             (stamp_ns - a.stamp_ns) as f64 * 1e-9,
             (b.stamp_ns - a.stamp_ns) as f64 * 1e-9,
@@ -75,9 +76,10 @@ impl Gyro {
 
     /// Whether samples cover a span without a hole.
     pub fn covers(&self, begin_ns: i64, end_ns: i64) -> bool {
-        let inside =
-            |first: &Moment, last: &Moment| first.stamp_ns <= begin_ns && end_ns < last.stamp_ns;
-        let ends = self.moments.first().zip(self.moments.last());
+        let inside = |first: &GyroState, last: &GyroState| {
+            first.stamp_ns <= begin_ns && end_ns < last.stamp_ns
+        };
+        let ends = self.states.first().zip(self.states.last());
         let holes = self.holes.partition_point(|(_, end)| *end <= begin_ns);
         ends.is_some_and(|(first, last)| inside(first, last))
             && self

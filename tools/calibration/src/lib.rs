@@ -6,18 +6,18 @@
 mod error;
 mod estimate;
 mod gyro;
-mod lever;
 mod motion;
 mod mounting;
 mod offset;
+mod pivot;
 mod stretch;
 mod yaw;
 
-pub use error::Unshown;
+pub use error::Unobservable;
 pub use estimate::Estimate;
 pub use gyro::{Gyro, YawRate};
-pub use lever::Pivot;
 pub use motion::{RadarPose, Span};
-pub use mounting::{Lever, Mounting, mounting};
+pub use mounting::{LeverArm, Mounting, mounting};
 pub use offset::{TimeOffset, time_offset};
-pub use yaw::Heading;
+pub use pivot::Pivot;
+pub use yaw::MountingYaw;

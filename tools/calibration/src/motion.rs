@@ -30,7 +30,7 @@ const GAP_MAX_NS: i64 = 1_000_000_000;
 
 impl Span {
     /// From the first pose to the last one.
-    pub(crate) fn of(poses: &[RadarPose]) -> Option<Self> {
+    pub(crate) fn from_poses(poses: &[RadarPose]) -> Option<Self> {
         Some(Self {
             begin_ns: poses.first()?.stamp_ns,
             end_ns: poses.last()?.stamp_ns,
@@ -102,7 +102,7 @@ pub(crate) fn runs(poses: &[RadarPose], like: impl Fn(&Step, &Step) -> bool) -> 
     runs
 }
 
-/// Cuts a stretch into parts as soon as each has `enough`; what is left at the end joins no part.
+/// Cuts a stretch into parts as soon as each has `enough`; what is left at the end belongs to none.
 pub(crate) fn cut(
     run: &[RadarPose],
     enough: impl Fn(&RadarPose, &RadarPose) -> f64,

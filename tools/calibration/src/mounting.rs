@@ -3,16 +3,16 @@
 //! `base_link` is the point that stays where it is in turns in place, and its x axis the way that straights go.
 
 use crate::estimate::Estimate;
-use crate::lever::{Pivot, pivot};
 use crate::motion::turn;
-use crate::yaw::{Heading, heading};
-use crate::{RadarPose, Unshown};
+use crate::pivot::{Pivot, pivot};
+use crate::yaw::{MountingYaw, mounting_yaw};
+use crate::{RadarPose, Unobservable};
 use nalgebra::Vector2;
 use randt_geometry::elementary::sin_cos;
 
 /// Position of the radar in `base_link`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Lever {
+pub struct LeverArm {
     /// Forward, m.
     pub x_m: Estimate,
     /// Left, m.
@@ -25,9 +25,9 @@ pub struct Lever {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mounting {
     /// The yaw.
-    pub heading: Result<Heading, Unshown>,
+    pub yaw: Result<MountingYaw, Unobservable>,
     /// The lever arm.
-    pub lever: Result<Lever, Unshown>,
+    pub lever_arm: Result<LeverArm, Unobservable>,
 }
 
 /// Estimates it from the radar's own path.
@@ -37,18 +37,18 @@ pub fn mounting(poses: &[RadarPose]) -> Mounting {
         .as_ref()
         .ok()
         .map(|p| Vector2::new(p.x_m.value, p.y_m.value));
-    let heading = heading(poses, point);
-    let lever = pivot.and_then(|pivot| match &heading {
-        Ok(heading) => Ok(lever(pivot, heading.yaw_rad)),
-        Err(_) => Err(Unshown::Direction {
+    let yaw = mounting_yaw(poses, point);
+    let lever_arm = pivot.and_then(|pivot| match &yaw {
+        Ok(yaw) => Ok(lever_arm(pivot, yaw.yaw_rad)),
+        Err(_) => Err(Unobservable::Direction {
             distance_m: Vector2::new(pivot.x_m.value, pivot.y_m.value).norm(),
         }),
     });
-    Mounting { heading, lever }
+    Mounting { yaw, lever_arm }
 }
 
 /// The robot's axis in the radar's frame becomes the radar in the robot's: turned by the yaw, and the other way.
-fn lever(pivot: Pivot, yaw_rad: Estimate) -> Lever {
+fn lever_arm(pivot: Pivot, yaw_rad: Estimate) -> LeverArm {
     let (sin, cos) = sin_cos(yaw_rad.value);
     let at = -turn(Vector2::new(pivot.x_m.value, pivot.y_m.value), (cos, sin));
     let sigma = |by_x: f64, by_y: f64, by_yaw: f64| {
@@ -59,7 +59,7 @@ fn lever(pivot: Pivot, yaw_rad: Estimate) -> Lever {
         ];
         terms.iter().map(|term| term * term).sum::<f64>().sqrt()
     };
-    Lever {
+    LeverArm {
         x_m: Estimate {
             value: at.x,
             sigma: sigma(cos, sin, at.y),

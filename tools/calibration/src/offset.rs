@@ -5,14 +5,14 @@
 //! squares, with a bias of its own and a scale that all share. Odometry's yaw wanders slowly under a scan's noise;
 //! both are made white before (the innovations of a local level), so that quick changes of the turn count most.
 
-use crate::estimate::{Estimate, Part, mean, median};
+use crate::estimate::{Estimate, PartialEstimate, mean, median};
 use crate::motion::turned_rad;
 use crate::stretch::{Fit, RATE_MIN_RAD_S, STRETCH_S, fit, stretches, turns};
-use crate::{Gyro, RadarPose, Span, Unshown};
+use crate::{Gyro, RadarPose, Span, Unobservable};
 
 /// Stretches that are needed.
 const STRETCHES_MIN: usize = 5;
-/// Largest offset that is looked for: a device that buffers longer is broken.
+/// Largest offset that is searched: a device that buffers longer is broken.
 const LIMIT_NS: i64 = 500_000_000;
 /// Steps of the search: a fraction of the time in which a robot's turn changes.
 const SEARCH_NS: i64 = 20_000_000;
@@ -20,16 +20,16 @@ const SEARCH_NS: i64 = 20_000_000;
 const EXPLAINED_MIN: f64 = 0.8;
 /// What repeats itself in every stretch, s: stamps' own errors, and the motion model that pulls odometry's yaw.
 const SYSTEMATIC_S: f64 = 0.0005;
-/// A stretch with so many times the usual left over (of squares) is one in which odometry slipped.
+/// A stretch with this many times the usual residual (of squares) is one in which odometry slipped.
 const SLIPPED: f64 = 16.0;
 const ROUNDS: u32 = 30;
 /// A change of the offset that ends them, ns.
-const SETTLED_NS: i64 = 1000;
+const CONVERGED_NS: i64 = 1000;
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeOffset {
-    /// The radar's stamps are so much late against the gyro's, s: what the radar stamps t happened at t - late by the
+    /// By this much the radar's stamps are late against the gyro's, s: what the radar stamps t happened at t - late by the
     /// gyro's clock.
     pub late_s: Estimate,
     /// What showed it.
@@ -43,13 +43,13 @@ pub struct TimeOffset {
 }
 
 /// Estimates it.
-pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unshown> {
+pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unobservable> {
     let turning: Vec<&[RadarPose]> = stretches(poses, gyro, LIMIT_NS)
         .into_iter()
         .filter(|stretch| turns(stretch))
         .collect();
     if turning.len() < STRETCHES_MIN {
-        return Err(Unshown::Turning {
+        return Err(Unobservable::Turning {
             turning: turning.len(),
             needed: STRETCHES_MIN,
             stretch_s: STRETCH_S,
@@ -83,18 +83,18 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unsho
             .collect();
         sum = Fit::sum(&fits);
         let scale = sum.scale();
-        let parts: Vec<Part> = fits.iter().map(|fit| fit.part(late_ns, scale)).collect();
+        let parts: Vec<PartialEstimate> = fits.iter().map(|fit| fit.part(late_ns, scale)).collect();
         let Some(found) = mean(&parts) else { break };
         late_s = found;
         let next_ns = ((found.value * 1e9) as i64).clamp(-LIMIT_NS, LIMIT_NS);
         let moved_ns = (next_ns - late_ns).abs();
         late_ns = next_ns;
-        if moved_ns < SETTLED_NS {
+        if moved_ns < CONVERGED_NS {
             break;
         }
     }
     if explained < EXPLAINED_MIN || late_ns.abs() == LIMIT_NS {
-        return Err(Unshown::Unlike {
+        return Err(Unobservable::Unlike {
             limit_ms: LIMIT_NS as f64 * 1e-6,
             offset_ms: late_ns as f64 * 1e-6,
             share: 100.0 * explained.max(0.0),
@@ -113,7 +113,11 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unsho
     };
     Ok(TimeOffset {
         late_s: late_s.with_systematic(SYSTEMATIC_S),
-        spans: Span::joined(used().filter_map(|stretch| Span::of(stretch)).collect()),
+        spans: Span::joined(
+            used()
+                .filter_map(|stretch| Span::from_poses(stretch))
+                .collect(),
+        ),
         turned_rad: used().map(turned).sum(),
         residual_rad: (sum.ee / sum.rows.max(1) as f64).sqrt(),
         scale: sum.scale(),

@@ -1,6 +1,6 @@
 //! A stretch of the drive: what is left between radar and gyro at one offset, made white.
 
-use crate::estimate::Part;
+use crate::estimate::PartialEstimate;
 use crate::motion::{Step, cut};
 use crate::{Gyro, RadarPose, Span};
 use randt_geometry::elementary::wrap;
@@ -35,7 +35,7 @@ pub fn stretches<'a>(poses: &'a [RadarPose], gyro: &Gyro, limit_ns: i64) -> Vec<
         stretches.extend(cut(run, seconds, STRETCH_S));
     }
     stretches.retain(|stretch| {
-        Span::of(stretch)
+        Span::from_poses(stretch)
             .is_some_and(|span| gyro.covers(span.begin_ns - limit_ns, span.end_ns + limit_ns))
     });
     stretches
@@ -141,9 +141,9 @@ impl Fit {
 
     /// The offset that this stretch would have: what is left over is the scale's share, less the rate times the
     /// offset's change.
-    pub fn part(&self, late_ns: i64, scale: f64) -> Part {
+    pub fn part(&self, late_ns: i64, scale: f64) -> PartialEstimate {
         let change_s = (scale * self.rs - self.re) / self.rr.max(f64::MIN_POSITIVE);
-        Part {
+        PartialEstimate {
             value: late_ns as f64 * 1e-9 + change_s,
             weight: self.rr,
         }

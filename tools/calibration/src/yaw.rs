@@ -1,8 +1,8 @@
 //! Straights: the direction in which the robot drives, as the radar sees it.
 
-use crate::estimate::{Estimate, PARTS_MIN, Part, mean};
+use crate::estimate::{ESTIMATES_MIN, Estimate, PartialEstimate, mean};
 use crate::motion::{Step, runs, turn, way_m};
-use crate::{RadarPose, Span, Unshown};
+use crate::{RadarPose, Span, Unobservable};
 use nalgebra::Vector2;
 use randt_geometry::{
     Pose2,
@@ -13,8 +13,8 @@ use randt_geometry::{
 const BEND_MAX_RAD: f64 = 0.12;
 /// Slowest drive that counts, m/s: slower, a scan's noise is as large as its way.
 const SPEED_MIN_M_S: f64 = 0.15;
-/// A straight is cut into parts of so much, m: many enough to tell their spread, and each so long that slip and a
-/// scan's noise of a centimetre are half a degree of it.
+/// A straight is cut into parts of this length, m: many enough to show their spread, and each so long that slip and a
+/// scan's noise of a centimetre are half a degree.
 const PART_MIN_M: f64 = 1.5;
 const PART_MAX_M: f64 = 4.0;
 /// All of it that is needed, m.
@@ -26,7 +26,7 @@ const SYSTEMATIC_RAD: f64 = 0.001;
 
 /// The mounting's yaw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Heading {
+pub struct MountingYaw {
     /// Radar in `base_link`, rad.
     pub yaw_rad: Estimate,
     /// What showed it.
@@ -37,10 +37,10 @@ pub struct Heading {
 
 /// Finds the yaw: of the robot's own point, which is the `pivot` of the radar's frame, or the radar where it is not
 /// known.
-pub(crate) fn heading(
+pub(crate) fn mounting_yaw(
     poses: &[RadarPose],
     pivot: Option<Vector2<f64>>,
-) -> Result<Heading, Unshown> {
+) -> Result<MountingYaw, Unobservable> {
     let moving = |_: &Step, b: &Step| b.speed_m_s > SPEED_MIN_M_S;
     let parts: Vec<&[RadarPose]> = runs(poses, moving)
         .into_iter()
@@ -48,16 +48,21 @@ pub(crate) fn heading(
         .collect();
     let ways: Vec<(Vector2<f64>, Span)> = parts
         .iter()
-        .filter_map(|part| Some((way(part, pivot.unwrap_or_default()), Span::of(part)?)))
+        .filter_map(|part| {
+            Some((
+                way(part, pivot.unwrap_or_default()),
+                Span::from_poses(part)?,
+            ))
+        })
         .collect();
     let path_m: f64 = ways.iter().map(|(way, _)| way.norm()).sum();
-    let refusal = Unshown::Straight {
+    let refusal = Unobservable::Straight {
         chunks: ways.len(),
-        needed: PARTS_MIN,
+        needed: ESTIMATES_MIN,
         path_m,
         needed_m: PATH_MIN_M,
     };
-    if ways.len() < PARTS_MIN || path_m < PATH_MIN_M {
+    if ways.len() < ESTIMATES_MIN || path_m < PATH_MIN_M {
         return Err(refusal);
     }
     // Forward is where most of the path goes: the part that agrees with the most others.
@@ -75,7 +80,7 @@ pub(crate) fn heading(
     let mut angles = Vec::new();
     for (way, span) in &ways {
         let aside = wrap(atan2(way.y, way.x) - forward);
-        // What goes backward says the same.
+        // Backward driving shows the same yaw.
         let aside = if aside.abs() > core::f64::consts::FRAC_PI_2 {
             wrap(aside + core::f64::consts::PI)
         } else {
@@ -83,16 +88,16 @@ pub(crate) fn heading(
         };
         if aside.abs() < ASIDE_RAD {
             spans.push(*span);
-            angles.push(Part {
+            angles.push(PartialEstimate {
                 value: aside,
                 weight: way.norm_squared(),
             });
         }
     }
-    let Some(aside) = mean(&angles).filter(|_| angles.len() >= PARTS_MIN) else {
+    let Some(aside) = mean(&angles).filter(|_| angles.len() >= ESTIMATES_MIN) else {
         return Err(refusal);
     };
-    Ok(Heading {
+    Ok(MountingYaw {
         yaw_rad: Estimate {
             value: wrap(-(forward + aside.value)),
             ..aside

@@ -1,8 +1,8 @@
 //! Drives made by formula: what is known is found, and what a drive does not show is refused.
-#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
+#![allow(clippy::unwrap_used, reason = "a test reports failures by panicking")]
 
 use proptest::prelude::*;
-use randt_calibration::{Gyro, RadarPose, Unshown, YawRate, mounting, time_offset};
+use randt_calibration::{Gyro, RadarPose, Unobservable, YawRate, mounting, time_offset};
 use randt_geometry::{
     Pose2,
     elementary::{cos, sin},
@@ -10,7 +10,7 @@ use randt_geometry::{
 
 const SWEEP_NS: i64 = 200_000_000;
 const SAMPLE_NS: i64 = 4_000_000;
-/// Within a sweep the robot is moved in so many steps.
+/// Within a sweep the robot is moved in this many steps.
 const STEPS: usize = 50;
 
 /// A part of a drive: seconds, forward m/s, yaw rate rad/s.
@@ -56,8 +56,8 @@ proptest! {
     #[test]
     fn a_mounting_is_found(x in -0.5..0.5f64, y in -0.5..0.5f64, yaw in -3.1..3.1f64) {
         let found = mounting(&drive(&full(), Pose2::new(x, y, yaw)));
-        let heading = found.heading.unwrap();
-        let lever = found.lever.unwrap();
+        let heading = found.yaw.unwrap();
+        let lever = found.lever_arm.unwrap();
         prop_assert!((heading.yaw_rad.value - yaw).abs() < 1e-3, "{heading:?}");
         prop_assert!((lever.x_m.value - x).abs() < 2e-3, "{lever:?}");
         prop_assert!((lever.y_m.value - y).abs() < 2e-3, "{lever:?}");
@@ -97,8 +97,11 @@ fn swinging(late_ms: f64, bias: f64, size: f64) -> (Vec<RadarPose>, Gyro) {
 fn a_straight_drive_shows_the_yaw_and_nothing_else() {
     let poses = drive(&[(40.0, 0.6, 0.0)], Pose2::new(0.2, -0.1, 0.05));
     let found = mounting(&poses);
-    assert!((found.heading.unwrap().yaw_rad.value - 0.05).abs() < 1e-6);
-    assert!(matches!(found.lever, Err(Unshown::TurnsInPlace { .. })));
+    assert!((found.yaw.unwrap().yaw_rad.value - 0.05).abs() < 1e-6);
+    assert!(matches!(
+        found.lever_arm,
+        Err(Unobservable::TurnsInPlace { .. })
+    ));
     let still: Vec<YawRate> = (0..12_000)
         .map(|i| YawRate {
             stamp_ns: i * SAMPLE_NS,
@@ -107,7 +110,7 @@ fn a_straight_drive_shows_the_yaw_and_nothing_else() {
         .collect();
     let refused = time_offset(&poses, &Gyro::new(&still)).unwrap_err();
     assert!(
-        matches!(refused, Unshown::Turning { turning: 0, .. }),
+        matches!(refused, Unobservable::Turning { turning: 0, .. }),
         "{refused}"
     );
 }
@@ -116,9 +119,9 @@ fn a_straight_drive_shows_the_yaw_and_nothing_else() {
 fn turns_in_place_alone_show_a_distance_without_a_direction() {
     let legs = [(12.0, 0.0, 0.6), (12.0, 0.0, -0.6)].repeat(2);
     let found = mounting(&drive(&legs, Pose2::new(0.3, 0.4, 1.0)));
-    assert!(matches!(found.heading, Err(Unshown::Straight { .. })));
-    match found.lever {
-        Err(Unshown::Direction { distance_m }) => assert!((distance_m - 0.5).abs() < 1e-3),
+    assert!(matches!(found.yaw, Err(Unobservable::Straight { .. })));
+    match found.lever_arm {
+        Err(Unobservable::Direction { distance_m }) => assert!((distance_m - 0.5).abs() < 1e-3),
         other => panic!("{other:?}"),
     }
 }
@@ -127,15 +130,18 @@ fn turns_in_place_alone_show_a_distance_without_a_direction() {
 fn arcs_are_no_turns_in_place() {
     let legs = [(6.0, 0.8, 0.0), (6.0, 0.3, 0.6), (6.0, 0.3, -0.6)].repeat(4);
     let found = mounting(&drive(&legs, Pose2::new(0.2, 0.0, 0.0)));
-    assert!(matches!(found.lever, Err(Unshown::TurnsInPlace { .. })));
+    assert!(matches!(
+        found.lever_arm,
+        Err(Unobservable::TurnsInPlace { .. })
+    ));
 }
 
 #[test]
 fn turns_to_one_side_are_not_enough() {
     let legs = [(6.0, 0.8, 0.0), (12.0, 0.0, 0.6)].repeat(4);
     let found = mounting(&drive(&legs, Pose2::new(0.2, 0.0, 0.0)));
-    match found.lever {
-        Err(Unshown::TurnsInPlace {
+    match found.lever_arm {
+        Err(Unobservable::TurnsInPlace {
             left_deg,
             right_deg,
             ..
@@ -148,10 +154,10 @@ fn turns_to_one_side_are_not_enough() {
 }
 
 #[test]
-fn driving_backward_says_the_same() {
+fn driving_backward_shows_the_same_yaw() {
     let legs = [(6.0, 0.8, 0.0), (4.0, -0.5, 0.0)].repeat(4);
     let found = mounting(&drive(&legs, Pose2::new(0.2, 0.1, 0.3)));
-    assert!((found.heading.unwrap().yaw_rad.value - 0.3).abs() < 1e-6);
+    assert!((found.yaw.unwrap().yaw_rad.value - 0.3).abs() < 1e-6);
 }
 
 #[test]
@@ -164,7 +170,7 @@ fn a_steady_turn_shows_no_offset() {
         })
         .collect();
     let refused = time_offset(&poses, &Gyro::new(&samples)).unwrap_err();
-    assert!(matches!(refused, Unshown::Turning { .. }), "{refused}");
+    assert!(matches!(refused, Unobservable::Turning { .. }), "{refused}");
 }
 
 #[test]
@@ -172,7 +178,7 @@ fn a_gyro_upside_down_is_not_believed() {
     let (poses, _) = swinging(0.0, 0.0, 0.5);
     let (_, gyro) = swinging(0.0, 0.0, -0.5);
     let refused = time_offset(&poses, &gyro).unwrap_err();
-    assert!(matches!(refused, Unshown::Unlike { .. }), "{refused}");
+    assert!(matches!(refused, Unobservable::Unlike { .. }), "{refused}");
 }
 
 #[test]

@@ -22,7 +22,7 @@ pub enum Error {
     /// A fault that this protocol cannot have.
     #[error("{protocol} cannot have the fault {fault}; it can have {can}")]
     Fault {
-        /// What is spoken.
+        /// The protocol.
         protocol: &'static str,
         /// What was asked for.
         fault: &'static str,

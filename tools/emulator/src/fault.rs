@@ -31,7 +31,7 @@ kinds! {
     Silence = "silence",
     /// The connection is closed in the middle of a message, and the next one is accepted.
     Close = "close",
-    /// The device is gone: connections are closed or the port taken away, and nobody answers.
+    /// The device is gone: connections are closed or the port taken away, and nothing answers.
     Unplug = "unplug",
     /// Each message arrives in pieces, and several at once.
     Split = "split",
@@ -149,7 +149,7 @@ impl Faults {
         self
     }
 
-    /// What draws what is random in them.
+    /// The seed of what is random in them.
     pub fn seed(&self) -> u64 {
         self.seed
     }
@@ -215,16 +215,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_fault_is_told() {
+    fn what_is_no_fault_is_refused() {
         for text in ["silence", "silence@1", "silence@-1+2", "silence@1+x"] {
-            let told = text.parse::<Fault>().unwrap_err();
+            let error = text.parse::<Fault>().unwrap_err();
             assert!(
-                told.contains(text) && told.contains("silence@10+2"),
-                "{told}"
+                error.contains(text) && error.contains("silence@10+2"),
+                "{error}"
             );
         }
-        let told = "silent@1+2".parse::<Fault>().unwrap_err();
-        assert!(told.contains("silence, close"), "{told}");
+        let error = "silent@1+2".parse::<Fault>().unwrap_err();
+        assert!(error.contains("silence, close"), "{error}");
         for kind in FaultKind::ALL {
             assert!(!kind.about().is_empty() && kind.about().ends_with('.'));
         }

@@ -1,10 +1,10 @@
-//! When what is sent: the log's stamps on the machine's clock.
+//! When messages are sent: the log's stamps on the machine's clock.
 
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// How often a sleeping emulator looks whether it is to end.
-const LOOK: Duration = Duration::from_millis(50);
+/// A sleeping emulator checks with this period whether it is to end.
+const CHECK: Duration = Duration::from_millis(50);
 
 /// The log's stamps on the machine's clock. Emulators of one log that begin at the same second are on one clock.
 #[derive(Clone, Copy, Debug)]
@@ -15,8 +15,8 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// The stamp `begin_ns` is played at `at_unix_s` of the system's clock, which may be in the past; now, where nothing
-    /// is said.
+    /// The stamp `begin_ns` is played at `at_unix_s` of the system's clock, which may be in the past; now, where none
+    /// is given.
     pub fn new(begin_ns: i64, at_unix_s: Option<f64>) -> Self {
         let (now, unix) = (Instant::now(), SystemTime::now());
         let unix = unix.duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -40,7 +40,7 @@ impl Pace {
         self.begin + Duration::from_nanos(after.unsigned_abs())
     }
 
-    /// A stamp as time since 1970, as a device with a synchronised clock says it, ns.
+    /// A stamp as time since 1970, as a device with a synchronised clock has it, ns.
     pub fn unix_ns(&self, stamp_ns: i64) -> i64 {
         self.unix_ns
             .saturating_add(stamp_ns.saturating_sub(self.begin_ns))
@@ -67,7 +67,7 @@ impl Pace {
             if pause.is_zero() {
                 return true;
             }
-            thread::sleep(pause.min(LOOK));
+            thread::sleep(pause.min(CHECK));
         }
     }
 }

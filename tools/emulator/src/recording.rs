@@ -1,4 +1,4 @@
-//! One kind of message of a log, in order, over and over where that is wanted.
+//! One kind of message of a log, in order, once or in a loop.
 
 use crate::Error;
 use randt_log::{Entry, LogReader};
@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 /// A log that begins again does so after this pause: the robot has jumped, and odometry opens a new frame.
 const PAUSE_NS: i64 = 2_000_000_000;
-/// The emulators begin so long before the log's first stamp: a sweep's first beams lie before it.
+/// The emulators begin this long before the log's first stamp: a sweep's first beams lie before it.
 const LEAD_NS: i64 = 500_000_000;
 
 /// The messages of one topic of a log.
@@ -98,7 +98,7 @@ impl<T: Topic> Recording<T> {
     }
 }
 
-/// Whether a message has the log's own time; what stages said meanwhile may have another clock's.
+/// Whether a message has the log's own time; what stages published meanwhile may have another clock's.
 fn is_measured(entry: &Entry<'_>) -> bool {
     [RadarScan::NAME, ImuSampleTopic::NAME].contains(&entry.channel.topic.as_str())
 }
@@ -110,7 +110,7 @@ mod tests {
     use randt_messages::{ImuSample, ImuSampleTopic, MessageRef, RadarScan};
 
     #[test]
-    fn a_log_goes_on_after_its_end_and_a_topic_that_is_not_in_it_is_told() {
+    fn a_log_goes_on_after_its_end_and_a_topic_that_is_not_in_it_is_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("three.mcap");
         let mut log = LogFile::create(&path, Options::default()).unwrap();
@@ -144,13 +144,13 @@ mod tests {
             std::iter::from_fn(|| once.next_message().unwrap()).count(),
             3
         );
-        let told = Recording::<RadarScan>::open(&path, false)
+        let error = Recording::<RadarScan>::open(&path, false)
             .err()
             .unwrap()
             .to_string();
         assert!(
-            told.contains("three.mcap: no radar/scan/v1 in it"),
-            "{told}"
+            error.contains("three.mcap: no radar/scan/v1 in it"),
+            "{error}"
         );
     }
 }

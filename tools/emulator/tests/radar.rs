@@ -6,19 +6,19 @@ mod support;
 use randt_emulator::radar::{Format, Order};
 use randt_messages::{Message, RadarScan, SensorKind};
 use std::time::{Duration, Instant};
-use support::{BEAMS, Emulator, Spoken, TURN_NS, count, free, log, poll, radar, scan};
+use support::{BEAMS, Emulator, RadarProtocol, TURN_NS, count, free, log, poll, radar, scan};
 
 const SWEEPS: usize = 15;
 
 /// Plays a log into the driver: its sweeps with the log's, and the emulator's clock.
-fn through(spoken: Spoken, clockwise: bool) -> (Vec<Message<RadarScan>>, Emulator) {
+fn through(protocol: RadarProtocol, clockwise: bool) -> (Vec<Message<RadarScan>>, Emulator) {
     let folder = tempfile::tempdir().unwrap();
     let path = log(&folder, SWEEPS, clockwise);
-    let address = free(spoken);
-    let mut radar = radar(spoken, address);
+    let address = free(protocol);
+    let mut radar = radar(protocol, address);
     let mut out = Vec::new();
     // Half a second passes before the log's first stamp.
-    let emulator = Emulator::start(path, spoken, address, &[]);
+    let emulator = Emulator::start(path, protocol, address, &[]);
     let mut over: Option<Instant> = None;
     let mut about = String::new();
     poll(
@@ -44,8 +44,14 @@ fn through(spoken: Spoken, clockwise: bool) -> (Vec<Message<RadarScan>>, Emulato
 }
 
 /// Every return of the log is there, its direction, range, strength and time.
-fn compare(spoken: Spoken, clockwise: bool, first: usize, step_intensity: f32, step_rad: f32) {
-    let (out, emulator) = through(spoken, clockwise);
+fn compare(
+    protocol: RadarProtocol,
+    clockwise: bool,
+    first: usize,
+    step_intensity: f32,
+    step_rad: f32,
+) {
+    let (out, emulator) = through(protocol, clockwise);
     assert!(out.len() >= SWEEPS - first, "{} sweeps", out.len());
     let skipped = SWEEPS - out.len();
     for (number, message) in out.iter().enumerate() {
@@ -85,17 +91,23 @@ fn compare(spoken: Spoken, clockwise: bool, first: usize, step_intensity: f32, s
 
 #[test]
 fn beam_udp_sparse() {
-    compare(Spoken::BeamUdp(Format::Sparse), false, 0, 0.06, 1e-5);
+    compare(RadarProtocol::BeamUdp(Format::Sparse), false, 0, 0.06, 1e-5);
 }
 
 #[test]
 fn beam_udp_dense_8() {
-    compare(Spoken::BeamUdp(Format::Dense8), true, 0, 0.26, 1e-5);
+    compare(RadarProtocol::BeamUdp(Format::Dense8), true, 0, 0.26, 1e-5);
 }
 
 #[test]
 fn beam_udp_dense_16_in_fragments() {
-    compare(Spoken::BeamUdp(Format::Dense16), false, 0, 0.01, 1e-5);
+    compare(
+        RadarProtocol::BeamUdp(Format::Dense16),
+        false,
+        0,
+        0.01,
+        1e-5,
+    );
 }
 
 /// The encoder has 5600 counts: half of one is 0.6 mrad.
@@ -103,39 +115,39 @@ const COUNT_RAD: f32 = 0.0007;
 
 #[test]
 fn navtech_8_bits_lowest_byte_first() {
-    let spoken = Spoken::Navtech {
+    let protocol = RadarProtocol::Navtech {
         sixteen: false,
         order: Order::Little,
     };
-    compare(spoken, true, 1, 0.5, COUNT_RAD);
+    compare(protocol, true, 1, 0.5, COUNT_RAD);
 }
 
 #[test]
 fn navtech_16_bits_highest_byte_first() {
-    let spoken = Spoken::Navtech {
+    let protocol = RadarProtocol::Navtech {
         sixteen: true,
         order: Order::Big,
     };
-    compare(spoken, true, 1, 0.01, COUNT_RAD);
+    compare(protocol, true, 1, 0.01, COUNT_RAD);
 }
 
 #[test]
 fn a_radar_that_is_not_there_is_tried_until_it_is() {
-    for spoken in [
-        Spoken::Navtech {
+    for protocol in [
+        RadarProtocol::Navtech {
             sixteen: false,
             order: Order::Little,
         },
-        Spoken::BeamUdp(Format::Sparse),
+        RadarProtocol::BeamUdp(Format::Sparse),
     ] {
         let folder = tempfile::tempdir().unwrap();
         let path = log(&folder, SWEEPS, true);
-        let address = free(spoken);
-        let mut radar = radar(spoken, address);
+        let address = free(protocol);
+        let mut radar = radar(protocol, address);
         let begin = Instant::now();
         poll(
             &mut radar,
-            |_, _| panic!("nobody sends"),
+            |_, _| panic!("no emulator has begun"),
             |_| begin.elapsed() > Duration::from_millis(1500),
         );
         let text = radar.link().text().to_owned();
@@ -143,13 +155,13 @@ fn a_radar_that_is_not_there_is_tried_until_it_is() {
             !radar.link().streams() && text.contains(&address.to_string()),
             "{text:?}"
         );
-        let word = if matches!(spoken, Spoken::Navtech { .. }) {
+        let word = if matches!(protocol, RadarProtocol::Navtech { .. }) {
             "connection refused"
         } else {
             "no datagram"
         };
         assert!(text.contains(word), "{text:?}");
-        let emulator = Emulator::start(path, spoken, address, &[]);
+        let emulator = Emulator::start(path, protocol, address, &[]);
         let (mut sweeps, mut streamed) = (0, false);
         poll(
             &mut radar,

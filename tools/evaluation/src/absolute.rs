@@ -24,7 +24,7 @@ pub(crate) fn ate_rmse_m(pairs: &[Pair]) -> Option<f64> {
 
 /// Sum of the squared distances after alignment, m^2.
 fn aligned_square_error(frame: &[Pair]) -> f64 {
-    let alignment = Alignment::of(frame);
+    let alignment = Alignment::from_pairs(frame);
     frame
         .iter()
         .map(|pair| {
@@ -45,9 +45,9 @@ pub(crate) struct Alignment {
 
 impl Alignment {
     /// The one of least squared distance.
-    pub fn of(frame: &[Pair]) -> Self {
+    pub fn from_pairs(frame: &[Pair]) -> Self {
         let count = frame.len().max(1) as f64;
-        let mean = |of: fn(&Pair) -> f64| frame.iter().map(of).sum::<f64>() / count;
+        let mean = |value: fn(&Pair) -> f64| frame.iter().map(value).sum::<f64>() / count;
         let estimate = [mean(|p| p.estimate.x_m), mean(|p| p.estimate.y_m)];
         let truth = [mean(|p| p.truth.x_m), mean(|p| p.truth.y_m)];
         // The best angle's cosine and sine are as the sums of dot and cross products.

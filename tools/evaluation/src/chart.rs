@@ -36,7 +36,7 @@ const LINES_LOW: f64 = 3.0;
 /// Sizes of writing, pixels.
 const LARGE: i32 = 26;
 const SMALL: i32 = 19;
-/// Width of a letter as a share of its size, on the average: only the room between entries goes by it.
+/// Width of a letter as a share of its size, on the average: only the room between entries depends on it.
 const LETTER: f64 = 0.52;
 
 type Root<'a> = DrawingArea<SVGBackend<'a>, Shift>;

@@ -4,12 +4,12 @@
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system's word on a file.
+    /// An error of the operating system.
     #[error("{path}: {source}")]
     Io {
         /// The file.
         path: String,
-        /// Its word.
+        /// The error.
         source: std::io::Error,
     },
     /// A row that is none.
@@ -53,7 +53,7 @@ pub enum Error {
         /// Rows of the truth.
         truth: usize,
     },
-    /// Loops, which are told by stamps, of a trajectory without.
+    /// Loops, which are identified by stamps, of a trajectory without.
     #[error(
         "the {name} has no stamps: loops are judged by stamp, so give TUM rows (stamp x y z qx qy qz qw)"
     )]

@@ -68,7 +68,7 @@ pub fn truth_on_estimate(
     let Some(first) = pairs.chunk_by(|a, b| a.frame == b.frame).next() else {
         return Ok(Vec::new());
     };
-    let alignment = Alignment::of(first);
+    let alignment = Alignment::from_pairs(first);
     let position = |pose: &TrajectoryPose| [pose.transform.x_m, pose.transform.y_m];
     Ok(truth
         .poses()

@@ -15,7 +15,7 @@ const GAP_MAX_STEPS: i64 = 3;
 pub(crate) struct Pair {
     /// Index of the truth's pose.
     pub index: usize,
-    /// Counts the changes of frame, of either side: pairs of two frames say nothing of each other.
+    /// Counts the changes of frame, of either side: pairs of two frames cannot be compared.
     pub frame: usize,
     /// Where the robot was thought to be.
     pub estimate: Transform,

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 /// Room above and below what is drawn, as a share of it.
 const MARGIN: f64 = 0.06;
-/// Values beyond so many times that which all but one in a hundred stay below do not stretch the axis.
+/// Values beyond this many times the 99th percentile do not stretch the axis.
 const OUTLIER: f64 = 3.0;
 
 /// A line over time; points (s, value), in order. It ends where nothing came for long and at what is not finite.
@@ -41,7 +41,7 @@ pub struct Panel {
     pub bands: Vec<Band>,
     /// Values that the axis shows at least.
     pub at_least: Option<[f64; 2]>,
-    /// Single values far above all others are drawn at the edge, and the label says how many they are and how high.
+    /// Single values far above all others are drawn at the edge, and the label has their number and height.
     pub cut_outliers: bool,
     /// Half as high as others.
     pub is_low: bool,

@@ -33,7 +33,7 @@ type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 
 /// Draws an SVG. The same input gives the same bytes.
 pub fn plot_trajectories(plot: &Plot<'_>) -> Result<String, Error> {
-    let view = View::of(plot);
+    let view = View::from_plot(plot);
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, (WIDTH, view.height)).into_drawing_area();

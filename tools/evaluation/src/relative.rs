@@ -8,7 +8,7 @@ const START_STEP: usize = 10;
 /// KITTI's lengths of path, m.
 const LENGTHS_M: [f64; 8] = [100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0, 800.0];
 
-/// A mean translation error and a mean rotation error; units as the function says.
+/// A mean translation error and a mean rotation error; units as at the function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Mean {
     pub translation: f64,

@@ -8,7 +8,7 @@ use randt_geometry::elementary::wrap;
 const WINDOW_M: f64 = 10.0;
 /// Length of a window at standstill, and the time after which the next one begins there.
 const STANDSTILL_NS: i64 = 30_000_000_000;
-/// Time over which the worst error under good trust is looked for.
+/// Time over which the worst error under good trust is searched.
 const GOOD_NS: i64 = 10_000_000_000;
 /// A robot stands that comes less far than this in [`STANDSTILL_NS`], m: no window begins twice in a metre of path.
 const STANDSTILL_M: f64 = 1.0;
@@ -24,7 +24,7 @@ const HEADING_DEG_PER_M: f64 = 0.01;
 pub struct TrustSpan {
     /// Stamp of its first scan.
     pub begin_ns: i64,
-    /// Whether the poses are to be believed.
+    /// Whether trust is good.
     pub good: bool,
     /// Whether an IMU covered the sweeps.
     pub imu: bool,
@@ -33,9 +33,9 @@ pub struct TrustSpan {
 /// How far a drive was wrong, and how much of that in silence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SilentlyWrong {
-    /// Windows that were believed and wrong, and besides metres that were driven under good trust with a wrong heading.
+    /// Windows that were trusted and wrong, and besides metres that were driven under good trust with a wrong heading.
     pub silent_m: u64,
-    /// Windows that were wrong, believed or not.
+    /// Windows that were wrong, trusted or not.
     pub wrong_m: u64,
     /// Windows in all; one for each metre of the true path.
     pub windows: u64,
@@ -58,8 +58,8 @@ struct Scan {
 /// Counts the silent metres of a live estimate, whose poses are its scans. `trust` is in order of its stamps.
 ///
 /// A window begins at every metre of the true path and is 10 m long; at standstill it begins every 30 s and takes as
-/// long. It is believed where at least half of its scans are good, and wrong where the motion over it is off by more
-/// than 0.5 m or 5 degrees. Over a change of frame nothing is said, so a window that spans one is not wrong.
+/// long. It is trusted where at least half of its scans are good, and wrong where the motion over it is off by more
+/// than 0.5 m or 5 degrees. A window that spans a change of frame is not judged, and so not wrong.
 pub fn silently_wrong(
     estimate: &Trajectory,
     truth: &Trajectory,
@@ -87,7 +87,7 @@ pub fn silently_wrong(
         let is_wrong = is_wrong(window);
         found.wrong_m += u64::from(is_wrong);
         let heading_is_off = scan.heading_is_off && scan.trust.good && scan.trust.imu;
-        found.silent_m += u64::from(is_wrong && is_believed(window) || heading_is_off);
+        found.silent_m += u64::from(is_wrong && is_trusted(window) || heading_is_off);
     }
     found
 }
@@ -95,7 +95,7 @@ pub fn silently_wrong(
 /// Every scan for which there are truth and trust.
 fn scans(estimate: &Trajectory, truth: &Trajectory, trust: &[TrustSpan]) -> Vec<Scan> {
     let (thought, there) = (Timeline::new(estimate), Timeline::new(truth));
-    let mut heading: Option<Heading> = None;
+    let mut heading: Option<HeadingError> = None;
     let poses = estimate.poses().iter();
     poses
         .filter_map(|pose| {
@@ -103,7 +103,7 @@ fn scans(estimate: &Trajectory, truth: &Trajectory, trust: &[TrustSpan]) -> Vec<
             let (estimate, truth) = (thought.at(stamp_ns)?, there.at(stamp_ns)?);
             let after = trust.partition_point(|span| span.begin_ns <= stamp_ns);
             let trust = *trust.get(after.checked_sub(1)?)?;
-            let now = Heading::new(&estimate, &truth);
+            let now = HeadingError::new(&estimate, &truth);
             let now = match heading {
                 Some(before) => now.after(&before),
                 None => now,
@@ -173,21 +173,21 @@ fn worst_good_m(scans: &[Scan]) -> f64 {
 }
 
 /// Whether at least half of a window's scans are good.
-fn is_believed(window: &[Scan]) -> bool {
+fn is_trusted(window: &[Scan]) -> bool {
     let good = window.iter().filter(|scan| scan.trust.good).count();
     2 * good >= window.len()
 }
 
 /// How far the heading has run off since its frame began, whole turns included.
 #[derive(Clone, Copy, Debug)]
-struct Heading {
+struct HeadingError {
     frames: [u64; 2],
     begin_m: f64,
     error_rad: f64,
     accumulated_rad: f64,
 }
 
-impl Heading {
+impl HeadingError {
     /// At the start of a frame.
     fn new(estimate: &Instant, truth: &Instant) -> Self {
         let yaw_rad = |transform: &Transform| transform.pose().yaw_rad;
@@ -264,16 +264,16 @@ mod tests {
         let wrong = silently_wrong(&jumped(0.51), &truth(), &good);
         assert_eq!((wrong.silent_m, wrong.wrong_m), (10, 10));
         assert!((wrong.worst_good_10s_m - 0.51).abs() < 1e-9);
-        let told = silently_wrong(&jumped(0.51), &truth(), &[span(0, false)]);
+        let judged = silently_wrong(&jumped(0.51), &truth(), &[span(0, false)]);
         assert_eq!(
-            (told.silent_m, told.wrong_m, told.good_share),
+            (judged.silent_m, judged.wrong_m, judged.good_share),
             (0, 10, Some(0.0))
         );
     }
 
     #[test]
     fn half_of_a_windows_scans_make_it_believed() {
-        // Trust ends at 25 m: windows that begin at 20 m and later are for the greater part not believed.
+        // Trust ends at 25 m: windows that begin at 20 m and later are mostly not trusted.
         let trust = [span(0, true), span(250, false)];
         let found = silently_wrong(&jumped(1.0), &truth(), &trust);
         assert_eq!((found.silent_m, found.wrong_m), (5, 10));
@@ -315,8 +315,8 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_stands_is_looked_at_every_half_minute() {
-        // Two minutes at one place, and the estimate creeps by 2 cm a second from the first minute on.
+    fn a_robot_that_stands_is_judged_every_half_minute() {
+        // Two minutes at one position, and the estimate creeps by 2 cm a second from the first minute on.
         let (mut truth, mut estimate) = (Trajectory::stamped(), Trajectory::stamped());
         for scan in 0..601_i64 {
             let creep_m = 0.02 * 0.2 * (scan - 300).max(0) as f64;

@@ -45,11 +45,11 @@ fn columns(run: &[[f64; 2]]) -> Vec<[f64; 2]> {
         };
         let least = (0..column.len()).min_by(by_value);
         let most = (0..column.len()).max_by(by_value);
-        let mut places = vec![0, column.len() - 1];
-        places.extend(least.into_iter().chain(most));
-        places.sort_unstable();
-        places.dedup();
-        kept.extend(places.into_iter().filter_map(|place| column.get(place)));
+        let mut indices = vec![0, column.len() - 1];
+        indices.extend(least.into_iter().chain(most));
+        indices.sort_unstable();
+        indices.dedup();
+        kept.extend(indices.into_iter().filter_map(|index| column.get(index)));
     }
     kept
 }

@@ -13,7 +13,7 @@ pub(crate) struct Timeline<'a> {
 /// A robot at one instant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instant {
-    /// Poses of two frames say nothing of each other.
+    /// Poses of two frames cannot be compared.
     pub frame: u64,
     /// Where it stood.
     pub transform: Transform,

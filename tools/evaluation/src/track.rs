@@ -3,7 +3,7 @@
 use crate::Trajectory;
 use crate::timeline::{Instant, Timeline, relative_error};
 
-/// Lost track is told from the motion over this time.
+/// Lost track is judged by the motion over this time.
 const SECOND_NS: i64 = 1_000_000_000;
 /// More than this in a second is no drift: the registration has gone elsewhere, m and degrees.
 const LOST_M: f64 = 0.3;
@@ -48,7 +48,7 @@ pub struct Track {
 
 /// The worst relative errors, from every pose of the estimate on, inside one frame.
 ///
-/// Rows without stamps have no seconds: of those nothing is said.
+/// Rows without stamps have no seconds: they are not judged.
 pub fn track(estimate: &Trajectory, truth: &Trajectory) -> Track {
     let (thought, there) = (Timeline::new(estimate), Timeline::new(truth));
     let both = |stamp_ns: i64| Some((thought.at(stamp_ns)?, there.at(stamp_ns)?));
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_short_or_has_no_stamps_says_nothing() {
+    fn what_is_too_short_or_has_no_stamps_is_not_judged() {
         let short = track(&drive(4, |_| 0, |_| Pose2::IDENTITY), &truth());
         assert_eq!(
             (short.second, short.ten_metres, short.lost),

@@ -8,7 +8,7 @@ use randt_geometry::Pose2;
 pub struct TrajectoryPose {
     /// The instant of the pose; 0 in a trajectory without stamps.
     pub stamp_ns: i64,
-    /// `odom_frame_id`: poses of two frames say nothing of each other.
+    /// `odom_frame_id`: poses of two frames cannot be compared.
     pub frame: u64,
     /// `base_link` in the frame.
     pub transform: Transform,

@@ -17,10 +17,10 @@ pub(crate) const EDGE: u32 = 10;
 /// Least and greatest height of the drawing itself, pixels: a straight drive still has room for its axis.
 const HEIGHT_MIN: f64 = 380.0;
 const HEIGHT_MAX: f64 = 1500.0;
-/// Of the map, what is within this share of the drive's extent around it, and at least so many metres.
+/// Of the map, what is within this share of the drive's extent around it, and at least this many metres.
 const MAP_MARGIN: f64 = 0.5;
 const MAP_MARGIN_MIN_M: f64 = 12.0;
-/// Room around what is drawn, as a share of it, and at least so many metres.
+/// Room around what is drawn, as a share of it, and at least this many metres.
 const MARGIN: f64 = 0.05;
 const MARGIN_MIN_M: f64 = 0.5;
 /// Grid lines along the longer side, about.
@@ -43,7 +43,7 @@ pub(crate) struct View {
 
 impl View {
     /// The view that holds the drive, and of the map what is near it.
-    pub fn of(plot: &Plot<'_>) -> Self {
+    pub fn from_plot(plot: &Plot<'_>) -> Self {
         let mut drive = Extent::default();
         plot.estimate.iter().flatten().for_each(|p| drive.add(*p));
         plot.live.iter().flatten().for_each(|p| drive.add(*p));
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
 
     fn view(estimate: Vec<[f64; 2]>) -> View {
-        View::of(&Plot {
+        View::from_plot(&Plot {
             estimate: &[estimate],
             ..Plot::default()
         })
@@ -179,7 +179,7 @@ mod tests {
 
     #[test]
     fn far_points_of_the_map_do_not_shrink_the_drive() {
-        let view = View::of(&Plot {
+        let view = View::from_plot(&Plot {
             estimate: &[vec![[0.0, 0.0], [17.0, 0.0]]],
             map: &[[90.0, 0.0], [20.0, 5.0]],
             ..Plot::default()

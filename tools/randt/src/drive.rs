@@ -17,7 +17,7 @@ pub struct Drive {
 impl Drive {
     /// Drives through a world; fails on Ctrl-C only.
     pub fn new(world: &World, scans: u64, seed: u64, bar: &ProgressBar) -> anyhow::Result<Self> {
-        let robot = Robot::of(world);
+        let robot = Robot::for_world(world);
         let info = InputInfo {
             format: "simulation",
             sensor: robot.sensor(),

@@ -6,12 +6,12 @@ use std::path::Path;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system's word on a file.
+    /// An error of the operating system.
     #[error("{path}: {source}")]
     Io {
         /// File or folder.
         path: String,
-        /// Its word.
+        /// The error.
         source: std::io::Error,
     },
     /// The content is none that this crate reads.

@@ -1,7 +1,7 @@
 //! Planar pose graphs in g2o's text format: `VERTEX_SE2 id x y yaw` and
 //! `EDGE_SE2 from to x y yaw I11 I12 I13 I22 I23 I33`.
 //!
-//! Responsible for what the lines say. Not responsible for whether it makes a graph that can be solved.
+//! Responsible for the content of the lines. Not responsible for whether it makes a graph that can be solved.
 
 use crate::Error;
 use randt_geometry::Pose2;
@@ -30,9 +30,9 @@ pub struct Graph {
 /// A measurement between two vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// The vertex that is looked from.
+    /// The vertex of the edge's origin.
     pub from: u64,
-    /// The vertex that is looked at.
+    /// The vertex of the edge's end.
     pub to: u64,
     /// `to` seen from `from`.
     pub measured: Pose2,
@@ -73,7 +73,7 @@ pub fn read_from(mut reader: impl BufRead, path: &Path) -> Result<Graph, Error> 
     Ok(graph)
 }
 
-/// Takes in one line; empty lines and comments say nothing.
+/// Takes in one line; empty lines and comments are skipped.
 fn parse(line: &str, graph: &mut Graph) -> Result<(), String> {
     let words: Vec<&str> = line.split_whitespace().collect();
     match words.as_slice() {
@@ -162,8 +162,8 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_with_its_line() {
-        for (line, says) in [
+    fn errors_name_their_line() {
+        for (line, expected) in [
             ("VERTEX_SE2 1 2 3", "with 3 words, expected 4: id x y yaw"),
             ("EDGE_SE2 0 1 0 0 0 1 0 0 1 0", "with 10 words, expected 11"),
             (
@@ -182,7 +182,7 @@ mod tests {
         ] {
             let error = text(&format!("VERTEX_SE2 0 0 0 0\n{line}\n")).unwrap_err();
             assert!(
-                error.starts_with("a.g2o: line 2: ") && error.contains(says),
+                error.starts_with("a.g2o: line 2: ") && error.contains(expected),
                 "{error}"
             );
         }

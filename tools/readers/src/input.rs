@@ -4,7 +4,7 @@ use crate::Event;
 use randt_geometry::{Pose2, Quaternion};
 use randt_messages::SensorKind;
 
-/// Where the sensors sit on the robot, as far as the input says.
+/// Where the sensors sit on the robot, as far as the input has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Extrinsics {
     /// Radar in `base_link`.
@@ -35,7 +35,7 @@ pub struct Counter {
     pub loss: bool,
 }
 
-/// What an input says of itself.
+/// An input's description of itself.
 #[derive(Clone, Debug)]
 pub struct InputInfo {
     /// Kind, such as `oxford`, `ros1-bag`, `ros2-mcap`, `ros2-db3`, `randt-log`.
@@ -52,10 +52,10 @@ pub struct InputInfo {
 
 /// A log that is read from its beginning to its end.
 ///
-/// Events come in order of their stamps as far as the log has them so; a step back is the log's own
-/// and left to odometry to judge.
+/// Events come in order of their stamps as far as the log has them so; a step back is the log's own,
+/// and odometry judges it.
 pub trait Source {
-    /// What the input says of itself.
+    /// The input's description of itself.
     fn info(&self) -> &InputInfo;
 
     /// The next event, `None` at the end.

@@ -1,8 +1,9 @@
 //! Recorded radar logs as our messages: Oxford folders, ROS bags, our own MCAP.
 //!
 //! Responsible for recognising an input by its content and for turning it into sweeps and IMU samples
-//! in our frames and clock. Not responsible for what is made of them.
+//! in our frames and clock. Not responsible for how they are used.
 
+mod counters;
 mod error;
 mod event;
 #[doc(hidden)]
@@ -20,7 +21,6 @@ mod ros1;
 mod ros2;
 mod summary;
 mod sweep;
-mod tally;
 #[cfg(test)]
 mod tests;
 

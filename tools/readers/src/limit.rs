@@ -1,8 +1,8 @@
-//! Limits of what is believed and of what a message holds.
+//! Limits of plausible values and of what a message holds.
 
 use randt_messages::MAX_RETURNS;
 
-/// Latest instant that is believed, ns: the year 2116. Differences of two believed instants never overflow.
+/// Latest plausible instant, ns: the year 2116. Differences of two plausible instants never overflow.
 const INSTANT_MAX_NS: i64 = i64::MAX / 2;
 
 /// Whether a stamp can be that of a measurement.
@@ -10,12 +10,12 @@ pub(crate) fn is_instant(stamp_ns: i64) -> bool {
     (0..=INSTANT_MAX_NS).contains(&stamp_ns)
 }
 
-/// Fastest turn that is believed, rad/s: gyros end at 70 (4,000 deg/s).
+/// Fastest plausible turn, rad/s: gyros end at 70 (4,000 deg/s).
 const RATE_MAX_RAD_S: f64 = 100.0;
-/// Hardest push that is believed, m/s^2: more than any IMU's 100 g.
+/// Largest plausible specific force, m/s^2: more than any IMU's 100 g.
 const ACCELERATION_MAX_M_S2: f64 = 2000.0;
 
-/// The counter under which a reading of an IMU is left out; `None` where it can be one.
+/// The counter under which an implausible reading of an IMU is left out; `None` for a plausible one.
 pub(crate) fn misreading(
     rate_rad_s: &[f64; 3],
     acceleration_m_s2: &[f64; 3],

@@ -3,8 +3,8 @@
 use crate::limit::{is_instant, misreading};
 use crate::ros2::count_damage;
 use crate::summary::Summary;
-use crate::sweep::mend;
-use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, tally::Tally};
+use crate::sweep::repair;
+use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, counters::Counters};
 use randt_log::{Damage, LogReader};
 use randt_messages::{
     DropCause, ImuSampleTopic, LogDrop, LogDropTopic, RadarScan, Topic, TruthPoseTopic,
@@ -18,7 +18,7 @@ use std::path::Path;
 pub(crate) struct LogSource {
     reader: LogReader<BufReader<File>>,
     info: InputInfo,
-    tally: Tally,
+    counters: Counters,
     counted: Vec<Damage>,
 }
 
@@ -48,19 +48,19 @@ impl LogSource {
                 extrinsics: robot.into(),
             },
             reader,
-            tally: Tally::default(),
+            counters: Counters::default(),
             counted: Vec::new(),
         })
     }
 
-    /// What stands behind the messages came too late for whoever has read them.
+    /// Metadata behind the messages come too late for the messages before them.
     fn judge_late_metadata(&mut self) -> Result<(), Error> {
         let configuration = self.reader.configuration().map(str::to_owned);
         let robot = Extrinsics::from(self.reader.robot()?);
         if robot != self.info.extrinsics || configuration != self.info.configuration {
-            self.tally.lost("metadata_too_late", 1, || {
+            self.counters.count_loss("metadata_too_late", 1, || {
                 "robot or configuration stand behind the first message, where no reader has them in time; \
-                 `randt run --robot FILE --profile FILE` says them"
+                 `randt run --robot FILE --profile FILE` sets them"
                     .to_owned()
             });
         }
@@ -104,7 +104,7 @@ impl LogSource {
 enum Step {
     Event(Event),
     Malformed(String),
-    /// What the recorder of the log could not have.
+    /// Messages that the recorder of the log missed.
     NotRecorded(LogDrop),
     Other,
     End,
@@ -118,26 +118,27 @@ impl Source for LogSource {
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
         loop {
             let step = self.step()?;
-            count_damage(self.reader.damage(), &mut self.counted, &mut self.tally);
+            count_damage(self.reader.damage(), &mut self.counted, &mut self.counters);
             match step {
                 Step::End => {
                     self.judge_late_metadata()?;
                     let translated: Vec<String> = self.reader.translated().collect();
                     let count = translated.len() as u64;
-                    self.tally
-                        .noted("topics_of_another_build", count, || translated.join("; "));
+                    self.counters
+                        .count_event("topics_of_another_build", count, || translated.join("; "));
                     return Ok(None);
                 }
                 Step::Other => {}
                 Step::NotRecorded(drop) => {
-                    self.tally.lost("messages_not_recorded", drop.count, || {
-                        let cause = DropCause::from_code(drop.cause).name();
-                        format!("{} of {}: {cause}", drop.count, text_of(&drop.topic))
-                    });
+                    self.counters
+                        .count_loss("messages_not_recorded", drop.count, || {
+                            let cause = DropCause::from_code(drop.cause).name();
+                            format!("{} of {}: {cause}", drop.count, text_of(&drop.topic))
+                        });
                 }
-                Step::Malformed(why) => self.tally.lost("messages_malformed", 1, || why),
+                Step::Malformed(why) => self.counters.count_loss("messages_malformed", 1, || why),
                 Step::Event(event) if !is_instant(event.stamp_ns()) => {
-                    self.tally.lost("messages_malformed", 1, || {
+                    self.counters.count_loss("messages_malformed", 1, || {
                         let stamp_ns = event.stamp_ns();
                         format!(
                             "stamp {stamp_ns}, which no measurement has; expected ns since 1970"
@@ -145,7 +146,7 @@ impl Source for LogSource {
                     });
                 }
                 Step::Event(Event::Scan(mut scan)) => {
-                    if mend(&mut scan, &mut self.tally) {
+                    if repair(&mut scan, &mut self.counters) {
                         return Ok(Some(Event::Scan(scan)));
                     }
                 }
@@ -154,7 +155,7 @@ impl Source for LogSource {
                     else {
                         return Ok(Some(Event::Imu(sample)));
                     };
-                    self.tally.lost(name, 1, || {
+                    self.counters.count_loss(name, 1, || {
                         let (rate, acceleration) = (sample.rate_rad_s, sample.acceleration_m_s2);
                         format!(
                             "{rate:?} rad/s, {acceleration:?} m/s^2 in the sample stamped {}",
@@ -168,6 +169,6 @@ impl Source for LogSource {
     }
 
     fn counters(&self) -> Vec<Counter> {
-        self.tally.counters()
+        self.counters.list()
     }
 }

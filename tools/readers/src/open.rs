@@ -80,22 +80,26 @@ fn open_folder(path: &Path, options: &Options) -> Result<Box<dyn Source>, Error>
     if let Some(folder) = OxfordFolder::open(path, options)? {
         return Ok(Box::new(folder));
     }
-    let (mut parts, mut unreadable) = (Vec::new(), Vec::new());
+    let (mut files, mut unreadable) = (Vec::new(), Vec::new());
     for file in ros2::bag_files(path)? {
         let first = first_bytes(&file)?;
         match open_bag(&file, &first) {
-            Ok(Some(part)) => parts.push(part),
+            Ok(Some(bag)) => files.push(bag),
             Ok(None) => unreadable.push(format!("{}: {}", file.display(), describe(&first))),
             Err(error) => unreadable.push(error.to_string()),
         }
     }
-    if parts.is_empty() {
+    if files.is_empty() {
         let found = unreadable.into_iter().next();
         let found =
             found.unwrap_or_else(|| "a folder without radar images or bag files".to_owned());
         return Err(not_recognised(path, found));
     }
-    ros_source(Box::new(ros2::Chain::new(parts, unreadable)), path, options)
+    ros_source(
+        Box::new(ros2::SplitBag::new(files, unreadable)),
+        path,
+        options,
+    )
 }
 
 fn not_recognised(path: &Path, found: String) -> Error {

@@ -1,4 +1,4 @@
-//! What the user may say about an input that the input does not say of itself.
+//! What the user may set for an input that does not contain it.
 
 /// The instant of a sweep that its stamp means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub enum StampMeaning {
 
 /// The order in time of a sweep's beams, seen from above.
 ///
-/// Azimuths of a point cloud are right as they are; this says only which beam was measured first.
+/// Azimuths of a point cloud are right as they are; this sets only which beam was measured first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rotation {
     /// As the points are ordered; counter-clockwise where they are not.
@@ -26,7 +26,7 @@ pub enum Rotation {
     Clockwise,
 }
 
-/// Settings of an input. The defaults fit every recording that says enough of itself.
+/// Settings of an input. The defaults fit every recording that contains its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Radar topic of a bag; without it the PointCloud2 topic with the most messages.

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Largest record or chunk that is believed; it bounds what a hostile length can make us allocate.
+/// Largest plausible record or chunk; it bounds what a hostile length can make us allocate.
 const SIZE_MAX: usize = 256 << 20;
 
 /// Bytes of a footer record and the magic behind it, which end every file that was closed.
@@ -51,7 +51,7 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    /// `None` where the file has no whole summary, whatever the reason: reading it through does without.
+    /// `None` where the file has no whole summary, whatever the reason: reading it through needs none.
     pub fn read(path: &Path) -> Option<Self> {
         let mut file = File::open(path).ok()?;
         let length = file.metadata().ok()?.len();

@@ -1,7 +1,7 @@
 //! Worlds as text: one statement a line (docs/worlds.md).
 
+use crate::line::{COORDINATE_MAX_M, Line};
 use crate::shape::{self, Opening, Span};
-use crate::words::{COORDINATE_MAX_M, Line};
 use crate::{Relief, World, WorldError};
 use nalgebra::Vector2;
 

@@ -36,9 +36,9 @@ pub enum Relief {
     },
 }
 
-/// Height, gradient and curvature of the ground at one place.
+/// Height, gradient and curvature of the ground at one point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lie {
+pub struct GroundPoint {
     /// Height.
     pub height_m: f64,
     /// Rise per metre towards x and y.
@@ -48,11 +48,11 @@ pub struct Lie {
 }
 
 impl Relief {
-    /// Its share of the ground at a place.
-    pub fn at(&self, place_m: Vector2<f64>) -> Lie {
+    /// Its share of the ground at a point.
+    pub fn at(&self, point_m: Vector2<f64>) -> GroundPoint {
         match *self {
-            Self::Slope { grade } => Lie {
-                height_m: grade.dot(&place_m),
+            Self::Slope { grade } => GroundPoint {
+                height_m: grade.dot(&point_m),
                 gradient: grade,
                 curvature: Matrix2::zeros(),
             },
@@ -62,10 +62,10 @@ impl Relief {
                 height_m,
             } => {
                 // h q^3 with q = 1 - (r / R)^2.
-                let offset = (place_m - centre_m) / radius_m;
+                let offset = (point_m - centre_m) / radius_m;
                 let q = (1.0 - offset.norm_squared()).max(0.0);
                 let scale = -6.0 * height_m * q / radius_m;
-                Lie {
+                GroundPoint {
                     height_m: height_m * q * q * q,
                     gradient: offset * (scale * q),
                     curvature: (Matrix2::identity() * q - offset * offset.transpose() * 4.0)
@@ -79,9 +79,9 @@ impl Relief {
             } => {
                 // h s^3 (6 s^2 - 15 s + 10): flat to the second derivative at both ends.
                 let along = (to_m - from_m) / (to_m - from_m).norm_squared();
-                let s = along.dot(&(place_m - from_m)).clamp(0.0, 1.0);
+                let s = along.dot(&(point_m - from_m)).clamp(0.0, 1.0);
                 let (rest, rise) = (1.0 - s, 30.0 * height_m);
-                Lie {
+                GroundPoint {
                     height_m: height_m * s * s * s * (s * (6.0 * s - 15.0) + 10.0),
                     gradient: along * (rise * s * s * rest * rest),
                     curvature: along
@@ -118,41 +118,41 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// Height, gradient and curvature at a place.
-    pub fn at(&self, place_m: Vector2<f64>) -> Lie {
-        let level = Lie {
+    /// Height, gradient and curvature at a point.
+    pub fn at(&self, point_m: Vector2<f64>) -> GroundPoint {
+        let level = GroundPoint {
             height_m: 0.0,
             gradient: Vector2::zeros(),
             curvature: Matrix2::zeros(),
         };
         self.reliefs.iter().fold(level, |sum, relief| {
-            let lie = relief.at(place_m);
-            Lie {
-                height_m: sum.height_m + lie.height_m,
-                gradient: sum.gradient + lie.gradient,
-                curvature: sum.curvature + lie.curvature,
+            let ground = relief.at(point_m);
+            GroundPoint {
+                height_m: sum.height_m + ground.height_m,
+                gradient: sum.gradient + ground.gradient,
+                curvature: sum.curvature + ground.curvature,
             }
         })
     }
 
-    /// How a robot stands here. Its pose and velocity are those of its shadow in the level plane.
-    pub fn stance(&self, state: &MotionState) -> Stance {
+    /// A robot's attitude here. Its pose and velocity are those of its shadow in the level plane.
+    pub fn attitude(&self, state: &MotionState) -> RobotAttitude {
         let [x, y, yaw] = state.pose;
         let [forward, left, turn] = state.velocity;
         let [onward, sideward, _] = state.acceleration;
         if self.reliefs.is_empty() {
-            return Stance {
+            return RobotAttitude {
                 tilt: None,
                 rate_rad_s: [0.0, 0.0, turn],
                 force_m_s2: [onward, sideward, GRAVITY_M_S2],
             };
         }
-        let lie = self.at(Vector2::new(x, y));
-        // Into the level frame of the robot's heading, where it moves as `velocity` says.
+        let ground = self.at(Vector2::new(x, y));
+        // Into the level frame of the robot's heading, where it moves with `velocity`.
         let (sin, cos) = sin_cos(yaw);
         let heading = Matrix2::new(cos, -sin, sin, cos);
-        let gradient = heading.transpose() * lie.gradient;
-        let curvature = heading.transpose() * lie.curvature * heading;
+        let gradient = heading.transpose() * ground.gradient;
+        let curvature = heading.transpose() * ground.curvature * heading;
         let velocity = Vector2::new(forward, left);
         // As the ground under a robot of fixed heading changes.
         let change = curvature * velocity;
@@ -167,7 +167,7 @@ impl Ground {
         let up_change = Vector3::new(-change.x, -change.y, 0.0) / height;
         let climb = velocity.dot(&change) + gradient.dot(&Vector2::new(onward, sideward));
         let force = Vector3::new(onward, sideward, GRAVITY_M_S2 + climb);
-        Stance {
+        RobotAttitude {
             tilt: Some(Matrix3::from_columns(&[ahead, across, up])),
             rate_rad_s: [
                 -up_change.dot(&across),
@@ -179,9 +179,9 @@ impl Ground {
     }
 }
 
-/// How a robot stands: tilted as the ground is, with what its IMU feels.
+/// A robot's attitude: tilted as the ground is, with what its IMU measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stance {
+pub struct RobotAttitude {
     // The body in the level frame of its heading; none on level ground, which costs no bits.
     tilt: Option<Matrix3<f64>>,
     /// Angular rate in the body.
@@ -190,7 +190,7 @@ pub struct Stance {
     pub force_m_s2: [f64; 3],
 }
 
-impl Stance {
+impl RobotAttitude {
     /// Whether the ground has no relief at all; then every number is the same bits as without one.
     pub fn is_level(&self) -> bool {
         self.tilt.is_none()
@@ -273,17 +273,17 @@ mod tests {
             let mut at = |steps: i64| {
                 let state = drive.at(index * 50_000_000 + 5_000_000 + steps * step_ns);
                 let [x, y, yaw] = state.pose;
-                let lie = ground.at(Vector2::new(x, y));
+                let point = ground.at(Vector2::new(x, y));
                 let (sin, cos) = sin_cos(yaw);
                 // Roll and pitch from the gradient by another way: pitch of the x axis, roll of the normal.
-                let along = cos * lie.gradient.x + sin * lie.gradient.y;
-                let left = cos * lie.gradient.y - sin * lie.gradient.x;
+                let along = cos * point.gradient.x + sin * point.gradient.y;
+                let left = cos * point.gradient.y - sin * point.gradient.x;
                 let roll = atan2(left, (1.0 + along * along).sqrt());
                 let turned = Quaternion::from_roll_pitch_yaw(roll, -atan2(along, 1.0), yaw);
                 (
-                    ground.stance(&state),
+                    ground.attitude(&state),
                     turned,
-                    Vector3::new(x, y, lie.height_m),
+                    Vector3::new(x, y, point.height_m),
                 )
             };
             let [before, now, after] = [at(-2), at(0), at(2)];

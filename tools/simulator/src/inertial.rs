@@ -1,6 +1,6 @@
 //! A MEMS IMU on a driving robot: noise, drifting bias, gravity, vibration, its own clock.
 
-use crate::{MotionState, Random, Stance};
+use crate::{MotionState, Random, RobotAttitude};
 use randt_geometry::elementary::{PI, sin};
 use randt_messages::{Header, ImuSample};
 
@@ -82,8 +82,8 @@ impl Imu {
         self.next_ns
     }
 
-    /// The sample of [`Imu::next_ns`]; `state` and `stance` are the robot's then. Stamps count from the start.
-    pub fn sample(&mut self, state: &MotionState, stance: &Stance) -> ImuSample {
+    /// The sample of [`Imu::next_ns`]; `state` and `attitude` are the robot's then. Stamps count from the start.
+    pub fn sample(&mut self, state: &MotionState, attitude: &RobotAttitude) -> ImuSample {
         let profile = self.profile;
         let time_s = self.next_ns as f64 * 1e-9;
         let walk = profile.rate_bias_walk * (profile.period_ns as f64 * 1e-9).sqrt();
@@ -101,11 +101,11 @@ impl Imu {
         for axis in 0..3 {
             let (a, b) = self.random.normal_pair();
             self.rate_bias[axis] += walk * self.random.normal();
-            rate_rad_s[axis] = stance.rate_rad_s[axis]
+            rate_rad_s[axis] = attitude.rate_rad_s[axis]
                 + self.rate_bias[axis]
                 + profile.rate_noise_rad_s * a
                 + profile.vibration_rad_s * rate_lines[axis];
-            acceleration_m_s2[axis] = stance.force_m_s2[axis]
+            acceleration_m_s2[axis] = attitude.force_m_s2[axis]
                 + self.acceleration_bias[axis]
                 + profile.acceleration_noise_m_s2 * b
                 + profile.vibration_m_s2 * acceleration_lines[axis];

@@ -1,6 +1,6 @@
 //! Worlds and sensors: a simulated drive, as hard as the real thing.
 //!
-//! Responsible for what a radar and an IMU on a robot would say, and for the truth behind it. Pure: no
+//! Responsible for what a radar and an IMU on a robot would measure, and for the truth behind it. Pure: no
 //! files, no clock, no threads; the same seed gives the same bits on every machine. Not responsible for
 //! writing logs.
 
@@ -10,6 +10,7 @@ mod error;
 mod format;
 mod ground;
 mod inertial;
+mod line;
 mod material;
 mod motion;
 mod radar;
@@ -17,12 +18,11 @@ mod random;
 mod route;
 mod shape;
 mod simulation;
-mod words;
 mod world;
 
 pub use caster::{Caster, Hit};
 pub use error::WorldError;
-pub use ground::{Ground, Lie, Relief, Stance};
+pub use ground::{Ground, GroundPoint, Relief, RobotAttitude};
 pub use inertial::ImuProfile;
 pub use material::{Material, Response};
 pub use motion::{Drive, MotionProfile, MotionState};

@@ -35,9 +35,9 @@ pub struct MotionProfile {
     pub slip_length_m: f64,
     /// Standstill before the drive, s.
     pub start_s: f64,
-    /// Every so many changes of speed the robot stops; 0 never.
+    /// After this many changes of speed the robot stops; 0 never.
     pub stop_every: u32,
-    /// At each stop the robot turns on the spot: so much to the left, twice as much to the right, and back; at every
+    /// At each stop the robot turns on the spot: by this angle to the left, twice as much to the right, and back; at every
     /// other stop the other way round. 0 never.
     pub turn_in_place_rad: f64,
 }
@@ -181,7 +181,7 @@ impl Drive {
 
     /// The twist 10 ms later: pure pursuit of the route within the robot's limits.
     fn steer(&mut self, knot: &Knot, time_s: f64) -> [f64; 3] {
-        // Shorter and it weaves, longer and it cuts corners through door frames; a fast robot looks farther.
+        // Shorter and it weaves, longer and it cuts corners through door frames; a fast robot aims farther ahead.
         const LOOKAHEAD_M: f64 = 0.6;
         const LOOKAHEAD_S: f64 = 0.5;
         const SPEED_TIME_S: f64 = 0.4;
@@ -194,7 +194,7 @@ impl Drive {
         {
             return self.turn_in_place(turn, left_rad, time_s);
         }
-        // Who turns on the spot is busy until he has turned.
+        // A turn on the spot is completed before anything else.
         if time_s >= self.next_decision_s && self.turns_left_rad.is_empty() {
             self.decide(time_s);
         }

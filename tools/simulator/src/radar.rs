@@ -8,7 +8,7 @@
 use crate::caster::{Caster, Hit};
 use crate::echo::Echo;
 use crate::material::{Response, amplitude};
-use crate::{Drive, Ground, Material, Random, Stance};
+use crate::{Drive, Ground, Material, Random, RobotAttitude};
 use nalgebra::Vector2;
 use randt_geometry::Pose2;
 use randt_geometry::elementary::{PI, exp, sin_cos};
@@ -24,11 +24,11 @@ const HEIGHT_M: f64 = 0.4;
 /// Level of the ground under a grazing beam, against a perfect rough wall, dB: gravel and grass. With its
 /// spread over many bins, single returns rise above the threshold up to some 7 m.
 const GROUND_DB: f64 = -6.0;
-/// The beam is high as well as wide: the ground's echo comes from so much before and behind the point where
+/// The beam is high as well as wide: the ground's echo comes from this much before and behind the point where
 /// its middle meets it, as factors on the range, and what stands behind is seen by its upper half only.
 const GROUND_SPREAD: [f64; 2] = [0.8, 1.3];
 const BEHIND_GROUND: f64 = 0.5;
-/// The ground's echo is a sum of so many.
+/// The ground's echo is a sum of this many.
 const GROUND_ECHOES: u32 = 6;
 /// Step of the search for the ground: relief is smoother than that.
 const GROUND_STEP_M: f64 = 0.5;
@@ -181,10 +181,10 @@ impl Radar {
                 first_return: scan.items.len() as u32,
             };
             let state = drive.at(time_ns);
-            let stance = self.ground.stance(&state);
-            let seat = stance.level(self.mounting.translation());
+            let attitude = self.ground.attitude(&state);
+            let seat = attitude.level(self.mounting.translation());
             let mounting = Pose2::new(seat.x, seat.y, self.mounting.yaw_rad);
-            self.illuminate(&state.pose2().compose(&mounting), &stance, azimuth_rad);
+            self.illuminate(&state.pose2().compose(&mounting), &attitude, azimuth_rad);
             let bin_m = profile.bin_m;
             self.echo.detect(&mut self.random, |bin, intensity| {
                 scan.items.push(Return {
@@ -200,12 +200,17 @@ impl Radar {
     }
 
     /// A ray of a robot that stands so: its direction in the level plane, cosine and sine of its elevation.
-    fn ray(&self, radar: &Pose2, stance: &Stance, azimuth_rad: f64) -> (Vector2<f64>, f64, f64) {
+    fn ray(
+        &self,
+        radar: &Pose2,
+        attitude: &RobotAttitude,
+        azimuth_rad: f64,
+    ) -> (Vector2<f64>, f64, f64) {
         let mounted_rad = self.mounting.yaw_rad;
-        let (azimuth_rad, cos_elevation, sin_elevation) = if stance.is_level() {
+        let (azimuth_rad, cos_elevation, sin_elevation) = if attitude.is_level() {
             (azimuth_rad, 1.0, 0.0)
         } else {
-            let (level_rad, cos, sin) = stance.ray(mounted_rad + azimuth_rad);
+            let (level_rad, cos, sin) = attitude.ray(mounted_rad + azimuth_rad);
             (level_rad - mounted_rad, cos, sin)
         };
         let (sin, cos) = sin_cos(radar.yaw_rad + azimuth_rad);
@@ -213,12 +218,12 @@ impl Radar {
     }
 
     /// Adds the echoes of one beam. Ranges along the level plane are `hit.range_m`, the radar's own are longer.
-    fn illuminate(&mut self, radar: &Pose2, stance: &Stance, azimuth_rad: f64) {
+    fn illuminate(&mut self, radar: &Pose2, attitude: &RobotAttitude, azimuth_rad: f64) {
         let origin = radar.translation();
         let range_max_m = f64::from(self.profile.bins) * self.profile.bin_m;
-        let ground_m = self.clutter(radar, stance, azimuth_rad);
+        let ground_m = self.clutter(radar, attitude, azimuth_rad);
         for (offset_rad, weight) in self.fan {
-            let (direction, cos_elevation, _) = self.ray(radar, stance, azimuth_rad + offset_rad);
+            let (direction, cos_elevation, _) = self.ray(radar, attitude, azimuth_rad + offset_rad);
             self.caster.cast(
                 origin,
                 direction,
@@ -257,14 +262,14 @@ impl Radar {
 
     /// Adds the ground's echo where the beam's middle meets it; how far off that is in the level plane,
     /// infinite where the beam stays above.
-    fn clutter(&mut self, radar: &Pose2, stance: &Stance, azimuth_rad: f64) -> f64 {
-        if stance.is_level() {
+    fn clutter(&mut self, radar: &Pose2, attitude: &RobotAttitude, azimuth_rad: f64) -> f64 {
+        if attitude.is_level() {
             return f64::INFINITY;
         }
-        let (direction, cos_elevation, sin_elevation) = self.ray(radar, stance, azimuth_rad);
+        let (direction, cos_elevation, sin_elevation) = self.ray(radar, attitude, azimuth_rad);
         let range_max_m = f64::from(self.profile.bins) * self.profile.bin_m;
         let origin = radar.translation();
-        let height_m = |place: Vector2<f64>| self.ground.at(place).height_m;
+        let height_m = |point: Vector2<f64>| self.ground.at(point).height_m;
         let start_m = height_m(origin) + HEIGHT_M;
         let above_m = |range_m: f64| {
             start_m + range_m * sin_elevation / cos_elevation

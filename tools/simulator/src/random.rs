@@ -1,4 +1,4 @@
-//! Random numbers that are the same everywhere and for ever: SplitMix64.
+//! Random numbers that are the same everywhere and without end: SplitMix64.
 //!
 //! Written here and not taken from a crate, because a log must be the same bytes from the same seed
 //! after years of updates. Not for secrets.

@@ -137,7 +137,7 @@ pub(crate) fn roughened(line: &[Vector2<f64>], amplitude_m: f64, seed: u64) -> V
     for scale in 0..ROUGH_SCALES {
         let mut random = Random::new(seed, u64::from(scale));
         let size_m = amplitude_m / f64::from(1_u32 << scale);
-        // Straight between random offsets at every so many points.
+        // Straight between random offsets at regular points.
         let every = 1_usize << (ROUGH_SCALES - 1 - scale);
         let mut offset = || {
             Vector2::new(

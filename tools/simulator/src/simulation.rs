@@ -1,4 +1,4 @@
-//! A drive as a stream of what the sensors say, in order of their instants, with the truth.
+//! A drive as a stream of sensor messages, in order of their instants, with the truth.
 
 use crate::caster::Caster;
 use crate::inertial::Imu;
@@ -7,21 +7,21 @@ use crate::{Drive, Ground, ImuProfile, MotionProfile, RadarProfile, World};
 use randt_geometry::Pose2;
 use randt_messages::{Header, ImuSample, Message, RadarScan, SensorKind, TruthPose};
 
-/// Stamps of a simulated drive begin here: a round date, so that they look like real ones.
+/// Stamps of a simulated drive begin here: a round date, as in a real recording.
 pub const START_NS: i64 = 1_700_000_000_000_000_000;
 /// Time between truths besides those at the sweeps' ends.
 const TRUTH_NS: i64 = 20_000_000;
-/// The IMU goes on so long after the last sweep, for whoever waits for it.
+/// The IMU goes on for this time after the last sweep: odometry waits for its samples.
 const TAIL_NS: i64 = 20_000_000;
 
-/// The robot's sensors and habits.
+/// The robot's sensors and its way of driving.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Robot {
     /// The radar.
     pub radar: RadarProfile,
     /// The radar in `base_link`.
     pub radar_mounting: Pose2,
-    /// How late the radar's clock is against the gyro's and the truth's: its stamps read so much more.
+    /// How late the radar's clock is against the gyro's and the truth's: its stamps are this much later.
     pub radar_late_ns: i64,
     /// The IMU; it sits upright in the middle of `base_link`.
     pub imu: ImuProfile,
@@ -44,7 +44,7 @@ impl Default for Robot {
 
 impl Robot {
     /// The robot that drives as fast as a world lets it.
-    pub fn of(world: &World) -> Self {
+    pub fn for_world(world: &World) -> Self {
         let mut robot = Self::default();
         robot.motion.speed_max_m_s = world.speed_max_m_s;
         robot
@@ -108,7 +108,7 @@ pub struct Simulation {
 }
 
 impl Simulation {
-    /// A drive of so many sweeps.
+    /// A drive of this many sweeps.
     pub fn new(world: &World, robot: Robot, scans: u64, seed: u64) -> Self {
         let caster = Caster::new(&world.walls);
         Self {
@@ -195,7 +195,7 @@ impl Iterator for Simulation {
             self.sweep()
         } else if next_ns == imu_ns {
             let state = self.drive.at(imu_ns);
-            let mut sample = self.imu.sample(&state, &self.ground.stance(&state));
+            let mut sample = self.imu.sample(&state, &self.ground.attitude(&state));
             sample.header.stamp_ns += START_NS;
             sample.arrival_ns += START_NS;
             Event::Imu(sample)

@@ -14,7 +14,7 @@ pub struct Wall {
     pub material: Material,
 }
 
-/// Walls, ground, and a closed route that a robot can drive for ever.
+/// Walls, ground, and a closed route that a robot can drive without end.
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
     /// Short name.
@@ -81,9 +81,9 @@ impl World {
         const SEED: u64 = 1;
         const SHARE: f64 = 1.1;
         const LAPS: u32 = 2;
-        /// Of a driver who never comes round, an hour.
+        /// An hour, for a driver that never completes a lap.
         const SECONDS_MAX: i64 = 3600;
-        let robot = Robot::of(self);
+        let robot = Robot::for_world(self);
         let mut drive = Drive::new(self, robot.motion, SEED);
         let mut seconds = 0;
         while drive.laps() < LAPS && seconds < SECONDS_MAX {

@@ -154,7 +154,7 @@ fn the_gyro_and_the_accelerometer_follow_the_truth() {
     assert!((gravity.0 / gravity.1 - 9.807_f64).abs() < 0.1);
 }
 
-/// A robot that stands at the origin and looks along x, with one metal plate across the direction `angle`.
+/// A robot that stands at the origin and faces along x, with one metal plate across the direction `angle`.
 fn plate(angle_rad: f64, range_m: f64) -> World {
     let (sin, cos) = elementary::sin_cos(angle_rad);
     let (centre, along) = (
@@ -352,7 +352,7 @@ fn a_drive_for_calibration_turns_on_the_spot_to_both_sides() {
 }
 
 #[test]
-fn a_late_radar_says_the_same_later() {
+fn a_late_radar_sends_the_same_sweeps_later() {
     let robot = Robot {
         radar_late_ns: 30_000_000,
         ..Robot::default()

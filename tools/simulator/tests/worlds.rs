@@ -24,7 +24,7 @@ fn distance_m(wall: &Wall, point: Vector2<f64>) -> f64 {
 
 /// Poses every tenth of a second of the drive that `randt simulate` makes.
 fn poses(world: &World, seed: u64) -> Vec<Pose2> {
-    let mut drive = Drive::new(world, Robot::of(world).motion, seed);
+    let mut drive = Drive::new(world, Robot::for_world(world).motion, seed);
     let tenths = world.sweeps() as i64 * 2;
     (0..tenths)
         .map(|tenth| drive.at(tenth * 100_000_000).pose2())
@@ -35,7 +35,7 @@ fn poses(world: &World, seed: u64) -> Vec<Pose2> {
 fn two_laps_and_a_little_clear_of_everything() {
     for world in worlds() {
         for seed in 1..=4 {
-            let mut drive = Drive::new(&world, Robot::of(&world).motion, seed);
+            let mut drive = Drive::new(&world, Robot::for_world(&world).motion, seed);
             let (mut laps, mut lap_m) = (0, [0.0; 9]);
             for step in 0..world.sweeps() as i64 {
                 let state = drive.at(step * 200_000_000);
@@ -69,9 +69,9 @@ fn two_laps_and_a_little_clear_of_everything() {
 }
 
 #[test]
-fn places_are_driven_both_ways_in_the_building() {
+fn corridors_are_driven_both_ways_in_the_building() {
     let poses = poses(&World::building(), 1);
-    // Against an earlier heading at the same place, at least 30 s later.
+    // Against an earlier heading at the same point, at least 30 s later.
     let against = poses.iter().enumerate().skip(300).filter(|(index, now)| {
         poses.iter().take(index - 300).any(|then| {
             (then.translation() - now.translation()).norm() < 0.5
@@ -82,7 +82,7 @@ fn places_are_driven_both_ways_in_the_building() {
 }
 
 #[test]
-fn the_building_turned_by_half_a_turn_looks_like_itself_but_is_not() {
+fn the_building_turned_by_half_a_turn_resembles_itself_but_differs() {
     let world = World::building();
     let turned = |point: Vector2<f64>| Vector2::new(40.0, 24.0) - point;
     let length_m = |wall: &Wall| (wall.to_m - wall.from_m).norm();
@@ -153,14 +153,16 @@ fn a_wall_uphill_is_seen_along_the_slope() {
 
 #[test]
 fn a_beam_into_the_foot_of_a_bank_returns_clutter() {
-    // Nothing but ground: level, then a bank that rises by 0.9 m from about 2 m ahead.
+    // Ground alone: level, then a bank that rises by 0.9 m from about 2 m ahead.
     let returns = |ramp: &str| {
         let world = World::parse("bank", &format!("{ramp}\nroute 0,0 8,0 8,8 0,8")).unwrap();
         let scans =
-            Simulation::new(&world, Robot::of(&world), 5, 1).filter_map(|event| match event {
-                Event::Scan(scan) => Some(scan),
-                _ => None,
-            });
+            Simulation::new(&world, Robot::for_world(&world), 5, 1).filter_map(
+                |event| match event {
+                    Event::Scan(scan) => Some(scan),
+                    _ => None,
+                },
+            );
         let seen = |scan: &randt_messages::Message<randt_messages::RadarScan>| {
             let beams = scan.head.sweep.beams();
             let ahead = scan.items.iter().filter(|item| {
@@ -181,7 +183,7 @@ fn a_seed_gives_the_same_sweeps_on_a_slope_as_well() {
     let bytes = || {
         let world = World::named("yard").unwrap();
         let mut bytes = Vec::new();
-        for event in Simulation::new(&world, Robot::of(&world), 20, 3) {
+        for event in Simulation::new(&world, Robot::for_world(&world), 20, 3) {
             if let Event::Scan(scan) = event {
                 scan.as_ref().write_bytes(&mut bytes);
             }
@@ -199,7 +201,7 @@ fn the_guides_example_can_be_driven() {
         .unwrap()
         .trim_start_matches("text");
     let world = World::parse("example", example).unwrap();
-    let mut drive = Drive::new(&world, Robot::of(&world).motion, 1);
+    let mut drive = Drive::new(&world, Robot::for_world(&world).motion, 1);
     for step in 0..world.sweeps() as i64 {
         let at = drive.at(step * 200_000_000).pose2().translation();
         let clear_m = world
@@ -223,7 +225,7 @@ fn the_guides_example_can_be_driven() {
 }
 
 #[test]
-fn the_guide_says_what_there_is() {
+fn the_guide_lists_every_world() {
     for world in worlds() {
         let row = format!("| `{}` |", world.name);
         let row = GUIDE.lines().find(|line| line.starts_with(&row)).unwrap();
@@ -238,7 +240,7 @@ fn the_guide_says_what_there_is() {
 #[test]
 fn errors_name_the_line_the_word_and_what_would_be_right() {
     let route = "route 0,0 1,0 1,1\n";
-    for (text, said) in [
+    for (text, expected) in [
         (
             "\n# hm\nwal concrete 0,0 1,0",
             "line 3: \"wal\": expected one of wall, rough,",
@@ -309,7 +311,7 @@ fn errors_name_the_line_the_word_and_what_would_be_right() {
         let error = World::parse("w", &format!("{text}\n{route}"))
             .unwrap_err()
             .to_string();
-        assert!(error.contains(said), "{text:?}: {error}");
+        assert!(error.contains(expected), "{text:?}: {error}");
     }
     let error = World::parse("w", "route 0,0 1,1").unwrap_err();
     assert_eq!(error, WorldError::Route { corners: 2 });
@@ -329,8 +331,8 @@ proptest! {
         )), 1..20),
     ) {
         let mut letters: Vec<char> = TEXTS[text].chars().collect();
-        for (place, kind, letter) in edits {
-            let index = (place * letters.len() as f64) as usize;
+        for (share, kind, letter) in edits {
+            let index = (share * letters.len() as f64) as usize;
             match kind {
                 0 => letters[index] = letter,
                 1 => letters.insert(index, letter),
@@ -339,7 +341,7 @@ proptest! {
         }
         let text: String = letters.into_iter().collect();
         if let Ok(world) = World::parse("corrupted", &text) {
-            let mut drive = Drive::new(&world, Robot::of(&world).motion, 1);
+            let mut drive = Drive::new(&world, Robot::for_world(&world).motion, 1);
             prop_assert!(drive.at(5_000_000_000).pose.iter().all(|value| value.is_finite()));
         }
     }

@@ -1,30 +1,29 @@
 //! What there is to show: of everything the newest.
 
-use crate::Shown;
 use randt_config::Robot;
 use randt_foxglove_schemas::tile::{Detail, of_tile};
-use randt_foxglove_schemas::{Graph, SceneUpdate};
+use randt_foxglove_schemas::{Graph, SceneUpdate, ViewerTopic};
 use randt_messages::{
     Correction, MapperGraph, MapperGrid, Message, MessageRef, OdometryState, RadarPoints,
 };
 use std::collections::{BTreeMap, VecDeque};
 
-/// Over so many poses their rate is told.
+/// Their rate is taken over this many poses.
 const RATE_OVER: usize = 10;
 /// A stamp that is older than this when its message is published is of another clock: a recording's.
 const OTHER_CLOCK_NS: i64 = 10_000_000_000;
 
-/// Something that is sent when it changes and stays with the viewer by its name: a tile, a piece of the path.
+/// A scene entity: sent when it changes, and kept by the viewer by its name. A quarter of a tile, or a part of the path.
 #[derive(Debug)]
-pub(crate) struct Piece {
-    /// Rises with every change of any piece.
+pub(crate) struct Entity {
+    /// Rises with every change of any entity.
     pub version: u64,
     /// The message.
     pub bytes: Vec<u8>,
     /// The same with less detail, where there is one.
     pub coarse: Option<Vec<u8>>,
-    /// Where it lies in `map`, m; of a path nowhere.
-    pub place_m: Option<[f64; 2]>,
+    /// Its middle in `map`, m; none for the path.
+    pub position_m: Option<[f64; 2]>,
 }
 
 /// The newest of everything.
@@ -42,8 +41,8 @@ pub struct Board {
     pub(crate) clouds: u64,
     graph: Graph,
     /// By channel and name.
-    pub(crate) pieces: BTreeMap<(Shown, String), Piece>,
-    /// Of the newest change of a piece.
+    pub(crate) entities: BTreeMap<(ViewerTopic, String), Entity>,
+    /// Number of the newest change of an entity.
     pub(crate) version: u64,
     /// How often the map began anew.
     pub(crate) maps: u64,
@@ -78,8 +77,8 @@ impl Board {
     pub fn take_correction(&mut self, correction: &Correction) {
         let known = self.correction.replace(*correction);
         if known.is_some_and(|known| known.graph_version > correction.graph_version) {
-            // Another drive: nothing of the map holds any more.
-            self.pieces.clear();
+            // Another drive: the map is void.
+            self.entities.clear();
             self.graph = Graph::default();
             self.maps += 1;
         }
@@ -98,10 +97,10 @@ impl Board {
     pub fn take_tile(&mut self, message: MessageRef<'_, MapperGrid>) {
         let [fine, coarse] = [Detail::Fine, Detail::Coarse].map(|detail| of_tile(message, detail));
         for (fine, coarse) in fine.into_iter().zip(coarse) {
-            let key = (Shown::Grid, fine.name);
-            // What was never known need not be taken away.
+            let key = (ViewerTopic::Grid, fine.name);
+            // What was never known need not be removed.
             if let Some(bytes) = randt_foxglove_schemas::bytes(&fine.update)
-                && (!fine.is_empty || self.pieces.contains_key(&key))
+                && (!fine.is_empty || self.entities.contains_key(&key))
             {
                 let coarse = randt_foxglove_schemas::bytes(&coarse.update);
                 self.put(key, Some(fine.middle_m), bytes, coarse);
@@ -114,53 +113,53 @@ impl Board {
         if !self.graph.take(page) {
             return;
         }
-        let pieces = randt_foxglove_schemas::pieces(&self.graph);
-        let is_there = |name: &String| pieces.iter().any(|(there, _)| there == name);
+        let entities = randt_foxglove_schemas::graph_entities(&self.graph);
+        let is_there = |name: &String| entities.iter().any(|(there, _)| there == name);
         let known = self
-            .pieces
+            .entities
             .keys()
-            .filter(|(shown, _)| *shown == Shown::Path);
+            .filter(|(topic, _)| *topic == ViewerTopic::Path);
         let gone: Vec<String> = known
             .map(|(_, name)| name.clone())
             .filter(|n| !is_there(n))
             .collect();
         for name in gone {
-            // Drawn empty, so that viewers take it away.
-            self.draw(randt_foxglove_schemas::nothing(&name), name);
+            // Drawn empty, so that viewers remove it.
+            self.draw(randt_foxglove_schemas::empty_entity(&name), name);
         }
-        for (name, update) in pieces {
+        for (name, update) in entities {
             self.draw(update, name);
         }
     }
 
     fn draw(&mut self, update: SceneUpdate, name: String) {
         if let Some(bytes) = randt_foxglove_schemas::bytes(&update) {
-            self.put((Shown::Path, name), None, bytes, None);
+            self.put((ViewerTopic::Path, name), None, bytes, None);
         }
     }
 
     fn put(
         &mut self,
-        key: (Shown, String),
-        place_m: Option<[f64; 2]>,
+        key: (ViewerTopic, String),
+        position_m: Option<[f64; 2]>,
         bytes: Vec<u8>,
         coarse: Option<Vec<u8>>,
     ) {
         if self
-            .pieces
+            .entities
             .get(&key)
             .is_some_and(|known| known.bytes == bytes)
         {
             return;
         }
         self.version += 1;
-        let piece = Piece {
+        let entity = Entity {
             version: self.version,
             bytes,
             coarse,
-            place_m,
+            position_m,
         };
-        self.pieces.insert(key, piece);
+        self.entities.insert(key, entity);
     }
 
     /// Where the robot is in `map`, m, as far as is known.
@@ -181,15 +180,15 @@ impl Board {
         let header = self.state?.header;
         let late_ns = header.published_ns.saturating_sub(header.stamp_ns);
         let is_ours = (0..OTHER_CLOCK_NS).contains(&late_ns);
-        let born_ns = if is_ours {
+        let measured_ns = if is_ours {
             header.stamp_ns
         } else {
             header.published_ns
         };
-        Some(now_ns.saturating_sub(born_ns).max(0) as f64 * 1e-9)
+        Some(now_ns.saturating_sub(measured_ns).max(0) as f64 * 1e-9)
     }
 
-    /// What time it is for the data: that of their stamps, which in a recording is not ours.
+    /// The data's time: that of their stamps, which in a recording is not ours.
     pub(crate) fn time_ns(&self, now_ns: i64) -> i64 {
         self.state.map_or(now_ns, |state| {
             let since_ns = now_ns.saturating_sub(state.header.published_ns).max(0);
@@ -234,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tile_is_news_only_where_it_differs_and_another_drive_has_none_of_it() {
+    fn a_tile_is_sent_only_where_it_differs_and_another_drive_has_no_tile() {
         let mut board = Board::new(Robot::default());
         let mut tile = Message::<MapperGrid> {
             items: vec![0; TILE_CELLS * TILE_CELLS],
@@ -247,21 +246,21 @@ mod tests {
         tile.items[0] = 100;
         board.take_tile(tile.as_ref());
         assert_eq!(
-            (board.version, board.pieces.len()),
+            (board.version, board.entities.len()),
             (5, 4),
             "a quarter of it"
         );
         (tile.head.row, tile.items) = (9, vec![255; TILE_CELLS * TILE_CELLS]);
         board.take_tile(tile.as_ref());
-        assert_eq!(board.pieces.len(), 4, "never known, never shown");
+        assert_eq!(board.entities.len(), 4, "never known, never shown");
         let mut correction = Correction {
             graph_version: 5,
             ..Correction::default()
         };
         board.take_correction(&correction);
-        assert_eq!(board.pieces.len(), 4);
+        assert_eq!(board.entities.len(), 4);
         correction.graph_version = 1;
         board.take_correction(&correction);
-        assert_eq!((board.pieces.len(), board.maps), (0, 1));
+        assert_eq!((board.entities.len(), board.maps), (0, 1));
     }
 }

@@ -1,24 +1,21 @@
 //! What one viewer has, and what it gets next: the newest of the most important.
 
-use crate::pieces::Pieces;
 use crate::protocol::Request;
-use crate::{Board, Flow, Shown, protocol, words};
-use randt_foxglove_schemas::{bytes, pose_of_state, status, transforms};
+use crate::sent_entities::SentEntities;
+use crate::status_text::status_text;
+use crate::{Board, Flow, protocol};
+use randt_foxglove_schemas::{ViewerTopic, bytes, pose_of_state, status, transforms};
 use std::collections::VecDeque;
 
-/// The status is told once a second, also when nothing comes.
-const STATUS_NS: i64 = 1_000_000_000;
-/// A cloud comes so often: it is the largest of what always changes ...
-const CLOUD_NS: i64 = 950_000_000;
-/// ... and takes this much of the link's time, s. ...
+/// A cloud takes this much of the link's time, s.
 const CLOUD_TAKES_S: f64 = 0.2;
-/// ... Where a whole one is a matter of moments, from this rate on in bytes a second, ...
+/// Where a whole cloud is a matter of moments, from this rate on in bytes a second, ...
 const FAST: f64 = 250_000.0;
-/// ... it comes so often.
+/// ... it comes with this period instead of its usual one.
 const CLOUD_FAST_NS: i64 = 450_000_000;
-/// A cloud of fewer bytes than this is none.
+/// A cloud of fewer bytes than this shows nothing.
 const CLOUD_LEAST: f64 = 1_200.0;
-/// Beside what may be under way: pose and status do not wait for what fills the link.
+/// Allowed beyond the window: pose and status do not wait for what fills the link.
 const BEYOND: f64 = 2_000.0;
 /// Time never goes back for viewers by less than this, ns: they would forget everything.
 const JITTER_NS: i64 = 10_000_000_000;
@@ -26,9 +23,9 @@ const JITTER_NS: i64 = 10_000_000_000;
 /// A message on its way.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Frame {
-    /// Words.
+    /// A text message.
     Text(String),
-    /// Bytes.
+    /// A binary message.
     Binary(Vec<u8>),
 }
 
@@ -46,13 +43,13 @@ impl Frame {
 /// One viewer.
 #[derive(Debug, Default)]
 pub struct Client {
-    /// What is to be said first, in order.
+    /// What is sent first, in order.
     greeting: VecDeque<String>,
     /// By channel: the subscription's number.
-    subscriptions: [Option<u32>; Shown::ALL.len()],
+    subscriptions: [Option<u32>; ViewerTopic::ALL.len()],
     /// By channel: the number of the last state or cloud that went out.
-    had: [Option<u64>; Shown::ALL.len()],
-    pieces: Pieces,
+    had: [Option<u64>; ViewerTopic::ALL.len()],
+    entities: SentEntities,
     status_ns: i64,
     log_ns: i64,
     cloud_ns: i64,
@@ -63,10 +60,11 @@ pub struct Client {
 }
 
 impl Client {
-    /// One who has just come.
+    /// One that has just connected.
     pub fn new(session: &str) -> Self {
         let mut greeting = VecDeque::from([protocol::server_info(session)]);
-        let adverts = Shown::ALL.map(|shown| protocol::advertise(shown.id(), &shown.channel()));
+        let adverts = ViewerTopic::ALL
+            .map(|topic| protocol::advertise(topic.channel_id(), &topic.live_channel()));
         greeting.extend(adverts);
         Self {
             greeting,
@@ -74,8 +72,8 @@ impl Client {
         }
     }
 
-    /// It says something.
-    pub fn hear(&mut self, text: &str) {
+    /// Takes a text message of the viewer.
+    pub fn receive(&mut self, text: &str) {
         match protocol::request(text) {
             Request::Subscribe(wanted) => {
                 for (subscription, channel) in wanted {
@@ -92,32 +90,32 @@ impl Client {
     }
 
     fn subscribe(&mut self, subscription: u32, channel: u32) {
-        let Some(shown) = Shown::of_id(channel) else {
+        let Some(topic) = ViewerTopic::from_channel_id(channel) else {
             let warning = format!("there is no channel {channel}");
-            // One is enough for whoever asks for many.
+            // One is enough for a viewer that asks for many.
             if self.greeting.is_empty() {
                 self.greeting.push_back(protocol::warning(&warning));
             }
             return;
         };
-        // Everything anew: a panel that was opened just now has nothing.
-        self.pieces.forget(shown);
-        match shown {
-            Shown::Status => self.status_ns = 0,
-            Shown::Log => self.log_ns = 0,
-            Shown::Points => self.cloud_ns = 0,
+        // Everything is sent again: a panel that was opened just now has nothing.
+        self.entities.forget(topic);
+        match topic {
+            ViewerTopic::Status => self.status_ns = 0,
+            ViewerTopic::Log => self.log_ns = 0,
+            ViewerTopic::Points => self.cloud_ns = 0,
             _ => {}
         }
-        set(&mut self.had, shown, None);
-        set(&mut self.subscriptions, shown, Some(subscription));
+        set(&mut self.had, topic, None);
+        set(&mut self.subscriptions, topic, Some(subscription));
     }
 
-    fn subscription(&self, shown: Shown) -> Option<u32> {
-        self.subscriptions.get(shown.place()).copied().flatten()
+    fn subscription(&self, topic: ViewerTopic) -> Option<u32> {
+        self.subscriptions.get(topic.index()).copied().flatten()
     }
 
-    fn had(&self, shown: Shown) -> Option<u64> {
-        self.had.get(shown.place()).copied().flatten()
+    fn had(&self, topic: ViewerTopic) -> Option<u64> {
+        self.had.get(topic.index()).copied().flatten()
     }
 
     /// The next message, where there is one and it may go now.
@@ -132,52 +130,52 @@ impl Client {
         if !flow.has_room(0, 0.0) {
             return None;
         }
-        if let Some(words) = self.greeting.pop_front() {
-            return Some(Frame::Text(words));
+        if let Some(text) = self.greeting.pop_front() {
+            return Some(Frame::Text(text));
         }
         match self.cloud(board, now_ns) {
             Some(subscription) => self.points(subscription, board, flow, now_ns),
-            None => self.piece(board, flow, now_ns),
+            None => self.entity(board, flow, now_ns),
         }
     }
 
     fn status(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
-        let is_due = |then_ns: i64| now_ns.saturating_sub(then_ns) >= STATUS_NS;
-        let text = self
-            .subscription(Shown::Status)
-            .filter(|_| is_due(self.status_ns));
-        let line = self
-            .subscription(Shown::Log)
-            .filter(|_| is_due(self.log_ns));
+        // Also when nothing comes.
+        let due = |topic: ViewerTopic, then_ns: i64| {
+            let is_due = now_ns.saturating_sub(then_ns) >= topic.live_period_ns();
+            self.subscription(topic).filter(|_| is_due)
+        };
+        let text = due(ViewerTopic::Status, self.status_ns);
+        let line = due(ViewerTopic::Log, self.log_ns);
         if text.is_none() && line.is_none() {
             return None;
         }
         if let Some(time) = self.time(board, now_ns, u64::MAX) {
             return Some(time);
         }
-        let (said, mood) = words::of(board, now_ns, flow.round_trip_s(now_ns));
+        let (text_shown, level) = status_text(board, now_ns, flow.round_trip_s(now_ns));
         let stamp_ns = self.time_ns;
         self.time_of = 0;
         let (subscription, payload) = match (text, line) {
             (Some(text), _) => {
                 self.status_ns = now_ns;
-                let update = status::text(stamp_ns, &said, mood, board.state.is_some());
+                let update = status::text(stamp_ns, &text_shown, level, board.state.is_some());
                 (text, bytes(&update)?)
             }
             (None, line) => {
                 self.log_ns = now_ns;
-                (line?, bytes(&status::line(stamp_ns, &said, mood))?)
+                (line?, bytes(&status::line(stamp_ns, &text_shown, level))?)
             }
         };
         Some(data(subscription, stamp_ns, &payload))
     }
 
-    /// What time it is, once before what is told of that time.
-    fn time(&mut self, board: &Board, now_ns: i64, of: u64) -> Option<Frame> {
-        if self.time_of == of {
+    /// The time, sent once before the messages of that time.
+    fn time(&mut self, board: &Board, now_ns: i64, state: u64) -> Option<Frame> {
+        if self.time_of == state {
             return None;
         }
-        self.time_of = of;
+        self.time_of = state;
         let time_ns = board.time_ns(now_ns);
         let is_back = (self.time_ns - JITTER_NS..self.time_ns).contains(&time_ns);
         self.time_ns = if is_back { self.time_ns } else { time_ns };
@@ -186,10 +184,10 @@ impl Client {
 
     fn state(&mut self, board: &Board, now_ns: i64) -> Option<Frame> {
         let state = board.state?;
-        for shown in [Shown::Transforms, Shown::Pose] {
-            let had = self.had(shown);
+        for topic in [ViewerTopic::Transforms, ViewerTopic::Pose] {
+            let had = self.had(topic);
             let Some(subscription) = self
-                .subscription(shown)
+                .subscription(topic)
                 .filter(|_| had != Some(board.states))
             else {
                 continue;
@@ -197,12 +195,12 @@ impl Client {
             if let Some(time) = self.time(board, now_ns, board.states) {
                 return Some(time);
             }
-            let payload = match shown {
-                Shown::Pose => bytes(&pose_of_state(&state))?,
+            let payload = match topic {
+                ViewerTopic::Pose => bytes(&pose_of_state(&state))?,
                 _ => bytes(&transforms(&board.robot, &state, board.correction.as_ref()))?,
             };
             self.dropped += had.map_or(0, |had| board.states - had - 1);
-            set(&mut self.had, shown, Some(board.states));
+            set(&mut self.had, topic, Some(board.states));
             return Some(data(subscription, state.header.stamp_ns, &payload));
         }
         None
@@ -210,8 +208,8 @@ impl Client {
 
     /// The subscription of the cloud where one is due.
     fn cloud(&self, board: &Board, now_ns: i64) -> Option<u32> {
-        let is_new = board.points.is_some() && self.had(Shown::Points) != Some(board.clouds);
-        let subscription = self.subscription(Shown::Points);
+        let is_new = board.points.is_some() && self.had(ViewerTopic::Points) != Some(board.clouds);
+        let subscription = self.subscription(ViewerTopic::Points);
         subscription.filter(|_| is_new && now_ns >= self.cloud_ns)
     }
 
@@ -232,25 +230,29 @@ impl Client {
             return None;
         }
         let is_fast = flow.rate() > FAST;
-        self.cloud_ns = now_ns + if is_fast { CLOUD_FAST_NS } else { CLOUD_NS };
-        set(&mut self.had, Shown::Points, Some(board.clouds));
+        let period_ns = match is_fast {
+            true => CLOUD_FAST_NS,
+            false => ViewerTopic::Points.live_period_ns(),
+        };
+        self.cloud_ns = now_ns + period_ns;
+        set(&mut self.had, ViewerTopic::Points, Some(board.clouds));
         Some(data(subscription, points.head.header.stamp_ns, &payload))
     }
 
-    /// A piece of path or grid that it does not have.
-    fn piece(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
-        let wanted = |shown: Shown| {
-            let subscription = self.subscriptions.get(shown.place());
+    /// An entity of path or grid that it does not have.
+    fn entity(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
+        let wanted = |topic: ViewerTopic| {
+            let subscription = self.subscriptions.get(topic.index());
             subscription.copied().flatten()
         };
-        let (subscription, payload) = self.pieces.next(board, flow, now_ns, wanted)?;
+        let (subscription, payload) = self.entities.next(board, flow, now_ns, wanted)?;
         Some(data(subscription, board.time_ns(now_ns), &payload))
     }
 }
 
-fn set<T>(of: &mut [T], shown: Shown, value: T) {
-    if let Some(place) = of.get_mut(shown.place()) {
-        *place = value;
+fn set<T>(values: &mut [T], topic: ViewerTopic, value: T) {
+    if let Some(slot) = values.get_mut(topic.index()) {
+        *slot = value;
     }
 }
 
@@ -258,5 +260,7 @@ fn data(subscription: u32, log_time_ns: i64, payload: &[u8]) -> Frame {
     Frame::Binary(protocol::message_data(subscription, log_time_ns, payload))
 }
 
+#[cfg(test)]
+mod layout_tests;
 #[cfg(test)]
 mod tests;

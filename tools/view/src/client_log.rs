@@ -1,5 +1,5 @@
 //! Rate limit of journal lines about clients: a few lines a minute for each kind of event, and the
-//! number of suppressed ones. Anybody can connect, but nobody may fill the journal by it.
+//! number of suppressed ones. Every client can connect, but none may fill the journal by it.
 
 /// Lines are counted over this time, ns.
 const MINUTE_NS: i64 = 60_000_000_000;
@@ -11,7 +11,7 @@ pub(crate) enum Event {
     Watches,
     /// It watched, and is gone.
     Gone,
-    /// A page of somebody else.
+    /// A foreign page.
     Origin,
     /// A host name that is not ours.
     Host,
@@ -64,21 +64,21 @@ impl Event {
 /// Counters of each kind of event.
 #[derive(Debug, Default)]
 pub(crate) struct ClientLog {
-    tallies: [Tally; Event::ALL.len()],
+    counters: [EventCounter; Event::ALL.len()],
 }
 
 #[derive(Clone, Copy, Debug, Default)]
-struct Tally {
+struct EventCounter {
     /// All events since the start.
     total: u64,
     /// Events without a line yet.
-    unsaid: u64,
+    suppressed: u64,
     /// Lines since the minute began.
     lines: u32,
     begin_ns: i64,
 }
 
-impl Tally {
+impl EventCounter {
     /// Whether one more line is allowed now.
     fn takes_line(&mut self, lines_max: u32, now_ns: i64) -> bool {
         let is_over = now_ns.saturating_sub(self.begin_ns) >= MINUTE_NS;
@@ -93,36 +93,42 @@ impl Tally {
 
 impl ClientLog {
     /// Counts an event, and writes a line where one is allowed.
-    pub fn record(&mut self, event: Event, text: &str, now_ns: i64, say: &mut dyn FnMut(&str)) {
-        let Some(tally) = self.tallies.get_mut(event as usize) else {
+    pub fn record(
+        &mut self,
+        event: Event,
+        text: &str,
+        now_ns: i64,
+        log_line: &mut dyn FnMut(&str),
+    ) {
+        let Some(counter) = self.counters.get_mut(event as usize) else {
             return;
         };
-        tally.total += 1;
-        if !tally.takes_line(event.lines_max(), now_ns) {
-            tally.unsaid += 1;
+        counter.total += 1;
+        if !counter.takes_line(event.lines_max(), now_ns) {
+            counter.suppressed += 1;
             return;
         }
-        match std::mem::take(&mut tally.unsaid) {
-            0 => say(text),
-            more => say(&format!("{text} (and {more} more before)")),
+        match std::mem::take(&mut counter.suppressed) {
+            0 => log_line(text),
+            more => log_line(&format!("{text} (and {more} more before)")),
         }
     }
 
     /// Writes the number of suppressed events when their minute is over.
-    pub fn catch_up(&mut self, now_ns: i64, say: &mut dyn FnMut(&str)) {
-        for (event, tally) in Event::ALL.into_iter().zip(&mut self.tallies) {
-            if tally.unsaid > 0 && tally.takes_line(event.lines_max(), now_ns) {
-                let more = std::mem::take(&mut tally.unsaid);
-                say(&format!("clients {}: {more} more", event.name()));
+    pub fn catch_up(&mut self, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
+        for (event, counter) in Event::ALL.into_iter().zip(&mut self.counters) {
+            if counter.suppressed > 0 && counter.takes_line(event.lines_max(), now_ns) {
+                let more = std::mem::take(&mut counter.suppressed);
+                log_line(&format!("clients {}: {more} more", event.name()));
             }
         }
     }
 
     /// Numbers of refused clients by reason; empty where there are none.
     pub fn refused(&self) -> String {
-        let tallies = Event::ALL.into_iter().zip(&self.tallies);
-        let refused = tallies.filter(|(event, tally)| event.is_refusal() && tally.total > 0);
-        let parts = refused.map(|(event, tally)| format!("{} {}", tally.total, event.name()));
+        let counters = Event::ALL.into_iter().zip(&self.counters);
+        let refused = counters.filter(|(event, counter)| event.is_refusal() && counter.total > 0);
+        let parts = refused.map(|(event, counter)| format!("{} {}", counter.total, event.name()));
         parts.collect::<Vec<_>>().join(", ")
     }
 }
@@ -136,18 +142,18 @@ mod tests {
     #[test]
     fn a_flood_is_a_line_a_minute_and_nothing_is_lost() {
         let mut log = ClientLog::default();
-        let mut said = Vec::new();
+        let mut lines = Vec::new();
         for i in 0..90_000 {
             let now_ns = i * S / 1000;
-            let mut say = |line: &str| said.push((now_ns, line.to_owned()));
-            log.catch_up(now_ns, &mut say);
-            log.record(Event::Origin, "a page", now_ns, &mut say);
+            let mut log_line = |line: &str| lines.push((now_ns, line.to_owned()));
+            log.catch_up(now_ns, &mut log_line);
+            log.record(Event::Origin, "a page", now_ns, &mut log_line);
             if i % 30_000 == 0 {
-                log.record(Event::Host, "a name", now_ns, &mut say);
+                log.record(Event::Host, "a name", now_ns, &mut log_line);
             }
         }
-        log.catch_up(200 * S, &mut |line| said.push((200 * S, line.to_owned())));
-        log.catch_up(201 * S, &mut |line| said.push((201 * S, line.to_owned())));
+        log.catch_up(200 * S, &mut |line| lines.push((200 * S, line.to_owned())));
+        log.catch_up(201 * S, &mut |line| lines.push((201 * S, line.to_owned())));
         let expected = [
             (0, "a page"),
             (0, "a name"),
@@ -157,19 +163,19 @@ mod tests {
             (200 * S, "clients by host: 1 more"),
         ];
         let expected = expected.map(|(at, line)| (at, line.to_owned()));
-        assert_eq!(said, expected);
+        assert_eq!(lines, expected);
         assert_eq!(log.refused(), "90000 by origin, 3 by host");
     }
 
     #[test]
     fn viewers_are_named_one_by_one_as_long_as_they_are_few() {
         let mut log = ClientLog::default();
-        let mut said = 0;
+        let mut lines = 0;
         for i in 0..100 {
-            log.record(Event::Watches, "it", i, &mut |_| said += 1);
+            log.record(Event::Watches, "it", i, &mut |_| lines += 1);
         }
-        assert_eq!((said, log.refused().as_str()), (16, ""));
-        log.record(Event::Gone, "it", 0, &mut |_| said += 1);
-        assert_eq!(said, 17);
+        assert_eq!((lines, log.refused().as_str()), (16, ""));
+        log.record(Event::Gone, "it", 0, &mut |_| lines += 1);
+        assert_eq!(lines, 17);
     }
 }

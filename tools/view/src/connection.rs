@@ -8,13 +8,13 @@ use tungstenite::protocol::CloseFrame;
 use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::{Error, Message, WebSocket};
 
-/// A viewer who takes or answers nothing for so long is gone, s.
+/// A viewer that takes or answers nothing for this time is gone, s.
 const SILENT_MAX_S: f64 = 10.0;
 /// A viewer's messages are subscriptions, bytes.
-pub(crate) const HEARD_MAX: usize = 64 << 10;
+pub(crate) const MESSAGE_MAX: usize = 64 << 10;
 /// What waits here for the socket: it holds what may be under way, and a message. Beyond that the viewer is gone.
 pub(crate) const WAITING_MAX: usize = 16 << 20;
-/// Messages that are heard or sent before it is another's turn.
+/// Messages that are received or sent before it is another's turn.
 const TURN: usize = 64;
 
 /// One viewer's connection.
@@ -58,14 +58,14 @@ impl Connection {
             code: CloseCode::Again,
             reason: reason.into(),
         };
-        // Who does not take it learns it by the end of the connection.
+        // A client that does not take it sees the end of the connection.
         let _ = self.socket.close(Some(frame));
         let _ = self.socket.flush();
     }
 
-    /// Hears what has come, sends what may go; gives why the viewer is gone, where it is.
+    /// Receives what has come, sends what may go; gives why the viewer is gone, where it is.
     pub fn turn(&mut self, board: &Board, now_ns: i64) -> Result<(), String> {
-        self.hear(now_ns)?;
+        self.receive(now_ns)?;
         self.send(board, now_ns)?;
         let silent_s = self.flow.silent_s(now_ns);
         if silent_s > SILENT_MAX_S {
@@ -74,11 +74,11 @@ impl Connection {
         Ok(())
     }
 
-    fn hear(&mut self, now_ns: i64) -> Result<(), String> {
+    fn receive(&mut self, now_ns: i64) -> Result<(), String> {
         let socket = &mut self.socket;
         for _ in 0..TURN {
             match socket.read() {
-                Ok(Message::Text(text)) => self.client.hear(&text),
+                Ok(Message::Text(text)) => self.client.receive(&text),
                 Ok(Message::Pong(content)) => self.flow.pong(&content, now_ns),
                 Ok(_) => {}
                 Err(error) if would_block(&error) => return Ok(()),

@@ -1,13 +1,13 @@
 //! How much may be under way to a viewer: as much as its link takes without a queue.
 //!
-//! A socket's buffer says nothing of that: most viewers come through ssh, which takes megabytes at once and hands them on
-//! as the radio link pleases. So data are followed by pings, whose answers say what has arrived and how long it took. What
+//! A socket's buffer does not show that: most viewers come through ssh, which takes megabytes at once and hands them on
+//! as fast as the radio link takes them. So data are followed by pings, whose answers show what has arrived and how long it took. What
 //! is under way is steered so that the answer takes a quarter of a second longer than it would without any data (the idea
 //! of LEDBAT, RFC 6817). Pure: time comes in.
 
 use std::collections::VecDeque;
 
-/// How long data may wait on their way behind others, s: short against the age of a pose that people find old.
+/// How long data may wait on their way behind others, s: short against the age at which a pose is shown as old.
 const QUEUE_S: f64 = 0.25;
 /// Under way at first, bytes: half a second's worth of 200 kbit/s.
 const FIRST: f64 = 12_000.0;
@@ -15,11 +15,11 @@ const FIRST: f64 = 12_000.0;
 const LEAST: f64 = 3_000.0;
 /// ... and at most.
 const MOST: f64 = 4_000_000.0;
-/// After so many bytes comes a ping, which costs 10 of them: a tenth of a second on the slowest link.
+/// A ping, which costs 10 bytes, comes after this many: a tenth of a second on the slowest link.
 const PING_EVERY: u64 = 2_000;
 /// Share of the window that is enough for a message of any size.
 const MOST_OF_IT: f64 = 0.7;
-/// Without data there is a ping so often, s: the link's delay is shown, and a dead viewer is noticed.
+/// Without data there is a ping with this period, s: the link's delay is shown, and a dead viewer is noticed.
 const PING_PAUSE_S: f64 = 1.0;
 /// A step down leaves at least this share: one answer may come late by itself.
 const SHRINK: f64 = 0.6;
@@ -64,7 +64,7 @@ impl Default for Flow {
 }
 
 impl Flow {
-    /// So many bytes were handed over.
+    /// This many bytes were handed over.
     pub fn wrote(&mut self, bytes: usize) {
         self.sent += bytes as u64;
         self.is_used |= self.under_way() > self.window * 0.5;
@@ -76,7 +76,7 @@ impl Flow {
 
     /// Whether a message may go now. `beyond`: bytes beside the window that are kept for what cannot wait.
     pub fn has_room(&self, bytes: usize, beyond: f64) -> bool {
-        // One that is larger than the window needs no more than most of it, or it would wait for ever.
+        // One that is larger than the window needs no more than most of it, or it would wait without end.
         let bytes = (bytes as f64).min(MOST_OF_IT * self.window);
         self.under_way() + bytes <= self.window + beyond
     }
@@ -102,10 +102,10 @@ impl Flow {
             return;
         };
         // The answer to a later one answers those before.
-        let Some(place) = self.pings.iter().position(|(of, _)| *of == sent) else {
+        let Some(index) = self.pings.iter().position(|(mark, _)| *mark == sent) else {
             return;
         };
-        let Some((_, then_ns)) = self.pings.drain(..=place).next_back() else {
+        let Some((_, then_ns)) = self.pings.drain(..=index).next_back() else {
             return;
         };
         let took_s = seconds(then_ns, now_ns);
@@ -116,7 +116,7 @@ impl Flow {
         let free = 1.0 - (took_s - least_s) / QUEUE_S;
         if free < 0.0 && seconds(self.shrunk_ns, now_ns) > took_s {
             self.shrunk_ns = now_ns;
-            // What waits is known: take it out.
+            // How much waits is known: it is taken off the window.
             let fitting = (least_s + QUEUE_S) / took_s;
             self.window *= fitting.max(SHRINK);
         } else if free > 0.0 && self.is_used {
@@ -154,7 +154,7 @@ fn seconds(from_ns: i64, to_ns: i64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A link of so many bytes a second and such a delay each way; a viewer who answers at once. Messages of a
+    /// A link with a rate in bytes a second and a delay each way; a viewer that answers at once. Messages of a
     /// size are always waiting. Gives bytes a second, and the longest and the last wait of a message, s.
     fn drive(size: usize, rate: f64, delay_s: f64, seconds: i64) -> (f64, f64, f64) {
         let mut flow = Flow::default();
@@ -199,12 +199,12 @@ mod tests {
             (15000, 25e3, 0.5),
         ] {
             let (used, worst_s, last_s) = drive(size, rate, delay_s, 60);
-            let of = format!("{size} B, {rate} B/s, {delay_s} s");
-            println!("{of}: {used:.0}, waits {worst_s:.2} s, {last_s:.2} s");
-            assert!(used > 0.8 * rate, "{of}: {used}");
+            let case = format!("{size} B, {rate} B/s, {delay_s} s");
+            println!("{case}: {used:.0}, waits {worst_s:.2} s, {last_s:.2} s");
+            assert!(used > 0.8 * rate, "{case}: {used}");
             // Its own time on the link, that of one before it, and the queue that is asked for.
             let wait_s = worst_s - 2.0 * size as f64 / rate;
-            assert!(wait_s < 1.4 * QUEUE_S, "{of}: {worst_s}");
+            assert!(wait_s < 1.4 * QUEUE_S, "{case}: {worst_s}");
         }
     }
 

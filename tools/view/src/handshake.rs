@@ -1,7 +1,7 @@
 //! The WebSocket handshake of one client, without waiting for its socket.
 
 use crate::access::{AccessPolicy, Refusal};
-use crate::connection::{Connection, HEARD_MAX, WAITING_MAX};
+use crate::connection::{Connection, MESSAGE_MAX, WAITING_MAX};
 use crate::protocol;
 use std::net::{SocketAddr, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
@@ -19,7 +19,7 @@ const HANDSHAKE_MAX_NS: i64 = 10_000_000_000;
 /// One client's handshake.
 pub(crate) struct Handshake {
     pub address: SocketAddr,
-    /// The same socket, to be watched.
+    /// The same socket, for polling.
     watched: TcpStream,
     begin_ns: i64,
     machine: MidHandshake<ServerHandshake<TcpStream, Judge>>,
@@ -28,7 +28,7 @@ pub(crate) struct Handshake {
 /// The state of a handshake after a turn.
 pub(crate) enum Progress {
     /// More is to come.
-    PortWaiter(Box<Handshake>),
+    Pending(Box<Handshake>),
     /// It succeeded.
     Done(Box<Connection>),
     /// It was answered with a refusal.
@@ -47,15 +47,15 @@ impl Handshake {
         now_ns: i64,
     ) -> std::io::Result<Self> {
         stream.set_nonblocking(true)?;
-        // A pose is small, and shall not wait for more to come.
+        // A pose is small, and must not wait for more to come.
         stream.set_nodelay(true)?;
         let watched = stream.try_clone()?;
         let config = WebSocketConfig::default()
             .read_buffer_size(8 << 10)
             .write_buffer_size(0)
             .max_write_buffer_size(WAITING_MAX)
-            .max_message_size(Some(HEARD_MAX))
-            .max_frame_size(Some(HEARD_MAX));
+            .max_message_size(Some(MESSAGE_MAX))
+            .max_frame_size(Some(MESSAGE_MAX));
         let judge = Judge {
             policy: Rc::clone(policy),
             own_name: Rc::clone(own_name),
@@ -84,7 +84,7 @@ impl Handshake {
                 let connection = Connection::new(socket, watched, address, session);
                 Progress::Done(Box::new(connection))
             }
-            Err(HandshakeError::Interrupted(machine)) => Progress::PortWaiter(Box::new(Self {
+            Err(HandshakeError::Interrupted(machine)) => Progress::Pending(Box::new(Self {
                 address,
                 watched,
                 begin_ns,

@@ -33,7 +33,7 @@ impl Inputs {
         while let Some(points) = self.points.receive()? {
             board.take_points(points.message());
         }
-        // Before the map: it says whether that is another one.
+        // Before the map: a correction shows whether that is another one.
         while let Some(correction) = self.corrections.receive()? {
             board.take_correction(correction.message().head);
         }

@@ -1,4 +1,4 @@
-//! Limits on the number of clients, so that one of them cannot take all places.
+//! Limits on the number of clients, so that one of them cannot take all of them.
 
 use std::net::IpAddr;
 
@@ -45,9 +45,9 @@ impl ViewerLimits {
 /// their addresses, the oldest first.
 pub(crate) fn to_evict(waiting: &[IpAddr]) -> Option<usize> {
     let clients: Vec<IpAddr> = waiting.iter().copied().map(client).collect();
-    let count = |of: &IpAddr| clients.iter().filter(|other| *other == of).count();
+    let count = |client: &IpAddr| clients.iter().filter(|other| *other == client).count();
     let most = clients.iter().map(count).max()?;
-    clients.iter().position(|of| count(of) == most)
+    clients.iter().position(|client| count(client) == most)
 }
 
 /// What all addresses of one client have in common: the whole address, or its IPv6 network.
@@ -70,7 +70,7 @@ mod tests {
     }
 
     #[test]
-    fn one_address_does_not_take_all_places() {
+    fn one_address_does_not_take_all_connections() {
         let limits = ViewerLimits {
             total: 4,
             per_address: 2,
@@ -85,7 +85,7 @@ mod tests {
         // Neighbours in a network of IPv6 are one client; those of another network are not.
         assert!(check("fd00::1", &["fd00::2", "fd00::3"]).is_err());
         assert_eq!(check("fd00:0:0:1::1", &["fd00::2", "fd00::3"]), Ok(()));
-        // Everybody's ssh ends on loopback.
+        // All ssh tunnels end on loopback.
         for loopback in ["127.0.0.1", "::1", "::ffff:127.0.0.1"] {
             assert_eq!(check(loopback, &[loopback; 3]), Ok(()), "{loopback}");
             assert!(check(loopback, &[loopback; 4]).is_err(), "{loopback}");

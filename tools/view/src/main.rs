@@ -9,9 +9,9 @@ use randt_view::{AccessPolicy, Board, Server, ViewerLimits, check_address};
 use std::error::Error;
 use std::process::ExitCode;
 
-/// The view stage: pose, returns, map and what they are worth, live, for Foxglove and Lichtblick.
+/// The view stage: pose, returns, map and their quality, live, for Foxglove and Lichtblick.
 ///
-/// Viewers connect to ws://127.0.0.1:8765 and see what is young: on a slow link less often, never what was minutes ago. It only reads the
+/// Viewers connect to ws://127.0.0.1:8765 and see recent data: on a slow link less often, never data of minutes ago. It only reads the
 /// bus; nothing waits for it.
 #[derive(Debug, Parser)]
 #[command(name = "randt-view", max_term_width = 100)]
@@ -54,7 +54,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         inputs.drain(&mut board)?;
         let now_ns = clock.now_ns();
         server.turn(&board, now_ns, &mut |line| stage.log_info(line));
-        stage.set_status(server.trouble(), 0);
+        stage.set_status(server.fault(), 0);
         stage.set_remark(&server.status_remark(now_ns));
         let sockets = server.descriptors().map(Descriptor::new);
         let sockets = sockets.collect::<Result<Vec<_>, _>>()?;

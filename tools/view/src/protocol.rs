@@ -1,4 +1,4 @@
-//! The viewers' protocol over WebSocket: what a server says, and what of a viewer's words matters to it.
+//! The viewers' protocol over WebSocket: a server's messages, and those of a viewer's that matter to it.
 //!
 //! Source: docs/spec.md of foxglove/ws-protocol (version 1). Pure. Responsible for bytes and text only.
 
@@ -11,7 +11,7 @@ pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"]
 
 /// A binary message's first byte, from the server: a message of a channel ...
 const MESSAGE_DATA: u8 = 1;
-/// ... and what time it is.
+/// ... and the time.
 const TIME: u8 = 2;
 
 /// The first of the names that a viewer offers, separated by commas, which we speak.
@@ -20,7 +20,7 @@ pub fn choose(offered: &str) -> Option<&'static str> {
     offered.find_map(|name| SUBPROTOCOLS.into_iter().find(|ours| *ours == name))
 }
 
-/// Who we are. `session`: another one when the server is another one, so that viewers forget what they had.
+/// The server's name and capabilities. `session`: another one when the server is another one, so that viewers forget what they had.
 pub fn server_info(session: &str) -> String {
     json!({
         "op": "serverInfo",
@@ -50,7 +50,7 @@ pub fn advertise(id: u32, channel: &Channel) -> String {
     .to_string()
 }
 
-/// A warning for whoever looks.
+/// A warning in the viewer's list of problems.
 pub fn warning(message: &str) -> String {
     json!({ "op": "status", "level": 1, "message": message }).to_string()
 }
@@ -65,7 +65,7 @@ pub fn message_data(subscription: u32, log_time_ns: i64, payload: &[u8]) -> Vec<
     bytes
 }
 
-/// What time it is.
+/// The time.
 pub fn time(now_ns: i64) -> Vec<u8> {
     let mut bytes = vec![TIME];
     bytes.extend(now_ns.max(0).to_le_bytes());
@@ -75,7 +75,7 @@ pub fn time(now_ns: i64) -> Vec<u8> {
 /// What a viewer wants.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Request {
-    /// Messages of channels: the number that each subscription shall have, and the channel's.
+    /// Messages of channels: the subscription's number, and the channel's.
     Subscribe(Vec<(u32, u32)>),
     /// No more of these subscriptions.
     Unsubscribe(Vec<u32>),
@@ -83,19 +83,20 @@ pub enum Request {
     Other,
 }
 
-/// Reads what a viewer says. Whatever cannot be understood is passed over.
+/// Reads a viewer's message. One that cannot be parsed is ignored.
 pub fn request(text: &str) -> Request {
-    let Ok(said) = serde_json::from_str::<Value>(text) else {
+    let Ok(message) = serde_json::from_str::<Value>(text) else {
         return Request::Other;
     };
     let number = |value: &Value| value.as_u64().and_then(|n| u32::try_from(n).ok());
     let list = |key: &str| {
-        said.get(key)
+        message
+            .get(key)
             .and_then(Value::as_array)
             .into_iter()
             .flatten()
     };
-    match said.get("op").and_then(Value::as_str) {
+    match message.get("op").and_then(Value::as_str) {
         Some("subscribe") => {
             let pair =
                 |entry: &Value| Some((number(entry.get("id")?)?, number(entry.get("channelId")?)?));
@@ -114,7 +115,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn viewers_of_both_kinds_are_spoken_to() {
+    fn viewers_of_both_kinds_are_served() {
         assert_eq!(
             choose("foxglove.websocket.v1"),
             Some("foxglove.websocket.v1")
@@ -125,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn the_words_are_those_of_the_specification() {
+    fn messages_are_those_of_the_specification() {
         let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":0,"channelId":3},{"id":-1,"channelId":2},{"id":1}]}"#;
         assert_eq!(request(subscribe), Request::Subscribe(vec![(0, 3)]));
         let unsubscribe = r#"{"op":"unsubscribe","subscriptionIds":[7,"x",1e99,8]}"#;
@@ -141,19 +142,19 @@ mod tests {
             schema: vec![1, 2, 3],
             ..Channel::default()
         };
-        let said: Value = serde_json::from_str(&advertise(4, &channel)).unwrap();
-        assert_eq!(said["channels"][0]["schema"], "AQID");
-        assert_eq!(said["channels"][0]["id"], 4);
+        let advertised: Value = serde_json::from_str(&advertise(4, &channel)).unwrap();
+        assert_eq!(advertised["channels"][0]["schema"], "AQID");
+        assert_eq!(advertised["channels"][0]["id"], 4);
     }
 
     proptest! {
         #[test]
-        fn nothing_that_is_said_harms(text in ".*", op in "(un)?subscribe", id in any::<i128>()) {
+        fn no_text_panics(text in ".*", op in "(un)?subscribe", id in any::<i128>()) {
             request(&text);
             choose(&text);
-            let part = text.replace(['"', '\\'], "");
-            request(&format!(r#"{{"op":"{op}","subscriptions":[{{"id":{id},"channelId":"{part}"}}]}}"#));
-            request(&format!(r#"{{"op":"{op}","subscriptionIds":[{id},{part}]}}"#));
+            let value = text.replace(['"', '\\'], "");
+            request(&format!(r#"{{"op":"{op}","subscriptions":[{{"id":{id},"channelId":"{value}"}}]}}"#));
+            request(&format!(r#"{{"op":"{op}","subscriptionIds":[{id},{value}]}}"#));
         }
     }
 }

@@ -11,15 +11,15 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::rc::Rc;
 use std::time::Duration;
 
-/// An address that cannot be had is tried again so often, ns.
+/// An address that cannot be bound is tried again after this time, ns.
 const AGAIN_NS: i64 = 1_000_000_000;
-/// With viewers something is due so often.
+/// With viewers something is due with this period.
 const PAUSE: Duration = Duration::from_millis(100);
-/// A socket that was full is tried again so soon.
+/// A socket that was full is tried again after this time.
 const PAUSE_FULL: Duration = Duration::from_millis(20);
-/// Without viewers nothing is.
+/// Without viewers.
 const PAUSE_ALONE: Duration = Duration::from_secs(1);
-/// Frames that a viewer misses until it is told of, a second.
+/// Frames that a viewer misses until the status shows it.
 const BEHIND: u64 = 1;
 /// Clients accepted before it is the viewers' turn, so that a crowd does not keep viewers waiting.
 const ACCEPTED_MAX: usize = 2 * HANDSHAKES_MAX;
@@ -36,14 +36,14 @@ pub struct Server {
     again_ns: i64,
     /// No client is accepted until then, ns; `None` where accepting works.
     rests_until_ns: Option<i64>,
-    trouble: String,
+    fault: String,
     /// The oldest first.
     handshakes: Vec<Handshake>,
     viewers: Vec<Connection>,
     log: ClientLog,
 }
 
-/// Refuses what can never be an address with a port; a name that nobody knows yet may be known later.
+/// Refuses what can never be an address with a port; a name that does not resolve yet may resolve later.
 pub fn check_address(text: &str) -> Result<String, &'static str> {
     match text.to_socket_addrs() {
         Err(cause) if cause.kind() == ErrorKind::InvalidInput => {
@@ -64,31 +64,31 @@ impl Server {
             listener: None,
             again_ns: i64::MIN,
             rests_until_ns: None,
-            trouble: String::new(),
+            fault: String::new(),
             handshakes: Vec::new(),
             viewers: Vec::new(),
             log: ClientLog::default(),
         }
     }
 
-    /// Lets clients in, hears them, sends viewers what may go. `say` gets a line for the journal.
-    pub fn turn(&mut self, board: &Board, now_ns: i64, say: &mut dyn FnMut(&str)) {
-        self.listen(now_ns, say);
-        self.let_in(now_ns, say);
-        self.shake_hands(now_ns, say);
+    /// Accepts clients, receives from them, sends viewers what may go. `log_line` gets a line for the journal.
+    pub fn turn(&mut self, board: &Board, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
+        self.listen(now_ns, log_line);
+        self.let_in(now_ns, log_line);
+        self.shake_hands(now_ns, log_line);
         let log = &mut self.log;
         self.viewers.retain_mut(|viewer| {
             let turn = viewer.turn(board, now_ns);
             if let Err(why) = &turn {
                 let text = format!("{} is gone: {why}", viewer.address);
-                log.record(Event::Gone, &text, now_ns, say);
+                log.record(Event::Gone, &text, now_ns, log_line);
             }
             turn.is_ok()
         });
-        self.log.catch_up(now_ns, say);
+        self.log.catch_up(now_ns, log_line);
     }
 
-    fn listen(&mut self, now_ns: i64, say: &mut dyn FnMut(&str)) {
+    fn listen(&mut self, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
         if self.listener.is_some() || now_ns < self.again_ns {
             return;
         }
@@ -99,15 +99,15 @@ impl Server {
         });
         match made {
             Ok((address, listener)) => {
-                say(&format!("ws://{address}"));
-                self.trouble.clear();
+                log_line(&format!("ws://{address}"));
+                self.fault.clear();
                 self.listener = Some(listener);
             }
-            Err(cause) => self.trouble = format!("nobody can watch: {}: {cause}", self.listen),
+            Err(cause) => self.fault = format!("cannot listen on {}: {cause}", self.listen),
         }
     }
 
-    fn let_in(&mut self, now_ns: i64, say: &mut dyn FnMut(&str)) {
+    fn let_in(&mut self, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
         if self.rests_until_ns.is_some_and(|until| now_ns < until) {
             return;
         }
@@ -123,40 +123,40 @@ impl Server {
                 Handshake::new(stream, address, &self.policy, own_name, now_ns)
             });
             match made {
-                Ok(handshake) => self.make_room(handshake, now_ns, say),
+                Ok(handshake) => self.make_room(handshake, now_ns, log_line),
                 Err(cause) if cause.kind() == ErrorKind::WouldBlock => return,
                 Err(cause) => {
                     // Such as too many open files: trying again at once would take the whole loop.
                     self.rests_until_ns = Some(now_ns.saturating_add(AGAIN_NS));
                     let text = format!("a client could not come in: {cause}");
-                    self.log.record(Event::Accept, &text, now_ns, say);
+                    self.log.record(Event::Accept, &text, now_ns, log_line);
                     return;
                 }
             }
         }
     }
 
-    fn make_room(&mut self, newcomer: Handshake, now_ns: i64, say: &mut dyn FnMut(&str)) {
+    fn make_room(&mut self, newcomer: Handshake, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
         if self.handshakes.len() >= HANDSHAKES_MAX {
             // A handshake that can be finished now is not evicted.
-            self.shake_hands(now_ns, say);
+            self.shake_hands(now_ns, log_line);
         }
         if self.handshakes.len() >= HANDSHAKES_MAX {
             let waiting: Vec<_> = self.handshakes.iter().map(|h| h.address.ip()).collect();
-            if let Some(place) = to_evict(&waiting) {
-                let address = self.handshakes.remove(place).address;
+            if let Some(index) = to_evict(&waiting) {
+                let address = self.handshakes.remove(index).address;
                 let text = format!("{address} had to make room: too many that are no viewers yet");
-                self.log.record(Event::Crowd, &text, now_ns, say);
+                self.log.record(Event::Crowd, &text, now_ns, log_line);
             }
         }
         self.handshakes.push(newcomer);
     }
 
-    fn shake_hands(&mut self, now_ns: i64, say: &mut dyn FnMut(&str)) {
+    fn shake_hands(&mut self, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
         for handshake in std::mem::take(&mut self.handshakes) {
             let address = handshake.address;
             let (event, why) = match handshake.turn(&self.session, now_ns) {
-                Progress::PortWaiter(handshake) => {
+                Progress::Pending(handshake) => {
                     self.handshakes.push(*handshake);
                     continue;
                 }
@@ -165,7 +165,7 @@ impl Server {
                     match self.limits.check(address.ip(), watching) {
                         Ok(()) => {
                             let text = format!("{address} watches");
-                            self.log.record(Event::Watches, &text, now_ns, say);
+                            self.log.record(Event::Watches, &text, now_ns, log_line);
                             self.viewers.push(*connection);
                             continue;
                         }
@@ -179,25 +179,25 @@ impl Server {
                 Progress::Failed(why) => (Event::Handshake, why),
             };
             let text = format!("{address} is turned away: {why}");
-            self.log.record(event, &text, now_ns, say);
+            self.log.record(event, &text, now_ns, log_line);
         }
     }
 
     /// What is wrong; empty where nothing is.
-    pub fn trouble(&self) -> &str {
-        &self.trouble
+    pub fn fault(&self) -> &str {
+        &self.fault
     }
 
-    /// Who watches and how well.
+    /// The number of viewers, and the slowest of them.
     pub fn status_remark(&self, now_ns: i64) -> String {
-        let mut words = match self.viewers.len() {
-            0 => "nobody watches".to_owned(),
+        let mut text = match self.viewers.len() {
+            0 => "no viewer".to_owned(),
             1 => "1 viewer".to_owned(),
             count => format!("{count} viewers"),
         };
         let slowest = self.viewers.iter().max_by_key(|c| c.client.dropped);
         if let Some(slowest) = slowest.filter(|slowest| slowest.client.dropped >= BEHIND) {
-            words.push_str(&format!(
+            text.push_str(&format!(
                 "; {}: {} dropped frames, link {:.1} s",
                 slowest.address,
                 slowest.client.dropped,
@@ -206,9 +206,9 @@ impl Server {
         }
         let refused = self.log.refused();
         if !refused.is_empty() {
-            words.push_str(&format!("; refused: {refused}"));
+            text.push_str(&format!("; refused: {refused}"));
         }
-        words
+        text
     }
 
     /// What to watch for something to read.

@@ -1,8 +1,8 @@
-//! Who connects without being a viewer: he gets nothing, and takes nothing away from those who are.
+//! Clients that are no viewers: they get nothing, and take nothing from the viewers.
 #![allow(
     clippy::unwrap_used,
     clippy::panic,
-    reason = "a test says by panicking what is wrong"
+    reason = "a test reports failures by panicking"
 )]
 
 use randt_config::{HostNames, WebOrigins};
@@ -21,7 +21,7 @@ const LIMITS: ViewerLimits = ViewerLimits {
     per_address: 2,
 };
 
-/// A server in a thread of its own, as long as `visit` lasts; gives what it said.
+/// A server in a thread of its own, as long as `visit` lasts; gives its lines for the journal.
 fn while_served(visit: impl FnOnce(SocketAddr)) -> Vec<String> {
     while_served_at(1.0, visit)
 }
@@ -32,7 +32,7 @@ fn while_served_at(speed: f64, visit: impl FnOnce(SocketAddr)) -> Vec<String> {
     let address = free.local_addr().unwrap();
     drop(free);
     let is_over = AtomicBool::new(false);
-    let mut said = Vec::new();
+    let mut lines = Vec::new();
     std::thread::scope(|scope| {
         scope.spawn(|| {
             let policy = AccessPolicy::new(&WebOrigins::default(), &HostNames::default());
@@ -40,7 +40,7 @@ fn while_served_at(speed: f64, visit: impl FnOnce(SocketAddr)) -> Vec<String> {
             let (board, begin) = (Board::default(), Instant::now());
             while !is_over.load(Ordering::SeqCst) {
                 let now_ns = (begin.elapsed().as_secs_f64() * 1e9 * speed) as i64;
-                server.turn(&board, now_ns, &mut |line| said.push(line.to_owned()));
+                server.turn(&board, now_ns, &mut |line| lines.push(line.to_owned()));
                 std::thread::sleep(Duration::from_millis(2));
             }
         });
@@ -51,7 +51,7 @@ fn while_served_at(speed: f64, visit: impl FnOnce(SocketAddr)) -> Vec<String> {
             resume_unwind(panic);
         }
     });
-    said
+    lines
 }
 
 fn connect(address: SocketAddr) -> TcpStream {
@@ -76,7 +76,7 @@ fn to_the_end(mut stream: TcpStream) -> Vec<u8> {
     }
 }
 
-/// The first word to a viewer.
+/// The first message to a viewer.
 fn greeting(address: SocketAddr) -> String {
     let mut request = format!("ws://{address}").into_client_request().unwrap();
     let protocol = HeaderValue::from_static("foxglove.sdk.v1");
@@ -98,9 +98,9 @@ fn what_is_no_handshake_is_shown_the_door() {
             &[0xff; 300],
             b"GET / HTTP/1.1\r\nHost: x\r\n\r\n",
         ] {
-            let mut stranger = connect(address);
-            stranger.write_all(words).unwrap();
-            let got = String::from_utf8_lossy(&to_the_end(stranger)).into_owned();
+            let mut client = connect(address);
+            client.write_all(words).unwrap();
+            let got = String::from_utf8_lossy(&to_the_end(client)).into_owned();
             assert!(!got.contains("serverInfo"), "{got}");
         }
         assert!(greeting(address).contains("serverInfo"));
@@ -108,15 +108,15 @@ fn what_is_no_handshake_is_shown_the_door() {
 }
 
 #[test]
-fn who_says_nothing_holds_nobody_up() {
-    let said = while_served(|address| {
+fn a_silent_client_delays_no_other() {
+    let lines = while_served(|address| {
         let silent: Vec<TcpStream> = (0..LIMITS.total).map(|_| connect(address)).collect();
         assert!(greeting(address).contains("serverInfo"));
         drop(silent);
     });
     assert!(
-        said.iter().any(|line| line.ends_with("watches")),
-        "{said:?}"
+        lines.iter().any(|line| line.ends_with("watches")),
+        "{lines:?}"
     );
 }
 
@@ -125,7 +125,7 @@ const UPGRADE: &str = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocke
                        Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\
                        Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n\r\n";
 
-/// Says something and hears what comes in a moment, or until the end.
+/// Sends something and reads what comes in a moment, or until the end.
 fn answer(address: SocketAddr, request: &[u8]) -> String {
     let mut stream = connect(address);
     stream.write_all(request).unwrap();
@@ -215,15 +215,15 @@ fn a_request_that_can_be_read_in_two_ways_is_refused() {
                 head.chars().take(200).collect::<String>()
             );
         }
-        // The server's first word goes to nobody who sent more than a handshake, unread.
+        // The server's first message does not go to a client that sent more than a handshake, unread.
         let twice = format!("GET / HTTP/1.1\r\n{good}\r\n{UPGRADE}GET / HTTP/1.1\r\n");
         assert!(!answer(address, twice.as_bytes()).contains("serverInfo"));
     });
 }
 
 #[test]
-fn who_is_refused_is_told_why_and_no_more() {
-    let said = while_served(|address| {
+fn a_refused_client_gets_the_reason_and_no_more() {
+    let lines = while_served(|address| {
         let request = format!("GET / HTTP/1.1\r\nHost: localhost\r\nOrigin: null\r\n{UPGRADE}");
         let got = answer(address, request.as_bytes());
         let (head, body) = got.split_once("\r\n\r\n").unwrap();
@@ -231,16 +231,16 @@ fn who_is_refused_is_told_why_and_no_more() {
         assert!(!head.to_ascii_lowercase().contains("websocket"), "{head}");
         assert!(body.contains("view.origins") && body.len() < 200, "{body}");
     });
-    let line = said.iter().find(|line| line.contains("\"null\""));
+    let line = lines.iter().find(|line| line.contains("\"null\""));
     assert!(
         line.is_some_and(|line| line.contains("turned away")),
-        "{said:?}"
+        "{lines:?}"
     );
 }
 
 #[test]
 fn who_sends_his_handshake_byte_by_byte_is_gone_in_time() {
-    let said = while_served_at(100.0, |address| {
+    let lines = while_served_at(100.0, |address| {
         let begin = Instant::now();
         let mut slow = connect(address);
         let request = format!(
@@ -257,15 +257,15 @@ fn who_sends_his_handshake_byte_by_byte_is_gone_in_time() {
         println!("closed after {:?}", begin.elapsed());
     });
     assert!(
-        said.iter().any(|line| line.contains("not done in time")),
-        "{said:?}"
+        lines.iter().any(|line| line.contains("not done in time")),
+        "{lines:?}"
     );
 }
 
 #[test]
-fn a_crowd_keeps_nobody_out_and_the_journal_short() {
+fn a_crowd_locks_no_viewer_out_and_the_journal_stays_short() {
     // By a slow clock: all of it is within a minute.
-    let said = while_served_at(0.001, |address| {
+    let lines = while_served_at(0.001, |address| {
         // More than may wait, all from one address, which stay.
         let crowd: Vec<TcpStream> = (0..80).map(|_| connect(address)).collect();
         assert!(greeting(address).contains("serverInfo"));
@@ -278,17 +278,17 @@ fn a_crowd_keeps_nobody_out_and_the_journal_short() {
         assert!(greeting(address).contains("serverInfo"));
         drop(crowd);
     });
-    let about = |words: &str| said.iter().filter(|line| line.contains(words)).count();
+    let about = |words: &str| lines.iter().filter(|line| line.contains(words)).count();
     assert_eq!(
         (about("make room"), about("evil.example")),
         (1, 1),
-        "{said:?}"
+        "{lines:?}"
     );
-    assert!(said.len() <= 10, "{said:?}");
+    assert!(lines.len() <= 10, "{lines:?}");
 }
 
 #[test]
-fn one_viewer_too_many_is_told_so() {
+fn one_viewer_too_many_gets_the_reason() {
     while_served(|address| {
         let mut viewers = Vec::new();
         for _ in 0..=LIMITS.total {

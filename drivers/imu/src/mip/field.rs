@@ -61,7 +61,7 @@ pub enum Field {
 
 impl Field {
     /// Reads a field; none where it is another one, or of the wrong length.
-    pub fn of(descriptor: u8, data: &[u8]) -> Option<Self> {
+    pub fn decode(descriptor: u8, data: &[u8]) -> Option<Self> {
         match descriptor {
             ACCELERATION => floats(data).map(Self::Acceleration),
             RATE => floats(data).map(Self::Rate),
@@ -120,10 +120,10 @@ mod tests {
 
     #[test]
     fn a_packet_of_the_vendors_kit_both_directions() {
-        let packet = Packet::of(SDK).unwrap();
+        let packet = Packet::from_frame(SDK).unwrap();
         let known: Vec<Field> = packet
             .fields()
-            .filter_map(|(descriptor, data)| Field::of(descriptor, data))
+            .filter_map(|(descriptor, data)| Field::decode(descriptor, data))
             .collect();
         assert_eq!(known[0], Field::ReferenceTime(0x5_5ee6_7cc0));
         // A tenth of an hour after power-up, lying on its back: gravity is on -z.
@@ -186,8 +186,8 @@ mod tests {
         #[test]
         fn fields_are_read_back(field in field(), short in 0_usize..8) {
             let (descriptor, data) = field.encode();
-            prop_assert_eq!(Field::of(descriptor, &data), Some(field));
-            prop_assert_eq!(Field::of(descriptor, &data[..short]), None);
+            prop_assert_eq!(Field::decode(descriptor, &data), Some(field));
+            prop_assert_eq!(Field::decode(descriptor, &data[..short]), None);
         }
     }
 }

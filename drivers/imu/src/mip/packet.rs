@@ -2,10 +2,8 @@
 //!
 //! Source: 3DM-CV7 data communications protocol, "MIP Packet Overview".
 
-use crate::frames::{Framing, Look};
+use crate::frames::Framing;
 
-/// "ue".
-const SYNC: [u8; 2] = [0x75, 0x65];
 /// Sync bytes, descriptor set, length.
 const HEADER: usize = 4;
 /// Two bytes of Fletcher's sum.
@@ -32,7 +30,7 @@ pub struct Packet<'a> {
 
 impl<'a> Packet<'a> {
     /// A whole frame, as [`MipFraming`] finds it.
-    pub fn of(frame: &'a [u8]) -> Option<Self> {
+    pub fn from_frame(frame: &'a [u8]) -> Option<Self> {
         let (header, rest) = frame.split_first_chunk::<HEADER>()?;
         let (payload, _) = rest.split_at_checked(usize::from(header[3]))?;
         Some(Self {
@@ -48,7 +46,7 @@ impl<'a> Packet<'a> {
 
     /// A packet's bytes. Fields that do not fit into 255 bytes any more are left out.
     pub fn encode(set: u8, fields: &[(u8, &[u8])]) -> Vec<u8> {
-        let mut bytes = vec![SYNC[0], SYNC[1], set, 0];
+        let mut bytes = [&MipFraming::SYNC[..], &[set, 0]].concat();
         for (descriptor, data) in fields {
             let payload = bytes.len() - HEADER + data.len() + 2;
             let (Ok(length), Ok(payload)) = (u8::try_from(data.len() + 2), u8::try_from(payload))
@@ -87,31 +85,26 @@ impl<'a> Iterator for Fields<'a> {
 pub struct MipFraming;
 
 impl Framing for MipFraming {
-    fn look(bytes: &[u8]) -> Look {
-        let begins = bytes.iter().zip(SYNC).all(|(byte, sync)| *byte == sync);
-        if !begins {
-            return Look::Junk;
-        }
-        let Some(length) = bytes.get(3) else {
-            return Look::More;
-        };
-        let end = HEADER + usize::from(*length);
-        let Some(frame) = bytes.get(..end + CHECKSUM) else {
-            return Look::More;
-        };
-        let (covered, sum) = frame.split_at(end);
-        if checksum(covered) == *sum {
-            Look::Frame(frame.len())
-        } else {
-            Look::Damaged
-        }
+    /// "ue".
+    const SYNC: [u8; 2] = [0x75, 0x65];
+    const LONGEST: usize = HEADER + u8::MAX as usize + CHECKSUM;
+
+    fn length(bytes: &[u8]) -> Option<usize> {
+        let payload = bytes.get(3)?;
+        Some(HEADER + usize::from(*payload) + CHECKSUM)
+    }
+
+    fn is_intact(frame: &[u8]) -> bool {
+        frame
+            .split_last_chunk::<CHECKSUM>()
+            .is_some_and(|(covered, sum)| checksum(covered) == *sum)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::Frames;
+    use crate::frames::{FrameStart, Frames};
     use proptest::prelude::*;
 
     /// 3DM-CV7 data communications protocol, "Data Overview", example data packet.
@@ -122,8 +115,8 @@ mod tests {
 
     #[test]
     fn the_manuals_example_both_directions() {
-        assert_eq!(MipFraming::look(&MANUAL), Look::Frame(20));
-        let packet = Packet::of(&MANUAL).unwrap();
+        assert_eq!(MipFraming::inspect(&MANUAL), FrameStart::Frame(20));
+        let packet = Packet::from_frame(&MANUAL).unwrap();
         let fields: Vec<_> = packet.fields().collect();
         assert_eq!((packet.set, fields.len(), fields[0].0), (0x80, 1, 0x04));
         assert_eq!(Packet::encode(0x80, &fields), MANUAL);
@@ -145,8 +138,8 @@ mod tests {
         ) {
             let fields: Vec<(u8, &[u8])> = fields.iter().map(|(d, data)| (*d, &data[..])).collect();
             let bytes = Packet::encode(set, &fields);
-            prop_assert_eq!(MipFraming::look(&bytes), Look::Frame(bytes.len()));
-            let packet = Packet::of(&bytes).unwrap();
+            prop_assert_eq!(MipFraming::inspect(&bytes), FrameStart::Frame(bytes.len()));
+            let packet = Packet::from_frame(&bytes).unwrap();
             prop_assert_eq!(packet.set, set);
             prop_assert_eq!(packet.fields().collect::<Vec<_>>(), fields);
         }

@@ -1,32 +1,34 @@
 //! MIP as a serial protocol: packets to readings.
 
+use super::setup::Step;
 use super::{Field, MipFraming, MipSetup, Packet, SENSOR_DATA};
-use crate::frames::{FrameCounts, Frames};
-use crate::protocol::Protocol;
+use crate::command_sequence::CommandSequence;
+use crate::protocol::{Codec, Framed};
 use crate::reading::{Reading, STANDARD_GRAVITY_M_S2};
 
 /// A MicroStrain device.
-#[derive(Debug)]
-pub struct Mip {
-    frames: Frames<MipFraming>,
-    setup: MipSetup,
-}
+pub type Mip = Framed<MipCodec>;
 
 impl Mip {
-    /// One that is asked for so many readings a second.
+    /// One that is asked for this many readings a second.
     pub fn new(rate_hz: f64) -> Self {
-        Self {
-            frames: Frames::default(),
+        Self::with_codec(MipCodec {
             setup: MipSetup::new(rate_hz),
-        }
+        })
     }
+}
+
+/// What MIP's packets mean.
+#[derive(Debug)]
+pub struct MipCodec {
+    setup: MipSetup,
 }
 
 /// A packet of sensor data as a reading; none where rate or acceleration is not in it.
 fn reading(packet: &Packet<'_>, arrival_ns: i64) -> Option<Reading> {
     let (mut rate, mut acceleration, mut reference_ns, mut gps_ns) = (None, None, None, None);
     for (descriptor, data) in packet.fields() {
-        match Field::of(descriptor, data) {
+        match Field::decode(descriptor, data) {
             Some(Field::Rate(values)) => rate = Some(values),
             Some(Field::Acceleration(values)) => acceleration = Some(values),
             Some(Field::ReferenceTime(time_ns)) => reference_ns = i64::try_from(time_ns).ok(),
@@ -44,38 +46,30 @@ fn reading(packet: &Packet<'_>, arrival_ns: i64) -> Option<Reading> {
     })
 }
 
-impl Protocol for Mip {
-    fn opened(&mut self) {
-        self.frames.cut();
+impl Codec for MipCodec {
+    type Framing = MipFraming;
+    type Step = Step;
+
+    fn restart(&mut self) {
         self.setup.restart();
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>) {
-        let setup = &mut self.setup;
-        self.frames
-            .push(bytes, &mut |frame| match Packet::of(frame) {
-                Some(packet) if packet.set == SENSOR_DATA => {
-                    readings.extend(reading(&packet, arrival_ns));
-                }
-                Some(packet) => setup.take(&packet),
-                None => {}
-            });
+    fn command(&self, step: Step) -> Vec<u8> {
+        self.setup.command(step)
     }
 
-    fn send(&mut self, now_ns: i64) -> Option<Vec<u8>> {
-        self.setup.send(now_ns)
-    }
-
-    fn due_ns(&self) -> Option<i64> {
-        self.setup.due_ns()
-    }
-
-    fn counts(&self) -> FrameCounts {
-        self.frames.counts()
-    }
-
-    fn complaint(&self) -> &str {
-        self.setup.complaint()
+    fn take(
+        &mut self,
+        frame: &[u8],
+        commands: &mut CommandSequence<Step>,
+        arrival_ns: i64,
+    ) -> Option<Reading> {
+        let packet = Packet::from_frame(frame)?;
+        if packet.set == SENSOR_DATA {
+            return reading(&packet, arrival_ns);
+        }
+        self.setup.take(&packet, commands);
+        None
     }
 
     fn interval_ns(&self) -> i64 {
@@ -86,6 +80,7 @@ impl Protocol for Mip {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::Protocol;
 
     #[test]
     fn a_packet_is_a_reading_in_si_units() {

@@ -4,7 +4,7 @@
 //! responsible for calling the library: `library` is.
 
 use super::library::{Channel, Event, Library, Server};
-use crate::{Error, Reading, STANDARD_GRAVITY_M_S2, source::Source};
+use crate::{Error, Reading, STANDARD_GRAVITY_M_S2, reading_source::ReadingSource};
 use randt_config::ImuDriver;
 use randt_device::{Backoff, Count};
 use std::os::fd::BorrowedFd;
@@ -17,30 +17,37 @@ const ADVICE: &str = "get it by `pip download Phidget22==1.26.20260821`, whose w
                       phidgets.com, and give its path as imu.library";
 /// The library itself tries a server that is away after 2, 3, 4 ... 16 s; it is made to try after this time, ns.
 const RENEW_NS: i64 = 1_500_000_000;
-/// The library does not notice that a server is gone without a word. One that was only slow needs no help, ns.
+/// The library does not notice that a server is gone without closing its connection. One that was only slow needs no help, ns.
 const STUCK_NS: i64 = 5_000_000_000;
-/// An attached device may need so long to its first sample, ns.
+/// An attached device may need this time to its first sample, ns.
 const SETTLING_NS: i64 = 1_500_000_000;
+
+/// The Spatial that the configuration names.
+#[derive(Debug)]
+struct WantedSpatial {
+    /// Path of the vendor's library; empty where the system searches.
+    library: String,
+    serial_number: Option<i32>,
+    server: Option<Server>,
+    /// USB or the server, for people.
+    location: String,
+    interval_ms: u32,
+    patience_ns: i64,
+}
 
 /// A Phidgets Spatial.
 #[derive(Debug)]
 pub struct Spatial {
-    library: String,
-    serial_number: Option<i32>,
-    server: Option<Server>,
-    /// Where it is, for people.
-    place: String,
-    asked_ms: u32,
-    patience_ns: i64,
+    wanted: WantedSpatial,
     channel: Option<Channel>,
     backoff: Backoff,
     attached: bool,
     attaches: u64,
     interval_ms: u32,
-    trouble: String,
+    fault: String,
     complaint: String,
-    /// The library's last word.
-    said: String,
+    /// The library's last error.
+    library_error: String,
     /// Since when nothing came, and nothing was done about it.
     since_ns: i64,
 }
@@ -56,31 +63,33 @@ impl Spatial {
         };
         let server = given(&config.server).map(|text| {
             let expected = "a Phidget network server's host:port, such as \"10.0.0.5:5661\"";
-            Server::of(&text).ok_or_else(|| refused("server", text, expected))
+            Server::parse(&text).ok_or_else(|| refused("server", text, expected))
         });
         let serial_number = given(&config.device).map(|text| {
             let number = text.parse::<i32>().ok().filter(|number| *number > 0);
             number.ok_or_else(|| refused("device", text, "a Phidget's serial number, or empty"))
         });
-        let place = match given(&config.server) {
+        let location = match given(&config.server) {
             Some(server) => format!("at {server}"),
             None => "on USB".to_owned(),
         };
         Ok(Self {
-            library: config.library.clone(),
-            serial_number: serial_number.transpose()?,
-            server: server.transpose()?,
-            place,
-            asked_ms: ((1000.0 / config.rate_hz + 0.5) as u32).max(1),
-            patience_ns: ((config.silence_s * 1e9) as i64).max(SETTLING_NS),
+            wanted: WantedSpatial {
+                library: config.library.clone(),
+                serial_number: serial_number.transpose()?,
+                server: server.transpose()?,
+                location,
+                interval_ms: ((1000.0 / config.rate_hz + 0.5) as u32).max(1),
+                patience_ns: ((config.silence_s * 1e9) as i64).max(SETTLING_NS),
+            },
             channel: None,
             backoff: Backoff::default(),
             attached: false,
             attaches: 0,
             interval_ms: 0,
-            trouble: String::new(),
+            fault: String::new(),
             complaint: String::new(),
-            said: String::new(),
+            library_error: String::new(),
             since_ns: 0,
         })
     }
@@ -89,27 +98,27 @@ impl Spatial {
         let opened = self.load().and_then(|library| {
             Channel::open(
                 library,
-                self.serial_number,
-                self.server.clone(),
-                self.asked_ms,
+                self.wanted.serial_number,
+                self.wanted.server.clone(),
+                self.wanted.interval_ms,
             )
         });
         match opened {
             Ok(channel) => {
                 self.channel = Some(channel);
-                self.trouble.clear();
+                self.fault.clear();
                 self.since_ns = now_ns;
             }
             Err(why) => {
-                self.trouble = why;
+                self.fault = why;
                 self.backoff.failed(now_ns);
             }
         }
     }
 
     fn load(&self) -> Result<Library, String> {
-        let configured = [self.library.as_str()];
-        let names: &[&str] = if self.library.is_empty() {
+        let configured = [self.wanted.library.as_str()];
+        let names: &[&str] = if self.wanted.library.is_empty() {
             &NAMES
         } else {
             &configured
@@ -140,16 +149,19 @@ impl Spatial {
                 self.attaches += 1;
                 self.interval_ms = interval_ms;
                 self.complaint = complaint;
-                self.trouble.clear();
-                self.said.clear();
+                self.fault.clear();
+                self.library_error.clear();
                 self.since_ns = now_ns;
             }
             Event::Detach => {
                 self.attached = false;
-                self.trouble = format!("the Phidget {} is gone; waiting for it", self.place);
+                self.fault = format!(
+                    "the Phidget {} is gone; waiting for it",
+                    self.wanted.location
+                );
                 self.since_ns = now_ns;
             }
-            Event::Error(text) => self.said = text,
+            Event::Error(text) => self.library_error = text,
             Event::Data {
                 at,
                 acceleration_g,
@@ -172,7 +184,7 @@ impl Spatial {
         }
     }
 
-    /// What is done about a device that does not come, or does not send. The library sees by itself what is plugged in
+    /// What is done about a device that does not come, or does not send. The library itself notices what is plugged in
     /// on USB.
     fn insist(&mut self, now_ns: i64) {
         if now_ns < self.insist_ns() {
@@ -180,29 +192,32 @@ impl Spatial {
         }
         self.since_ns = now_ns;
         if !self.attached {
-            self.trouble = format!("no Phidget Spatial {}; waiting for one", self.place);
-            if !self.said.is_empty() {
-                self.trouble = format!("{} ({})", self.trouble, self.said);
+            self.fault = format!(
+                "no Phidget Spatial {}; waiting for one",
+                self.wanted.location
+            );
+            if !self.library_error.is_empty() {
+                self.fault = format!("{} ({})", self.fault, self.library_error);
             }
         }
         if let Some(channel) = &self.channel
-            && (self.attached || self.server.is_some())
+            && (self.attached || self.wanted.server.is_some())
         {
             channel.renew();
         }
     }
 
     fn insist_ns(&self) -> i64 {
-        let pause_ns = match (self.attached, &self.server) {
+        let pause_ns = match (self.attached, &self.wanted.server) {
             (false, _) => RENEW_NS,
-            (true, Some(_)) => self.patience_ns.max(STUCK_NS),
-            (true, None) => self.patience_ns,
+            (true, Some(_)) => self.wanted.patience_ns.max(STUCK_NS),
+            (true, None) => self.wanted.patience_ns,
         };
         self.since_ns.saturating_add(pause_ns)
     }
 }
 
-impl Source for Spatial {
+impl ReadingSource for Spatial {
     fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.channel.as_ref().map(Channel::descriptor)
     }
@@ -231,15 +246,15 @@ impl Source for Spatial {
         Some(due_ns)
     }
 
-    fn trouble(&self) -> &str {
-        &self.trouble
+    fn fault(&self) -> &str {
+        &self.fault
     }
 
     fn silence(&self) -> String {
         if self.attached {
-            format!("the Phidget {} sends no sample", self.place)
+            format!("the Phidget {} sends no sample", self.wanted.location)
         } else {
-            format!("no Phidget Spatial {}", self.place)
+            format!("no Phidget Spatial {}", self.wanted.location)
         }
     }
 
@@ -251,7 +266,7 @@ impl Source for Spatial {
         let interval_ms = if self.interval_ms > 0 {
             self.interval_ms
         } else {
-            self.asked_ms
+            self.wanted.interval_ms
         };
         i64::from(interval_ms) * 1_000_000
     }
@@ -277,26 +292,26 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_library_is_said_and_how_to_get_it() {
+    fn a_missing_library_is_reported_with_how_to_get_it() {
         let config = config(|imu| imu.library = "/nowhere/libphidget22.so".to_owned());
         let mut spatial = Spatial::new(&config).unwrap();
         spatial.poll(&|| 0, &mut Vec::new());
-        let told = spatial.trouble();
+        let text = spatial.fault();
         assert!(
-            told.starts_with("libphidget22 is not installed: get it by `pip"),
-            "{told}"
+            text.starts_with("libphidget22 is not installed: get it by `pip"),
+            "{text}"
         );
-        assert!(told.contains("/nowhere/libphidget22.so"), "{told}");
+        assert!(text.contains("/nowhere/libphidget22.so"), "{text}");
         assert_eq!(spatial.due_ns(), Some(100_000_000));
     }
 
     #[test]
-    fn what_is_no_library_is_said() {
+    fn what_is_no_library_is_reported() {
         let config = config(|imu| imu.library = "libc.so.6".to_owned());
         let mut spatial = Spatial::new(&config).unwrap();
         spatial.poll(&|| 0, &mut Vec::new());
-        let told = spatial.trouble();
-        assert!(told.contains("PhidgetSpatial_create"), "{told}");
+        let text = spatial.fault();
+        assert!(text.contains("PhidgetSpatial_create"), "{text}");
     }
 
     #[test]
@@ -309,8 +324,8 @@ mod tests {
             (config(|imu| imu.server = "robot".to_owned()), "imu.server"),
             (config(|imu| imu.server = ":5661".to_owned()), "imu.server"),
         ] {
-            let told = Spatial::new(&set).unwrap_err().to_string();
-            assert!(told.starts_with(key), "{told}");
+            let text = Spatial::new(&set).unwrap_err().to_string();
+            assert!(text.starts_with(key), "{text}");
         }
     }
 }

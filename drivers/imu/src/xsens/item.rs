@@ -29,7 +29,7 @@ pub enum Item {
 
 impl Item {
     /// Reads an item; none where it is another one, or of the wrong length.
-    pub fn of(id: u16, data: &[u8]) -> Option<Self> {
+    pub fn decode(id: u16, data: &[u8]) -> Option<Self> {
         match id {
             PACKET_COUNTER if data.len() == 2 => {
                 array(data).map(|bytes| Self::PacketCounter(u16::from_be_bytes(bytes)))
@@ -81,7 +81,7 @@ mod tests {
                 item.encode(&mut data);
             }
             let message = Message { id: 0x36, data: &data };
-            let read: Vec<Item> = message.items().filter_map(|(id, data)| Item::of(id, data)).collect();
+            let read: Vec<Item> = message.items().filter_map(|(id, data)| Item::decode(id, data)).collect();
             prop_assert_eq!(read, items);
         }
     }

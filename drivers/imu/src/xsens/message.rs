@@ -2,15 +2,12 @@
 //!
 //! Source: MT0101P, "Message structure".
 
-use crate::frames::{Framing, Look};
+use crate::frames::Framing;
 
-const PREAMBLE: u8 = 0xFA;
-/// The master device: the only one there is.
-const BUS: u8 = 0xFF;
-/// A length of this says that a u16 follows.
+/// A length of this means that a u16 follows.
 const EXTENDED: u8 = 0xFF;
 /// Longest data, MT0101P.
-const LONGEST: usize = 2048;
+const DATA_MAX: usize = 2048;
 
 /// A message whose checksum was right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +20,7 @@ pub struct Message<'a> {
 
 impl<'a> Message<'a> {
     /// A whole frame, as [`XsensFraming`] finds it.
-    pub fn of(frame: &'a [u8]) -> Option<Self> {
+    pub fn from_frame(frame: &'a [u8]) -> Option<Self> {
         let (data, _checksum) = match frame {
             [_, _, _, EXTENDED, high, low, rest @ ..] => {
                 rest.split_at_checked(usize::from(u16::from_be_bytes([*high, *low])))?
@@ -42,8 +39,8 @@ impl<'a> Message<'a> {
 
     /// A message's bytes; data beyond the protocol's 2048 bytes are left out.
     pub fn encode(id: u8, data: &[u8]) -> Vec<u8> {
-        let data = data.get(..LONGEST).unwrap_or(data);
-        let mut bytes = vec![PREAMBLE, BUS, id];
+        let data = data.get(..DATA_MAX).unwrap_or(data);
+        let mut bytes = [&XsensFraming::SYNC[..], &[id]].concat();
         match u8::try_from(data.len()) {
             Ok(length) if length != EXTENDED => bytes.push(length),
             _ => {
@@ -85,37 +82,30 @@ impl<'a> Iterator for Items<'a> {
 pub struct XsensFraming;
 
 impl Framing for XsensFraming {
-    fn look(bytes: &[u8]) -> Look {
-        let begins = bytes
-            .iter()
-            .zip([PREAMBLE, BUS])
-            .all(|(byte, is)| *byte == is);
-        if !begins {
-            return Look::Junk;
-        }
-        let (header, length) = match bytes {
+    /// The preamble, and the master device, the only one there is.
+    const SYNC: [u8; 2] = [0xFA, 0xFF];
+    const LONGEST: usize = 6 + DATA_MAX + 1;
+
+    fn length(bytes: &[u8]) -> Option<usize> {
+        match bytes {
             [_, _, _, EXTENDED, high, low, ..] => {
-                (6, usize::from(u16::from_be_bytes([*high, *low])))
+                Some(6 + usize::from(u16::from_be_bytes([*high, *low])) + 1)
             }
-            [_, _, _, EXTENDED, ..] => return Look::More,
-            [_, _, _, length, ..] => (4, usize::from(*length)),
-            _ => return Look::More,
-        };
-        if length > LONGEST {
-            return Look::Junk;
+            [_, _, _, EXTENDED, ..] => None,
+            [_, _, _, length, ..] => Some(4 + usize::from(*length) + 1),
+            _ => None,
         }
-        match bytes.get(..header + length + 1) {
-            None => Look::More,
-            Some(frame) if sum(frame) == 0 => Look::Frame(frame.len()),
-            Some(_) => Look::Damaged,
-        }
+    }
+
+    fn is_intact(frame: &[u8]) -> bool {
+        sum(frame) == 0
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frames::Frames;
+    use crate::frames::{FrameStart, Frames};
     use proptest::prelude::*;
 
     /// Messages of einride/xsens-go (MIT), client_test.go.
@@ -136,23 +126,23 @@ mod tests {
             ),
         ] {
             assert_eq!(Message::encode(id, data), bytes);
-            assert_eq!(XsensFraming::look(bytes), Look::Frame(bytes.len()));
-            assert_eq!(Message::of(bytes), Some(Message { id, data }));
+            assert_eq!(XsensFraming::inspect(bytes), FrameStart::Frame(bytes.len()));
+            assert_eq!(Message::from_frame(bytes), Some(Message { id, data }));
         }
     }
 
     #[test]
     fn a_length_beyond_the_protocols_is_junk() {
         let bytes = [0xFA, 0xFF, 0x36, 0xFF, 0xFF, 0xFF, 0, 0];
-        assert_eq!(XsensFraming::look(&bytes), Look::Junk);
+        assert_eq!(XsensFraming::inspect(&bytes), FrameStart::Junk);
     }
 
     proptest! {
         #[test]
         fn what_is_encoded_is_read_back(id: u8, data in prop::collection::vec(any::<u8>(), 0..600)) {
             let bytes = Message::encode(id, &data);
-            prop_assert_eq!(XsensFraming::look(&bytes), Look::Frame(bytes.len()));
-            prop_assert_eq!(Message::of(&bytes), Some(Message { id, data: &data }));
+            prop_assert_eq!(XsensFraming::inspect(&bytes), FrameStart::Frame(bytes.len()));
+            prop_assert_eq!(Message::from_frame(&bytes), Some(Message { id, data: &data }));
         }
 
         #[test]

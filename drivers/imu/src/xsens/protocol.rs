@@ -1,17 +1,30 @@
 //! Xbus as a serial protocol: messages to readings.
 
+use super::setup::Step;
 use super::{Item, Message, XsensFraming, XsensSetup, id};
-use crate::frames::{FrameCounts, Frames};
-use crate::protocol::Protocol;
+use crate::command_sequence::CommandSequence;
+use crate::protocol::{Codec, Framed};
 use crate::reading::Reading;
 
 /// Unit of the sample time.
 const TICK_NS: i64 = 100_000;
 
 /// An Xsens device.
+pub type Xsens = Framed<XsensCodec>;
+
+impl Xsens {
+    /// One that is asked for this many readings a second.
+    pub fn new(rate_hz: f64) -> Self {
+        Self::with_codec(XsensCodec {
+            setup: XsensSetup::new(rate_hz),
+            ticks: Ticks::default(),
+        })
+    }
+}
+
+/// What Xbus messages mean.
 #[derive(Debug)]
-pub struct Xsens {
-    frames: Frames<XsensFraming>,
+pub struct XsensCodec {
     setup: XsensSetup,
     ticks: Ticks,
 }
@@ -32,17 +45,6 @@ impl Ticks {
     }
 }
 
-impl Xsens {
-    /// One that is asked for so many readings a second.
-    pub fn new(rate_hz: f64) -> Self {
-        Self {
-            frames: Frames::default(),
-            setup: XsensSetup::new(rate_hz),
-            ticks: Ticks::default(),
-        }
-    }
-}
-
 /// A message of measurements as a reading; none where rate or acceleration is not in it.
 fn reading(message: &Message<'_>, arrival_ns: i64, ticks: &mut Ticks) -> Option<Reading> {
     let (mut rate, mut acceleration) = (None, None);
@@ -51,7 +53,7 @@ fn reading(message: &Message<'_>, arrival_ns: i64, ticks: &mut Ticks) -> Option<
         ..Reading::default()
     };
     for (id, data) in message.items() {
-        match Item::of(id, data) {
+        match Item::decode(id, data) {
             Some(Item::PacketCounter(count)) => reading.counter = Some(count),
             Some(Item::SampleTimeFine(time)) => reading.device_ns = Some(ticks.device_ns(time)),
             Some(Item::Acceleration(values)) => acceleration = Some(values),
@@ -64,39 +66,30 @@ fn reading(message: &Message<'_>, arrival_ns: i64, ticks: &mut Ticks) -> Option<
     Some(reading)
 }
 
-impl Protocol for Xsens {
-    fn opened(&mut self) {
-        self.frames.cut();
-        self.setup.restart();
+impl Codec for XsensCodec {
+    type Framing = XsensFraming;
+    type Step = Step;
+
+    fn restart(&mut self) {
         self.ticks = Ticks::default();
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>) {
-        let (setup, ticks) = (&mut self.setup, &mut self.ticks);
-        self.frames
-            .push(bytes, &mut |frame| match Message::of(frame) {
-                Some(message) if message.id == id::MT_DATA2 => {
-                    readings.extend(reading(&message, arrival_ns, ticks));
-                }
-                Some(message) => setup.take(&message),
-                None => {}
-            });
+    fn command(&self, step: Step) -> Vec<u8> {
+        self.setup.command(step)
     }
 
-    fn send(&mut self, now_ns: i64) -> Option<Vec<u8>> {
-        self.setup.send(now_ns)
-    }
-
-    fn due_ns(&self) -> Option<i64> {
-        self.setup.due_ns()
-    }
-
-    fn counts(&self) -> FrameCounts {
-        self.frames.counts()
-    }
-
-    fn complaint(&self) -> &str {
-        self.setup.complaint()
+    fn take(
+        &mut self,
+        frame: &[u8],
+        commands: &mut CommandSequence<Step>,
+        arrival_ns: i64,
+    ) -> Option<Reading> {
+        let message = Message::from_frame(frame)?;
+        if message.id == id::MT_DATA2 {
+            return reading(&message, arrival_ns, &mut self.ticks);
+        }
+        self.setup.take(&message, commands);
+        None
     }
 
     fn interval_ns(&self) -> i64 {
@@ -107,6 +100,7 @@ impl Protocol for Xsens {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::Protocol;
 
     /// A message as a device sent it: a comment in antymistor/RS485, Demo/HARDWARE/MTI/MTI.h.
     const DEVICE: &[u8] = &[

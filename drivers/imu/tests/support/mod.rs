@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use randt_config::{Config, ImuSource};
-use randt_emulator::imu::{Moments, SerialImu, SerialProtocol};
+use randt_emulator::imu::{ImuMeasurements, SerialImu, SerialProtocol};
 use randt_emulator::{Fault, Faults, Pace, Recording};
 use randt_imu::Imu;
 use randt_log::{LogFile, Options};
@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Whoever waits for something waits so long before the test fails.
+/// Waiting for something takes this time before the test fails.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A folder with a log of an IMU that stands still for a minute, turning slowly: 250 Hz.
@@ -46,18 +46,23 @@ impl Drive {
         self.folder.path().join(name)
     }
 
-    pub fn moments(&self, faults: &[&str]) -> Moments {
+    pub fn measurements(&self, faults: &[&str], seed: u64) -> ImuMeasurements {
         let faults: Vec<Fault> = faults.iter().map(|text| text.parse().unwrap()).collect();
         let recording = Recording::open(&self.path("drive.mcap"), true).unwrap();
         let pace = Pace::new(recording.begin_ns(), None);
-        Moments::new(recording, pace, Faults::new(faults))
+        ImuMeasurements::new(recording, pace, Faults::new(faults).seeded(seed))
     }
 
     /// Plugs a serial IMU in; its port is the link `imu`.
     pub fn serial(&self, protocol: SerialProtocol, faults: &[&str]) -> Emulated {
+        self.serial_seeded(protocol, faults, 1)
+    }
+
+    /// The same, with what is random in the faults drawn by a seed.
+    pub fn serial_seeded(&self, protocol: SerialProtocol, faults: &[&str], seed: u64) -> Emulated {
         let mut imu = SerialImu::open(protocol, Some(&self.path("imu"))).unwrap();
-        let mut moments = self.moments(faults);
-        Emulated::new(move |ends| imu.run(&mut moments, ends).unwrap())
+        let mut measurements = self.measurements(faults, seed);
+        Emulated::new(move |ends| imu.run(&mut measurements, ends).unwrap())
     }
 
     /// The configuration of a driver of the port `imu`.
@@ -160,8 +165,8 @@ impl Driven {
         }
     }
 
-    pub fn until_text(&mut self, part: &str) {
-        self.until(part, |driven| driven.imu.link().text().contains(part));
+    pub fn until_text(&mut self, text: &str) {
+        self.until(text, |driven| driven.imu.link().text().contains(text));
     }
 
     pub fn until_samples(&mut self, more: usize) {

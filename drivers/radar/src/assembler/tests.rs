@@ -7,12 +7,12 @@ const BEAMS: u16 = 220;
 const TURN_NS: i64 = 200_000_000;
 const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
-/// Beam `index` of a radar that turns for ever; its device clock began at 5 s.
+/// Beam `index` of a radar that turns without end; its device clock began at 5 s.
 fn beam(index: i64) -> RawBeam {
     let step_ns = TURN_NS / i64::from(BEAMS);
     let at = index.rem_euclid(i64::from(BEAMS));
     RawBeam {
-        place: Place::Numbered {
+        position: BeamPosition::Numbered {
             sweep: index.div_euclid(i64::from(BEAMS)) as u32,
             beam: at as u16,
         },
@@ -39,7 +39,7 @@ fn beam(index: i64) -> RawBeam {
 /// must be known.
 fn running(index: i64) -> RawBeam {
     let mut beam = beam(index);
-    beam.place = Place::Running(index as u16);
+    beam.position = BeamPosition::Running(index as u16);
     beam.layout.clockwise = true;
     beam
 }
@@ -50,11 +50,14 @@ fn sweeps(
 ) -> Vec<Message<RadarScan>> {
     let mut out = Vec::new();
     let mut beams = beams.into_iter().peekable();
-    if let Some(first) = beams.peek().filter(|beam| beam.place == Place::Running(0)) {
+    if let Some(first) = beams
+        .peek()
+        .filter(|beam| beam.position == BeamPosition::Running(0))
+    {
         let step = (TURN / i64::from(BEAMS)) as u32;
         for before in (1..10_u16).rev() {
             let mut beam = first.clone();
-            beam.place = Place::Running(before.wrapping_neg());
+            beam.position = BeamPosition::Running(before.wrapping_neg());
             beam.azimuth = (u32::from(before) * step).wrapping_neg();
             assembler.push(&beam, &mut |_| {});
         }
@@ -67,7 +70,7 @@ fn sweeps(
     out
 }
 
-/// A radar that stands still for two seconds in the midst of a sweep, and goes on where it was.
+/// A radar that stands still for two seconds in the middle of a sweep, and goes on where it was.
 #[test]
 fn what_was_seen_before_a_pause_is_another_sweep() {
     for kind in [beam, running] {
@@ -210,7 +213,7 @@ fn lost_beams_are_counted_wherever_they_are() {
 }
 
 #[test]
-fn beams_that_change_places_are_put_in_order() {
+fn beams_that_are_reordered_are_put_in_order() {
     let mut order: Vec<i64> = (0..220 * 3).collect();
     for at in [5, 100, 219, 300, 438] {
         order.swap(at, at + 1);
@@ -226,7 +229,7 @@ fn beams_that_change_places_are_put_in_order() {
 }
 
 #[test]
-fn doubled_and_late_beams_are_told_apart() {
+fn doubled_and_late_beams_are_distinguished() {
     let mut assembler = Assembler::new(TURN_NS);
     let order = (0..220 * 2)
         .filter(|index| *index != 50)
@@ -266,7 +269,7 @@ fn numbers_of_sweeps_go_on_at_zero() {
     let mut assembler = Assembler::new(TURN_NS);
     let beams = (0..220 * 4).map(|index| {
         let mut beam = beam(index);
-        if let Place::Numbered { sweep, .. } = &mut beam.place {
+        if let BeamPosition::Numbered { sweep, .. } = &mut beam.position {
             *sweep = sweep.wrapping_sub(2);
         }
         beam
@@ -339,7 +342,7 @@ proptest! {
         let counted: u64 = ["beams_late", "beams_doubled", "beams_of_less_than_half_a_sweep", "beams_before_the_first_sweep"]
             .into_iter().map(|name| count(&assembler, name)).sum();
         let rest = count(&assembler, "beams") - pushed;
-        // What restart gave went to nobody here.
+        // What restart gave was ignored here.
         prop_assert!(given + counted <= pushed + rest && given + counted + 220 >= pushed);
         for scan in &out {
             let beams = scan.head.sweep.beams();
@@ -354,7 +357,7 @@ proptest! {
     ) {
         let mut assembler = Assembler::new(TURN_NS);
         sweeps(&mut assembler, beams.into_iter().map(|(sweep, number, azimuth, device_ns, arrival_ns, numbered)| RawBeam {
-            place: if numbered { Place::Numbered { sweep: sweep % 4, beam: number } } else { Place::Running(number) },
+            position: if numbered { BeamPosition::Numbered { sweep: sweep % 4, beam: number } } else { BeamPosition::Running(number) },
             azimuth,
             device_ns: Some(device_ns),
             arrival_ns,

@@ -1,47 +1,27 @@
-//! Datagrams of beam-udp to beams: fragments are joined.
+//! Datagrams of beam-udp to beams.
 
-use super::packet::{CLOCKWISE, Packet, Refusal};
-use crate::{BeamDecoder, BeamLayout, Place, RawBeam, Sender};
+use super::fragments::FragmentJoiner;
+use super::packet::{Packet, Refusal};
+use crate::counters::counters;
+use crate::{BeamDecoder, BeamLayout, RawBeam, Sender};
 use randt_config::{DevicePin, RadarDriver, SenderPin};
 use randt_device::Count;
 use randt_messages::MAX_BEAMS;
 use std::net::SocketAddr;
 
-/// Beams of one sender that are being joined at a time: datagrams may change places within one beam.
-const JOINED_OF_ONE: usize = 2;
-/// Beams of all senders that are being joined: what one sender leaves incomplete takes no room from another.
-const JOINED: usize = 8;
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Counters {
-    datagrams: u64,
-    foreign: u64,
-    versions: u64,
-    damaged: u64,
-    senseless: u64,
-    devices: u64,
-    senders: u64,
-    incomplete: u64,
-    fragments_doubled: u64,
-}
-
-/// A beam that lacks fragments.
-#[derive(Debug, Default)]
-struct Joined {
-    /// `None`: free.
-    of: Option<Joining>,
-    /// Number and checksum of the fragments that are here.
-    fragments: Vec<(u8, u32)>,
-    beam: RawBeam,
-}
-
-/// What the fragments of a beam have in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Joining {
-    sender: Sender,
-    sweep: u32,
-    beam: u16,
-    fragments: u8,
+counters! {
+    /// Datagrams, and what happened to them.
+    struct Counters {
+        datagrams: event "datagrams",
+        foreign: event "datagrams_of_another_protocol",
+        versions: event "datagrams_of_unknown_version",
+        damaged: event "datagrams_damaged",
+        senseless: event "datagrams_senseless",
+        devices: event "datagrams_of_another_radar",
+        senders: event "datagrams_of_another_sender",
+        incomplete: event "beams_incomplete",
+        fragments_doubled: event "fragments_doubled",
+    }
 }
 
 /// beam-udp to beams: of all senders, or of those that the configuration pins.
@@ -51,10 +31,9 @@ pub struct BeamUdpDecoder {
     device: DevicePin,
     sender: SenderPin,
     from: Option<SocketAddr>,
-    /// Of the last beam.
-    heard: Option<(Sender, BeamLayout)>,
-    joined: [Joined; JOINED],
-    beam: RawBeam,
+    /// Sender and layout of the last beam.
+    last: Option<(Sender, BeamLayout)>,
+    joiner: FragmentJoiner,
     counters: Counters,
 }
 
@@ -66,14 +45,13 @@ impl BeamUdpDecoder {
             device: DevicePin::default(),
             sender: SenderPin::default(),
             from: None,
-            heard: None,
-            joined: Default::default(),
-            beam: RawBeam::default(),
+            last: None,
+            joiner: FragmentJoiner::default(),
             counters: Counters::default(),
         }
     }
 
-    /// Takes only what `radar.device` and `radar.sender` say.
+    /// Takes only the datagrams of `radar.device` and `radar.sender`.
     pub fn pin(&mut self, radar: &RadarDriver) {
         (self.device, self.sender) = (radar.device, radar.sender);
     }
@@ -85,8 +63,8 @@ impl BeamUdpDecoder {
 
     /// The radar and its beams, for people.
     pub fn about(&self) -> String {
-        match self.heard {
-            None => "nothing heard yet".to_owned(),
+        match self.last {
+            None => "nothing received yet".to_owned(),
             Some((sender, layout)) => format!(
                 "{sender}, {} beams of {:.4} m bins, {}clockwise",
                 layout.beams,
@@ -96,7 +74,7 @@ impl BeamUdpDecoder {
         }
     }
 
-    /// What is listened for, for people: empty where it is everybody.
+    /// What is listened for, for people: empty where every sender is.
     pub fn pinned(&self) -> String {
         match (self.device.0, self.sender.ip) {
             (None, None) => String::new(),
@@ -117,92 +95,14 @@ impl BeamUdpDecoder {
             device: packet.device,
             address: self.from,
         };
-        if packet.fragments == 1 {
-            begin(packet, sender, arrival_ns, &mut self.beam);
-            self.beam.fingerprint = checksum;
-            add(packet, self.keep_power, &mut self.beam);
-            self.heard = Some((sender, self.beam.layout));
-            beams(&self.beam);
-            return;
-        }
-        let of = Joining {
-            sender,
-            sweep: packet.sweep,
-            beam: packet.beam,
-            fragments: packet.fragments,
-        };
-        let known = self.joined.iter().position(|joined| joined.of == Some(of));
-        let at = known.unwrap_or_else(|| self.free(&of));
-        let Some(joined) = self.joined.get_mut(at) else {
-            return;
-        };
-        if joined.of != Some(of) {
-            joined.of = Some(of);
-            joined.fragments.clear();
-            begin(packet, sender, arrival_ns, &mut joined.beam);
-        }
-        let mut here = joined.fragments.iter();
-        if let Some((_, copy)) = here.find(|(fragment, _)| *fragment == packet.fragment) {
-            joined.beam.contradicted |= *copy != checksum;
-            self.counters.fragments_doubled += 1;
-            return;
-        }
-        joined.fragments.push((packet.fragment, checksum));
-        joined.beam.fingerprint = joined.beam.fingerprint.wrapping_add(checksum);
-        add(packet, self.keep_power, &mut joined.beam);
-        if joined.fragments.len() == usize::from(packet.fragments) {
-            joined.of = None;
-            // Fragments that changed places.
-            joined.beam.echoes.sort_unstable_by_key(|echo| echo.bin);
-            self.heard = Some((sender, joined.beam.layout));
-            beams(&joined.beam);
+        let joined = self
+            .joiner
+            .push(packet, checksum, sender, self.keep_power, arrival_ns);
+        if let Some(beam) = joined {
+            self.last = Some((sender, beam.layout));
+            beams(beam);
         }
     }
-
-    /// A place for a new beam: a free one, as long as its sender has no more than its share; or that of an older beam,
-    /// which is given up.
-    fn free(&mut self, new: &Joining) -> usize {
-        let of_sender = |joined: &Joined| joined.of.is_some_and(|of| of.sender == new.sender);
-        let all = self.joined.iter().enumerate();
-        let own = all.clone().filter(|(_, joined)| of_sender(joined));
-        let oldest = |(_, joined): &(usize, &Joined)| joined.beam.arrival_ns;
-        let given_up = if own.clone().count() >= JOINED_OF_ONE {
-            own.min_by_key(oldest)
-        } else if let Some((at, _)) = all.clone().find(|(_, joined)| joined.of.is_none()) {
-            return at;
-        } else {
-            all.min_by_key(oldest)
-        };
-        self.counters.incomplete += 1;
-        given_up.map_or(0, |(at, _)| at)
-    }
-}
-
-/// What a beam's first fragment says.
-fn begin(packet: &Packet<'_>, sender: Sender, arrival_ns: i64, beam: &mut RawBeam) {
-    beam.sender = sender;
-    (beam.fingerprint, beam.contradicted) = (0, false);
-    let bin_m = f64::from(packet.resolution_um) * 1e-6;
-    beam.place = Place::Numbered {
-        sweep: packet.sweep,
-        beam: packet.beam,
-    };
-    beam.azimuth = packet.azimuth;
-    beam.device_ns = i64::try_from(packet.device_ns).ok().filter(|ns| *ns > 0);
-    beam.arrival_ns = arrival_ns;
-    beam.layout = BeamLayout {
-        beams: packet.beams,
-        clockwise: packet.flags & CLOCKWISE != 0,
-        bin_m,
-        first_m: f64::from(packet.offset_um) * 1e-6,
-        turn_ns: None,
-    };
-    beam.echoes.clear();
-    beam.dropped = 0;
-}
-
-fn add(packet: &Packet<'_>, keep_power: f32, beam: &mut RawBeam) {
-    beam.dropped += packet.above(keep_power, &mut beam.echoes);
 }
 
 impl BeamDecoder for BeamUdpDecoder {
@@ -229,35 +129,17 @@ impl BeamDecoder for BeamUdpDecoder {
     }
 
     fn restart(&mut self) {
-        self.heard = None;
-        for joined in &mut self.joined {
-            joined.of = None;
-        }
+        self.last = None;
+        self.joiner.restart();
     }
 
-    fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        let counters = &self.counters;
-        tell(Count::event("datagrams", counters.datagrams));
-        tell(Count::event(
-            "datagrams_of_another_protocol",
-            counters.foreign,
-        ));
-        tell(Count::event(
-            "datagrams_of_unknown_version",
-            counters.versions,
-        ));
-        tell(Count::event("datagrams_damaged", counters.damaged));
-        tell(Count::event("datagrams_senseless", counters.senseless));
-        tell(Count::event("datagrams_of_another_radar", counters.devices));
-        tell(Count::event(
-            "datagrams_of_another_sender",
-            counters.senders,
-        ));
-        tell(Count::event("beams_incomplete", counters.incomplete));
-        tell(Count::event(
-            "fragments_doubled",
-            counters.fragments_doubled,
-        ));
+    fn counts(&self, visit: &mut dyn FnMut(Count)) {
+        let counters = Counters {
+            incomplete: self.joiner.incomplete,
+            fragments_doubled: self.joiner.doubled,
+            ..self.counters
+        };
+        counters.visit(visit);
     }
 }
 
@@ -349,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_pinned_is_all_that_is_heard() {
+    fn only_what_is_pinned_is_decoded() {
         let mut decoder = BeamUdpDecoder::new(0.0);
         decoder.pin(&RadarDriver {
             device: DevicePin(Some(1)),
@@ -375,20 +257,20 @@ mod tests {
     }
 
     #[test]
-    fn fragments_of_a_stranger_neither_join_a_beam_nor_take_its_place() {
+    fn fragments_of_another_sender_neither_join_a_beam_nor_displace_it() {
         let mut decoder = BeamUdpDecoder::new(5.0);
         // A fragment of the same beam by another device, and others that stay incomplete.
         let ours = [datagram(0, 0, 2, 0), datagram(0, 1, 2, 2)];
         assert_eq!(beams(&mut decoder, &ours[..1]).len(), 0);
         for port in 0..3 {
             decoder.sent_from(Some(([10, 0, 0, 6], port).into()));
-            let strange = [other(datagram(0, 1, 2, 2)), datagram(port, 0, 2, 0)];
-            assert_eq!(beams(&mut decoder, &strange).len(), 0);
+            let others = [other(datagram(0, 1, 2, 2)), datagram(port, 0, 2, 0)];
+            assert_eq!(beams(&mut decoder, &others).len(), 0);
         }
         decoder.sent_from(None);
         let out = beams(&mut decoder, &ours[1..]);
         assert_eq!((out.len(), out[0].contradicted), (1, false));
-        // Copies of a fragment that differ are told.
+        // Copies of a fragment that differ are marked.
         let mut louder = datagram(1, 0, 2, 0);
         let end = louder.len() - 4;
         louder[end - 1] ^= 1;

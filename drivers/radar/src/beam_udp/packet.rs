@@ -31,7 +31,7 @@ pub enum Format {
 }
 
 impl Format {
-    fn of(code: u8) -> Option<Self> {
+    fn from_code(code: u8) -> Option<Self> {
         [Self::Dense8, Self::Dense16, Self::Sparse]
             .get(usize::from(code))
             .copied()
@@ -65,7 +65,7 @@ impl Format {
 pub struct Packet<'a> {
     /// How values are written.
     pub format: Format,
-    /// Tells radars apart that send to one address.
+    /// Distinguishes radars that send to one address.
     pub device: u32,
     /// Rises by one from sweep to sweep.
     pub sweep: u32,
@@ -126,7 +126,7 @@ impl<'a> Packet<'a> {
     fn fields(mut bytes: Bytes<'a>) -> Option<Self> {
         let body = bytes.0;
         bytes.slice(MAGIC.len() + 1)?;
-        let format = Format::of(bytes.u8()?)?;
+        let format = Format::from_code(bytes.u8()?)?;
         let header = usize::from(bytes.u16_le()?);
         let (device, sweep) = (bytes.u32_le()?, bytes.u32_le()?);
         let (beam, beams) = (bytes.u16_le()?, bytes.u16_le()?);
@@ -295,7 +295,7 @@ mod tests {
             code in 0..3_u8,
             bytes in prop::collection::vec(any::<u8>(), 0..400),
         ) {
-            let format = Format::of(code).unwrap();
+            let format = Format::from_code(code).unwrap();
             let packet = Packet {
                 format,
                 device: numbers[0],
@@ -320,7 +320,7 @@ mod tests {
         /// What is written is read to half a step.
         #[test]
         fn values(intensity in 0.0..120.0_f32, bin in any::<u16>(), code in 0..3_u8) {
-            let format = Format::of(code).unwrap();
+            let format = Format::from_code(code).unwrap();
             let mut values = Vec::new();
             encode_value(format, Echo { bin, intensity }, &mut values);
             let packet = Packet {

@@ -1,7 +1,7 @@
-//! The socket that beam-udp is heard on. Does I/O.
+//! The socket that beam-udp is received on. Does I/O.
 
 use super::decoder::BeamUdpDecoder;
-use crate::{BeamDecoder, Error, Poller, Sink, Source};
+use crate::{BeamDecoder, BeamSink, BeamSource, Error, Poller};
 use nix::sys::socket::{
     ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt, sockopt as kernel,
 };
@@ -17,14 +17,14 @@ use std::sync::Arc;
 const ROOM: usize = 2048;
 /// Datagrams until others have their turn: two sweeps of an iSDR-C, or more.
 const BATCH: usize = 512;
-/// A kernel's stamp that is older says that the date was set meanwhile, ns.
+/// A kernel's stamp that is older means that the date was set meanwhile, ns.
 const AGE_MAX_NS: i64 = 10_000_000_000;
 
 /// What is listened on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Listening {
     address: SocketAddr,
-    /// The group that `address` is, and the interface to hear it on.
+    /// The group that `address` is, and the interface to receive it on.
     group: Option<(Ipv4Addr, Ipv4Addr)>,
     receive_buffer: usize,
 }
@@ -57,7 +57,7 @@ impl Listening {
         };
         let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
         let socket = net::socket_with(family, SocketType::DGRAM, flags, None)?;
-        // Only who may administer the network may go over net.core.rmem_max.
+        // Only with CAP_NET_ADMIN may it exceed net.core.rmem_max.
         if sockopt::set_socket_recv_buffer_size_force(&socket, self.receive_buffer).is_err() {
             sockopt::set_socket_recv_buffer_size(&socket, self.receive_buffer)?;
         }
@@ -86,15 +86,34 @@ pub struct BeamUdpSocket {
     socket: Option<OwnedFd>,
     backoff: Backoff,
     link: Link,
-    /// What is to be known as long as beams come.
+    /// A warning for as long as beams come.
     warning: Option<String>,
+    received: Received,
+    kernel_drops: KernelDrops,
+    buffers: Buffers,
+}
+
+/// What came by the socket.
+#[derive(Debug, Default)]
+struct Received {
     /// Last datagram and last beam, or since when there is none, ns.
     datagram_ns: i64,
     beam_ns: i64,
-    /// Whether a beam came since it was judged last: until one does, an open socket says nothing of a radar.
-    came: bool,
-    kernel_drops: u64,
-    kernel_dropped: u32,
+    /// Whether a beam came since the link was judged last: an open socket alone is no sign of a radar.
+    has_beam: bool,
+}
+
+/// Datagrams that the kernel dropped.
+#[derive(Debug, Default)]
+struct KernelDrops {
+    total: u64,
+    /// The kernel's counter of this socket.
+    of_socket: u32,
+}
+
+/// Room for a datagram and the kernel's control messages.
+#[derive(Debug)]
+struct Buffers {
     datagram: Vec<u8>,
     control: Vec<u8>,
 }
@@ -115,13 +134,12 @@ impl BeamUdpSocket {
             backoff: Backoff::default(),
             link: Link::Starting,
             warning: None,
-            datagram_ns: 0,
-            beam_ns: 0,
-            came: false,
-            kernel_drops: 0,
-            kernel_dropped: 0,
-            datagram: vec![0; ROOM],
-            control: nix::cmsg_space!(nix::sys::time::TimeSpec, u32),
+            received: Received::default(),
+            kernel_drops: KernelDrops::default(),
+            buffers: Buffers {
+                datagram: vec![0; ROOM],
+                control: nix::cmsg_space!(nix::sys::time::TimeSpec, u32),
+            },
         }
     }
 
@@ -138,32 +156,35 @@ impl BeamUdpSocket {
                 self.warning = (got < asked).then(|| {
                     format!(
                         "the socket's receive buffer has {got} bytes of {asked}: beams are lost in busy moments; \
-                         sysctl -w net.core.rmem_max={asked} mends it"
+                         sysctl -w net.core.rmem_max={asked} fixes it"
                     )
                 });
                 self.socket = Some(socket);
-                self.kernel_dropped = 0;
-                (self.datagram_ns, self.beam_ns) = (now_ns, now_ns);
+                self.kernel_drops.of_socket = 0;
+                self.received = Received {
+                    datagram_ns: now_ns,
+                    beam_ns: now_ns,
+                    ..self.received
+                };
                 self.link = Link::Starting;
             }
             Err(error) => {
                 let (address, why) = (self.listening.address, error.kind());
-                self.link =
-                    Link::Trouble(format!("cannot listen on {address} ({why}); trying again"));
+                self.link = Link::Down(format!("cannot listen on {address} ({why}); trying again"));
                 self.backoff.failed(now_ns);
             }
         }
     }
 
     /// Takes what has come; an error closes the socket.
-    fn receive(&mut self, now_ns: i64, sink: &mut dyn Sink) -> nix::Result<()> {
+    fn receive(&mut self, now_ns: i64, sink: &mut dyn BeamSink) -> nix::Result<()> {
         let Some(socket) = &self.socket else {
             return Ok(());
         };
         let date_ns = date_ns();
         for _ in 0..BATCH {
-            let mut room = [IoSliceMut::new(&mut self.datagram)];
-            let control = Some(self.control.as_mut_slice());
+            let mut room = [IoSliceMut::new(&mut self.buffers.datagram)];
+            let control = Some(self.buffers.control.as_mut_slice());
             let message = match recvmsg::<SockaddrStorage>(
                 socket.as_raw_fd(),
                 &mut room,
@@ -187,20 +208,20 @@ impl BeamUdpSocket {
                         }
                     }
                     ControlMessageOwned::RxqOvfl(dropped) => {
-                        let more = dropped.wrapping_sub(self.kernel_dropped);
-                        self.kernel_drops += u64::from(more);
-                        self.kernel_dropped = dropped;
+                        let more = dropped.wrapping_sub(self.kernel_drops.of_socket);
+                        self.kernel_drops.total += u64::from(more);
+                        self.kernel_drops.of_socket = dropped;
                     }
                     _ => {}
                 }
             }
             self.decoder.sent_from(message.address.and_then(address_of));
             let count = message.bytes;
-            let bytes = self.datagram.get(..count).unwrap_or_default();
-            let (beam_ns, came) = (&mut self.beam_ns, &mut self.came);
-            self.datagram_ns = now_ns;
+            let bytes = self.buffers.datagram.get(..count).unwrap_or_default();
+            let received = &mut self.received;
+            received.datagram_ns = now_ns;
             self.decoder.decode(bytes, arrival_ns, &mut |beam| {
-                (*beam_ns, *came) = (now_ns, true);
+                (received.beam_ns, received.has_beam) = (now_ns, true);
                 sink.beam(beam);
             });
         }
@@ -210,8 +231,8 @@ impl BeamUdpSocket {
     fn judge(&mut self, now_ns: i64) {
         let silence_s = self.silence_ns as f64 * 1e-9;
         let address = self.listening.address;
-        if now_ns - self.beam_ns <= self.silence_ns {
-            if std::mem::take(&mut self.came) || self.link.streams() {
+        if now_ns - self.received.beam_ns <= self.silence_ns {
+            if std::mem::take(&mut self.received.has_beam) || self.link.streams() {
                 self.backoff.succeeded();
                 self.link = match &self.warning {
                     Some(warning) => Link::Warning(warning.clone()),
@@ -224,25 +245,25 @@ impl BeamUdpSocket {
             // What is half joined will not be joined any more.
             self.decoder.restart();
         }
-        let text = if now_ns - self.datagram_ns <= self.silence_ns {
+        let text = if now_ns - self.received.datagram_ns <= self.silence_ns {
             let pinned = self.decoder.pinned();
             format!("datagrams on {address}, but no beam{pinned} for more than {silence_s} s")
         } else {
             format!("no datagram on {address} for more than {silence_s} s")
         };
-        self.link = Link::Trouble(text);
+        self.link = Link::Down(text);
     }
 
-    /// Joins the group anew as long as nothing comes: an interface that is unplugged takes its groups along, and the
-    /// socket does not hear of it.
+    /// Joins the group anew as long as nothing comes: an interface that is unplugged loses its groups, and the socket gets
+    /// no error.
     fn join_again(&mut self, now_ns: i64) {
-        let is_silent = matches!(self.link, Link::Trouble(_));
+        let is_silent = matches!(self.link, Link::Down(_));
         if is_silent && self.listening.group.is_some() && self.backoff.is_due(now_ns) {
             // First: where the new interface has the old one's number, the kernel takes both memberships for one.
             self.socket = None;
-            // As long as the interface is away this fails, and is said when it is tried again.
+            // As long as the interface is away this fails, and is reported when it is tried again.
             self.socket = self.open_socket().ok().map(|(socket, _)| socket);
-            self.kernel_dropped = 0;
+            self.kernel_drops.of_socket = 0;
             self.backoff.failed(now_ns);
         }
     }
@@ -262,14 +283,14 @@ fn date_ns() -> i64 {
     time.tv_sec * 1_000_000_000 + time.tv_nsec
 }
 
-impl Source for BeamUdpSocket {
-    fn poll(&mut self, now_ns: i64, sink: &mut dyn Sink) {
+impl BeamSource for BeamUdpSocket {
+    fn poll(&mut self, now_ns: i64, sink: &mut dyn BeamSink) {
         if self.socket.is_none() && self.backoff.is_due(now_ns) {
             self.open(now_ns);
         }
         if let Err(errno) = self.receive(now_ns, sink) {
             let why = std::io::Error::from(errno).kind();
-            self.link = Link::Trouble(format!("the socket failed ({why}); opening it anew"));
+            self.link = Link::Down(format!("the socket failed ({why}); opening it anew"));
             self.socket = None;
             self.backoff.failed(now_ns);
         }
@@ -282,14 +303,14 @@ impl Source for BeamUdpSocket {
     fn due_ns(&self) -> i64 {
         match (&self.socket, &self.link) {
             (None, _) => self.backoff.due_ns(),
-            (Some(_), Link::Trouble(_)) if self.listening.group.is_some() => self.backoff.due_ns(),
-            // It has been said; the next datagram wakes.
-            (Some(_), Link::Trouble(_)) => i64::MAX,
-            (Some(_), _) => self.beam_ns.saturating_add(self.silence_ns + 1),
+            (Some(_), Link::Down(_)) if self.listening.group.is_some() => self.backoff.due_ns(),
+            // It is reported already; the next datagram wakes.
+            (Some(_), Link::Down(_)) => i64::MAX,
+            (Some(_), _) => self.received.beam_ns.saturating_add(self.silence_ns + 1),
         }
     }
 
-    fn begin_anew(&mut self, _: i64, _: &mut dyn Sink) {
+    fn reconnect(&mut self, _: i64, _: &mut dyn BeamSink) {
         self.decoder.restart();
     }
 
@@ -305,11 +326,11 @@ impl Source for BeamUdpSocket {
         )
     }
 
-    fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        self.decoder.counts(tell);
-        tell(Count::event(
+    fn counts(&self, visit: &mut dyn FnMut(Count)) {
+        self.decoder.counts(visit);
+        visit(Count::event(
             "datagrams_dropped_by_the_kernel",
-            self.kernel_drops,
+            self.kernel_drops.total,
         ));
     }
 }

@@ -2,7 +2,7 @@
 
 use super::decoder::NavtechDecoder;
 use super::frame::{command, kind};
-use crate::{BeamDecoder, Poller, Sink, Source};
+use crate::{BeamDecoder, BeamSink, BeamSource, Poller};
 use randt_device::{Backoff, Count, Link};
 use rustix::io::Errno;
 use rustix::net::{self, AddressFamily, SendFlags, SocketFlags, SocketType, ipproto, sockopt};
@@ -10,16 +10,16 @@ use std::net::SocketAddr;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
 
-/// A connection that is not there by then is not going to be, ns: a radar is one switch away.
+/// A connection that takes longer is given up, ns: a radar is one switch away.
 const CONNECT_NS: i64 = 3_000_000_000;
 /// Between signs of life to the radar, ns (Navtech's Colossus).
 const KEEP_ALIVE_NS: i64 = 5_000_000_000;
-/// A radar that is silent for so many times `radar.silence_s` is reached anew: one whose cable was cut never says so.
+/// A radar that is silent for this many times `radar.silence_s` is connected anew: a cut cable gives no error.
 const SILENCES: i64 = 3;
 /// Bytes that are read at once: ten beams.
-const PIECE: usize = 64 << 10;
-/// Pieces until others have their turn: a sweep and a half.
-const PIECES: usize = 32;
+const READ_BYTES: usize = 64 << 10;
+/// Reads until others have their turn: a sweep and a half.
+const READS_MAX: usize = 32;
 
 /// How far the connection is.
 #[derive(Debug)]
@@ -49,15 +49,27 @@ pub struct NavtechClient {
     beam_ns: Option<i64>,
     /// Since when there is no beam, for which the radar was asked once more, ns.
     asked_ns: i64,
-    started: u64,
-    doubts: u64,
+    answered: Answered,
     connects: u64,
-    piece: Vec<u8>,
-    outgoing: Vec<u8>,
+    buffers: Buffers,
+}
+
+/// How many of the decoder's configurations and doubts were answered.
+#[derive(Debug, Default)]
+struct Answered {
+    configurations: u64,
+    doubts: u64,
+}
+
+/// Bytes from the radar, and the command to it.
+#[derive(Debug)]
+struct Buffers {
+    received: Vec<u8>,
+    command: Vec<u8>,
 }
 
 impl NavtechClient {
-    /// Of a radar that need not be there yet.
+    /// A client of a radar that need not be there yet.
     pub fn new(
         address: SocketAddr,
         silence_ns: i64,
@@ -74,11 +86,12 @@ impl NavtechClient {
             link: Link::Starting,
             beam_ns: None,
             asked_ns: 0,
-            started: 0,
-            doubts: 0,
+            answered: Answered::default(),
             connects: 0,
-            piece: vec![0; PIECE],
-            outgoing: Vec::new(),
+            buffers: Buffers {
+                received: vec![0; READ_BYTES],
+                command: Vec::new(),
+            },
         }
     }
 
@@ -105,10 +118,10 @@ impl NavtechClient {
         Ok(())
     }
 
-    /// The connection is gone: says why, and tries again later.
-    fn lost(&mut self, why: String, now_ns: i64, sink: &mut dyn Sink) {
+    /// The connection is gone, for this reason: tries again later.
+    fn lost(&mut self, why: String, now_ns: i64, sink: &mut dyn BeamSink) {
         self.connection = Connection::None;
-        self.link = Link::Trouble(why);
+        self.link = Link::Down(why);
         self.backoff.failed(now_ns);
         self.beam_ns = None;
         self.decoder.restart();
@@ -144,8 +157,8 @@ impl NavtechClient {
         }
     }
 
-    /// Takes what has come and sends what is due; says why the connection must be given up.
-    fn serve(&mut self, now_ns: i64, sink: &mut dyn Sink) -> Result<(), String> {
+    /// Takes what has come and sends what is due; gives the reason for which the connection must be given up.
+    fn serve(&mut self, now_ns: i64, sink: &mut dyn BeamSink) -> Result<(), String> {
         let Connection::Open {
             socket,
             since_ns,
@@ -154,12 +167,12 @@ impl NavtechClient {
         else {
             return Ok(());
         };
-        for _ in 0..PIECES {
-            match rustix::io::read(&*socket, &mut self.piece) {
+        for _ in 0..READS_MAX {
+            match rustix::io::read(&*socket, &mut self.buffers.received) {
                 Ok(0) => return Err("the radar has closed the connection; trying again".to_owned()),
                 Ok(count) => {
                     let beam_ns = &mut self.beam_ns;
-                    let bytes = self.piece.get(..count).unwrap_or_default();
+                    let bytes = self.buffers.received.get(..count).unwrap_or_default();
                     self.decoder.decode(bytes, now_ns, &mut |beam| {
                         *beam_ns = Some(now_ns);
                         sink.beam(beam);
@@ -174,36 +187,36 @@ impl NavtechClient {
             }
         }
         let version = self.decoder.version();
-        if self.started != self.decoder.configurations() {
-            self.started = self.decoder.configurations();
+        if self.answered.configurations != self.decoder.configurations() {
+            self.answered.configurations = self.decoder.configurations();
             self.asked_ns = now_ns;
-            Self::send(socket, version, kind::START_FFT, &mut self.outgoing)?;
+            Self::send(socket, version, kind::START_FFT, &mut self.buffers.command)?;
         }
-        if self.doubts != self.decoder.doubts() {
-            self.doubts = self.decoder.doubts();
+        if self.answered.doubts != self.decoder.doubts() {
+            self.answered.doubts = self.decoder.doubts();
             let kind = kind::CONFIGURATION_REQUEST;
-            Self::send(socket, version, kind, &mut self.outgoing)?;
+            Self::send(socket, version, kind, &mut self.buffers.command)?;
         }
         if now_ns >= *keep_alive_ns {
             *keep_alive_ns = now_ns + KEEP_ALIVE_NS;
-            Self::send(socket, version, kind::KEEP_ALIVE, &mut self.outgoing)?;
+            Self::send(socket, version, kind::KEEP_ALIVE, &mut self.buffers.command)?;
         }
-        let heard_ns = self.beam_ns.unwrap_or(*since_ns);
-        let silent_ns = now_ns - heard_ns;
+        let last_ns = self.beam_ns.unwrap_or(*since_ns);
+        let silent_ns = now_ns - last_ns;
         if silent_ns > SILENCES * self.silence_ns {
             return Err(self.silent());
         }
-        if now_ns - heard_ns.max(self.asked_ns) > self.silence_ns {
-            // It may have been started anew, or have missed the first word.
+        if now_ns - last_ns.max(self.asked_ns) > self.silence_ns {
+            // It may have been started anew, or have missed the first request.
             self.asked_ns = now_ns;
             let ask = match self.decoder.configuration() {
                 Some(_) => kind::START_FFT,
                 None => kind::CONFIGURATION_REQUEST,
             };
-            Self::send(socket, version, ask, &mut self.outgoing)?;
+            Self::send(socket, version, ask, &mut self.buffers.command)?;
         }
         if silent_ns > self.silence_ns {
-            self.link = Link::Trouble(self.silent());
+            self.link = Link::Down(self.silent());
         } else if self.beam_ns.is_some() {
             self.link = Link::Streaming;
             self.backoff.succeeded();
@@ -221,8 +234,8 @@ impl NavtechClient {
     }
 }
 
-impl Source for NavtechClient {
-    fn poll(&mut self, now_ns: i64, sink: &mut dyn Sink) {
+impl BeamSource for NavtechClient {
+    fn poll(&mut self, now_ns: i64, sink: &mut dyn BeamSink) {
         if matches!(self.connection, Connection::None)
             && self.backoff.is_due(now_ns)
             && let Err(errno) = self.connect(now_ns)
@@ -259,14 +272,14 @@ impl Source for NavtechClient {
                 keep_alive_ns,
                 ..
             } => {
-                let heard_ns = self.beam_ns.unwrap_or(*since_ns).max(self.asked_ns);
-                (*keep_alive_ns).min(heard_ns + self.silence_ns + 1)
+                let last_ns = self.beam_ns.unwrap_or(*since_ns).max(self.asked_ns);
+                (*keep_alive_ns).min(last_ns + self.silence_ns + 1)
             }
         }
     }
 
-    fn begin_anew(&mut self, now_ns: i64, sink: &mut dyn Sink) {
-        // A new connection begins with the radar's configuration: what is believed of it may be wrong.
+    fn reconnect(&mut self, now_ns: i64, sink: &mut dyn BeamSink) {
+        // A new connection begins with the radar's configuration: the one in force may be wrong.
         let address = self.address;
         self.lost(
             format!("beams from {address}, but no whole sweep; connecting anew"),
@@ -283,9 +296,9 @@ impl Source for NavtechClient {
         format!("navtech {}: {}", self.address, self.decoder.about())
     }
 
-    fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        tell(Count::event("connections", self.connects));
-        self.decoder.counts(tell);
+    fn counts(&self, visit: &mut dyn FnMut(Count)) {
+        visit(Count::event("connections", self.connects));
+        self.decoder.counts(visit);
     }
 }
 

@@ -1,13 +1,13 @@
-//! What a Navtech says of itself on connecting.
+//! The configuration that a Navtech sends on connecting.
 //!
 //! Source: IASDK (MIT): the fixed part in its C++ header `Configuration` and the Python examples; the protobuf tail
 //! (`ConfigurationData`) from the message in its network tests, of which we read four fields.
 
 use crate::bytes::Bytes;
 
-/// Gains of the range that are believed: the vendor's is 1, and a calibration changes per cents of it.
+/// Plausible gains of the range: the vendor's is 1, and a calibration changes per cents of it.
 const GAINS: core::ops::RangeInclusive<f32> = 0.5..=2.0;
-/// Longest offset of the range that is believed, m: a calibration's are below a few bins.
+/// Longest plausible offset of the range, m: a calibration's are below a few bins.
 const OFFSET_MAX_M: f32 = 50.0;
 
 /// A radar's configuration.
@@ -29,7 +29,7 @@ pub struct Configuration {
     pub range_gain: f32,
     /// Added to range, m.
     pub range_offset_m: f32,
-    /// What the protobuf tail says.
+    /// The content of the protobuf tail.
     pub details: Details,
 }
 
@@ -88,7 +88,7 @@ impl Configuration {
     /// Width of a bin before the gain, m.
     pub fn bin_m(&self) -> f64 {
         let fixed_m = f64::from(self.bin_size_01mm) * 1e-4;
-        // A tail that contradicts the fixed part by more than its rounding is not believed.
+        // A tail that contradicts the fixed part by more than its rounding is ignored.
         match self.details.range_resolution_m.map(f64::from) {
             Some(fine_m) if (fine_m - fixed_m).abs() <= 1e-4 => fine_m,
             _ => fixed_m,

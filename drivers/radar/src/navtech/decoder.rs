@@ -4,20 +4,26 @@ use super::configuration::Configuration;
 use super::fft::Fft;
 use super::frame::{Frame, FrameParser, VERSION, kind};
 use super::order::{Order, Stamps};
-use crate::{BeamDecoder, BeamLayout, Place, RawBeam};
+use crate::counters::counters;
+use crate::{BeamDecoder, BeamLayout, BeamPosition, RawBeam};
 use randt_config::ByteOrder;
 use randt_device::Count;
 use randt_messages::MAX_BEAMS;
 
-/// What is counted beside broken frames.
-#[derive(Clone, Copy, Debug, Default)]
-struct Counters {
-    messages: u64,
-    keep_alives: u64,
-    health: u64,
-    unknown: u64,
-    damaged: u64,
-    unconfigured: u64,
+counters! {
+    /// Messages, and what happened to them.
+    struct Counters {
+        messages: event "messages",
+        keep_alives: event "keep_alives",
+        health: event "health_messages",
+        unknown: event "messages_unknown",
+        damaged: event "messages_damaged",
+        contradicted: event "configurations_contradicted",
+        unconfigured: event "beams_before_configuration",
+        junk_bytes: event "junk_bytes",
+        versions: event "messages_of_unknown_version",
+        oversize: event "messages_oversize",
+    }
 }
 
 /// Colossus to beams; remembers the configuration that the radar sends on connecting.
@@ -32,9 +38,8 @@ struct State {
     stamps: Stamps,
     configuration: Option<Configuration>,
     configurations: u64,
-    /// One that contradicts it, until the radar says it once more.
+    /// One that contradicts it, until the radar sends it once more.
     doubted: Option<Configuration>,
-    doubts: u64,
     sixteen: bool,
     version: u8,
     beam: RawBeam,
@@ -53,7 +58,6 @@ impl NavtechDecoder {
                 configuration: None,
                 configurations: 0,
                 doubted: None,
-                doubts: 0,
                 sixteen: false,
                 version: VERSION,
                 beam: RawBeam::default(),
@@ -68,7 +72,7 @@ impl NavtechDecoder {
         self.state.dense = true;
     }
 
-    /// What the radar has said of itself in this connection.
+    /// The radar's configuration in this connection.
     pub fn configuration(&self) -> Option<&Configuration> {
         self.state.configuration.as_ref()
     }
@@ -80,7 +84,7 @@ impl NavtechDecoder {
 
     /// How many configurations contradicted the one in force: each is to be asked for once more.
     pub fn doubts(&self) -> u64 {
-        self.state.doubts
+        self.state.counters.contradicted
     }
 
     /// The version of the radar's last message, which it is answered in.
@@ -126,27 +130,16 @@ impl BeamDecoder for NavtechDecoder {
         self.state.version = VERSION;
     }
 
-    fn counts(&self, tell: &mut dyn FnMut(Count)) {
-        let (faults, counters) = (self.parser.faults(), &self.state.counters);
-        tell(Count::event("messages", counters.messages));
-        tell(Count::event("keep_alives", counters.keep_alives));
-        tell(Count::event("health_messages", counters.health));
-        tell(Count::event("messages_unknown", counters.unknown));
-        tell(Count::event(
-            "messages_damaged",
-            counters.damaged + faults.cut,
-        ));
-        tell(Count::event(
-            "configurations_contradicted",
-            self.state.doubts,
-        ));
-        tell(Count::event(
-            "beams_before_configuration",
-            counters.unconfigured,
-        ));
-        tell(Count::event("junk_bytes", faults.junk_bytes));
-        tell(Count::event("messages_of_unknown_version", faults.versions));
-        tell(Count::event("messages_oversize", faults.oversize));
+    fn counts(&self, visit: &mut dyn FnMut(Count)) {
+        let faults = self.parser.faults();
+        let counters = Counters {
+            damaged: self.state.counters.damaged + faults.cut,
+            junk_bytes: faults.junk_bytes,
+            versions: faults.versions,
+            oversize: faults.oversize,
+            ..self.state.counters
+        };
+        counters.visit(visit);
     }
 }
 
@@ -168,8 +161,8 @@ impl State {
         }
     }
 
-    /// In a connection a radar changes its configuration seldom, and one wrong message would make all beams wrong that
-    /// follow: another one is believed when it comes twice.
+    /// In a connection a radar changes its configuration rarely, and one wrong message would make all beams wrong that
+    /// follow: another one counts when it comes twice.
     fn configure(&mut self, configuration: Configuration) {
         let is_other = self
             .configuration
@@ -177,7 +170,7 @@ impl State {
             .is_some_and(|current| *current != configuration);
         if is_other && self.doubted.as_ref() != Some(&configuration) {
             self.doubted = Some(configuration);
-            self.doubts += 1;
+            self.counters.contradicted += 1;
             return;
         }
         self.doubted = None;
@@ -198,7 +191,7 @@ impl State {
             return;
         };
         let beam = &mut self.beam;
-        beam.place = Place::Running(fft.counter);
+        beam.position = BeamPosition::Running(fft.counter);
         beam.azimuth = fraction(fft.azimuth, configuration.encoder_size);
         beam.device_ns = self.stamps.read(fft.time);
         beam.arrival_ns = arrival_ns;
@@ -268,11 +261,11 @@ mod tests {
             (azimuths, decoder.configurations(), decoder.doubts())
         };
         assert_eq!(come(&message(400, 1.0)), (Some(400), 1, 0));
-        // Another number of beams, another gain: neither moves what is believed, and the answer is the radar's.
+        // Another number of beams, another gain: neither changes the configuration in force, and the answer is the radar's.
         assert_eq!(come(&message(900, 1.0)), (Some(400), 1, 1));
         assert_eq!(come(&message(400, 1.5)), (Some(400), 1, 2));
         assert_eq!(come(&message(400, 1.0)), (Some(400), 2, 2));
-        // A radar that was set anew says so twice.
+        // A radar that was configured anew sends that twice.
         assert_eq!(come(&message(800, 1.0)), (Some(400), 2, 3));
         assert_eq!(come(&message(800, 1.0)), (Some(800), 3, 3));
         // What no radar has is none at all.

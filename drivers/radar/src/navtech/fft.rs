@@ -6,11 +6,11 @@
 use crate::Echo;
 use crate::bytes::Bytes;
 
-/// Bytes before the bins today; the message says itself how many.
+/// Bytes before the bins today; the message has their number.
 pub const DATA_OFFSET: u16 = 14;
-/// Most bins that are believed: a Navtech has up to 11,000 (500 m at 0.044 m).
+/// Most plausible bins: a Navtech has up to 11,000 (500 m at 0.044 m).
 pub const BINS_MAX: usize = 16_384;
-/// One step of 16 bits in the unit of 8 bits, 0.5 dB. The vendor's words: fixed point with 8 binary places, whose full
+/// One step of 16 bits in the unit of 8 bits, 0.5 dB. By the vendor's documentation: fixed point with 8 binary places, whose full
 /// scale of 141.5 stands for 96.5 dB.
 pub const STEP_16: f32 = 2.0 / 256.0 * 96.5 / 141.5;
 
@@ -109,7 +109,7 @@ impl Bins<'_> {
     }
 }
 
-/// Bins that are looked at at once: most of them are noise, and the compiler compares so many in one instruction or two.
+/// Bins that are compared at once: most of them are noise, and the compiler compares this many in one instruction or two.
 const LANES: usize = 32;
 
 fn above_8(powers: &[u8], keep_power: f32, echoes: &mut Vec<Echo>) {

@@ -10,7 +10,7 @@ pub const SIGNATURE: [u8; 16] = [
 ];
 /// Signature, version, type, length.
 pub const HEADER_BYTES: usize = 22;
-/// Longest payload that is believed: 65,536 bins of 16 bit would be 128 kB.
+/// Longest plausible payload: 65,536 bins of 16 bit would be 128 kB.
 pub const PAYLOAD_MAX: usize = 1 << 20;
 /// The version of today; some vendor programs send 0.
 pub const VERSION: u8 = 1;
@@ -85,7 +85,7 @@ pub struct FrameFaults {
     pub cut: u64,
 }
 
-/// Takes pieces of the stream, gives messages. Where one does not begin with the signature, looks for the next that does,
+/// Takes pieces of the stream, gives messages. Where one does not begin with the signature, it searches the next that does,
 /// byte by byte.
 #[derive(Debug, Default)]
 pub struct FrameParser {
@@ -116,7 +116,7 @@ impl FrameParser {
             } else if length > PAYLOAD_MAX {
                 self.faults.oversize += 1;
             } else {
-                // What has come of it says it too: a wrong length must not swallow a second of beams first.
+                // What has come already shows it: a wrong length must not swallow a second of beams first.
                 let payload = header.0.get(..length);
                 let Some(next) = find_signature(payload.unwrap_or(header.0)) else {
                     payload?;
@@ -126,7 +126,7 @@ impl FrameParser {
                 self.pass_over(HEADER_BYTES + next);
                 continue;
             }
-            // Its length cannot be believed: a good message may begin anywhere behind the signature.
+            // Its length is wrong: a good message may begin anywhere behind the signature.
             self.pass_over(SIGNATURE.len());
         };
         let begin = self.begin + HEADER_BYTES;
@@ -154,7 +154,7 @@ impl FrameParser {
         self.buffer.get(self.begin..).unwrap_or_default()
     }
 
-    /// Moves to the first place where the signature stands, or may stand once more has come.
+    /// Moves to the first signature, or to what may become one when more has come.
     fn skip_junk(&mut self) {
         let rest = self.rest();
         let may_begin = |at: usize| {
@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_believed_is_counted_and_the_next_message_found() {
+    fn what_is_implausible_is_counted_and_the_next_message_found() {
         let mut bytes = Vec::new();
         command(2, kind::KEEP_ALIVE, &mut bytes);
         command(1, kind::KEEP_ALIVE, &mut bytes);

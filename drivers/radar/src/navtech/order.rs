@@ -1,15 +1,15 @@
 //! Which byte of an azimuth's stamp comes first.
 //!
-//! The vendor's C++ and Python say the lowest, its C# and wiki the highest. The epoch is no help: a radar without a time
+//! In the vendor's C++ and Python it is the lowest, in its C# and wiki the highest. The epoch is no help: a radar without a time
 //! server counts from its own start. Successive stamps are: in the right order they rise by fractions of a second, in the
 //! wrong one they leap.
 
 use crate::bytes::Bytes;
 use randt_config::ByteOrder;
 
-/// Stamps in a row that must follow each other before they are believed.
+/// Stamps in a row that must follow each other before the order counts as found.
 const ROW: u32 = 16;
-/// Longest step from one beam to the next that is believed, ns: a radar turns in 0.25 s, and a beam or two may be lost.
+/// Longest plausible step from one beam to the next, ns: a radar turns in 0.25 s, and a beam or two may be lost.
 const STEP_MAX_NS: i64 = 1_000_000_000;
 
 /// An order of bytes.
@@ -48,7 +48,7 @@ impl Order {
     }
 }
 
-/// How far one order has made sense of late.
+/// For how many stamps in a row one order has made sense.
 #[derive(Clone, Copy, Debug, Default)]
 struct Trial {
     last_ns: Option<i64>,
@@ -56,10 +56,10 @@ struct Trial {
 }
 
 impl Trial {
-    fn see(&mut self, stamp_ns: Option<i64>) {
+    fn push(&mut self, stamp_ns: Option<i64>) {
         let step_ns = self.last_ns.zip(stamp_ns).map(|(last_ns, ns)| ns - last_ns);
         self.row = match step_ns {
-            // Beams of one burst may have one stamp; that says nothing.
+            // Beams of one burst may have one stamp, which is no evidence.
             Some(0) => self.row,
             Some(1..=STEP_MAX_NS) => self.row + 1,
             _ => 0,
@@ -78,7 +78,7 @@ pub struct Stamps {
 }
 
 impl Stamps {
-    /// Of an order that is said, or is to be found.
+    /// By an order that is configured, or is to be found.
     pub fn new(wanted: ByteOrder) -> Self {
         Self {
             wanted,
@@ -88,12 +88,12 @@ impl Stamps {
         }
     }
 
-    /// A beam's time, ns of the radar's clock; `None` as long as stamps do not follow each other: then the time of arrival
-    /// is all there is.
+    /// A beam's time, ns of the radar's clock; `None` as long as stamps do not follow each other: then only the time of arrival
+    /// is known.
     pub fn read(&mut self, time: [u8; 8]) -> Option<i64> {
         if self.chosen.is_none() {
-            self.little.see(Order::Little.decode(time));
-            self.big.see(Order::Big.decode(time));
+            self.little.push(Order::Little.decode(time));
+            self.big.push(Order::Big.decode(time));
             self.chosen = self.choice();
         }
         self.chosen.and_then(|order| order.decode(time))
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_said_order_holds() {
+    fn a_configured_order_holds() {
         let mut stamps = Stamps::new(ByteOrder::Little);
         assert_eq!(
             feed(&mut stamps, 1_700_000_000_000_000_000, Order::Big),

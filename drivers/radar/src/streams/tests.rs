@@ -1,4 +1,4 @@
-//! A radar among strangers. Expected of each: the radar's own sweeps, and a word where others sent meanwhile.
+//! A radar among other senders. Expected of each: the radar's own sweeps, contested where others sent meanwhile.
 
 use super::*;
 use crate::Echo;
@@ -21,7 +21,7 @@ fn beam(sender: u16, first_sweep: u32, index: i64) -> RawBeam {
             address: Some(([127, 0, 0, 1], 4000 + sender).into()),
         },
         fingerprint: u32::from(sender) << 16 | at as u32,
-        place: Place::Numbered {
+        position: BeamPosition::Numbered {
             sweep: first_sweep.wrapping_add(index.div_euclid(BEAMS) as u32),
             beam: at as u16,
         },
@@ -96,12 +96,12 @@ fn a_radar_alone_is_taken_from_its_first_sweep_on() {
 }
 
 #[test]
-fn one_beam_of_a_stranger_before_the_radar_changes_nothing() {
+fn one_beam_of_another_sender_before_the_radar_changes_nothing() {
     let clean = sweeps(&mut new(), (0..BEAMS * 5).map(radar).collect());
-    let mut stranger = beam(1, 7, 30);
-    stranger.sender.device = 99;
-    stranger.arrival_ns = EPOCH_NS - 3_000_000_000;
-    let beams = (0..BEAMS * 5).map(radar).chain([stranger]).collect();
+    let mut other_sender = beam(1, 7, 30);
+    other_sender.sender.device = 99;
+    other_sender.arrival_ns = EPOCH_NS - 3_000_000_000;
+    let beams = (0..BEAMS * 5).map(radar).chain([other_sender]).collect();
     assert_eq!(sweeps(&mut new(), beams), clean);
 }
 
@@ -111,7 +111,7 @@ fn random_numbers_do_not_reach_the_radars_sweeps() {
     // Five a second: from elsewhere, and with the radar's own address.
     for sender in [0, 1] {
         let mut random = 7_u64;
-        let strangers = (0..50).map(|at| {
+        let others = (0..50).map(|at| {
             random = random
                 .wrapping_mul(6_364_136_223_846_793_005)
                 .wrapping_add(1);
@@ -120,12 +120,12 @@ fn random_numbers_do_not_reach_the_radars_sweeps() {
             beam
         });
         let mut streams = new();
-        let beams = (0..BEAMS * 50).map(radar).chain(strangers).collect();
+        let beams = (0..BEAMS * 50).map(radar).chain(others).collect();
         let out = sweeps(&mut streams, beams);
         assert_same(&out, &clean);
         assert!(contested(&out) >= 48, "{}", contested(&out));
         assert!(count(&streams, "beams_of_other_senders") >= 48);
-        assert!(streams.stranger().is_some());
+        assert!(streams.other_sender().is_some());
     }
 }
 
@@ -151,7 +151,7 @@ fn of_two_whole_senders_the_first_is_taken_and_doubted_until_it_is_alone() {
     assert_eq!(streams.taken(), Some(radar(0).sender));
 }
 
-/// The address is copied too: nothing tells whose copy is the radar's, but that there are two is told.
+/// The address is copied too: which copy is the radar's cannot be known, but the sweep is contested.
 #[test]
 fn copies_that_differ_contest_the_sweep() {
     for lead_ns in [0, 100_000, TURN_NS, 2 * TURN_NS] {
@@ -165,10 +165,10 @@ fn copies_that_differ_contest_the_sweep() {
         let beams = (0..BEAMS * 40).map(radar).chain(theirs).collect();
         let out = sweeps(&mut streams, beams);
         let from_ns = EPOCH_NS + 10 * TURN_NS;
-        let told = out.iter().find(|scan| scan.head.sweep.is_contested());
-        let after_ns = told.unwrap().head.sweep.end_ns - from_ns;
+        let first = out.iter().find(|scan| scan.head.sweep.is_contested());
+        let after_ns = first.unwrap().head.sweep.end_ns - from_ns;
         println!(
-            "{lead_ns} ns ahead: told after {after_ns} ns, {} of {} sweeps",
+            "{lead_ns} ns ahead: contested after {after_ns} ns, {} of {} sweeps",
             contested(&out),
             out.len()
         );
@@ -210,16 +210,20 @@ fn a_radar_that_begins_anew_is_followed_with_its_first_sweep() {
     }
 }
 
-/// A stranger that keeps the place of a radar that is gone warm with single beams.
+/// Another sender goes on with single beams under the address of a radar that is gone.
 #[test]
-fn a_sender_without_sweeps_makes_way() {
-    let warm = (0..300).map(|at| {
+fn a_sender_without_sweeps_is_replaced() {
+    let single = (0..300).map(|at| {
         let mut beam = radar(BEAMS * 10 + at * BEAMS / 2);
         beam.fingerprint ^= 1;
         beam
     });
     let back = (BEAMS * 15..BEAMS * 40).map(|index| beam(3, 0, index));
-    let beams = (0..BEAMS * 10).map(radar).chain(warm).chain(back).collect();
+    let beams = (0..BEAMS * 10)
+        .map(radar)
+        .chain(single)
+        .chain(back)
+        .collect();
     let mut streams = new();
     let out = sweeps(&mut streams, beams);
     let from_ns = EPOCH_NS + 15 * TURN_NS;
@@ -254,27 +258,27 @@ fn what_does_not_turn_is_no_radar() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
-    /// Strangers of any kind and number, but with another address: the radar's sweeps are what they are without them.
+    /// Other senders of any kind and number, at another address: the radar's sweeps are the same as without them.
     #[test]
-    fn no_stranger_reaches_the_radars_sweeps(
-        strangers in prop::collection::vec((1..400_u16, any::<u32>(), 0..BEAMS * 20, any::<u32>(), 3..1024_u16), 0..400),
+    fn no_other_sender_reaches_the_radars_sweeps(
+        others in prop::collection::vec((1..400_u16, any::<u32>(), 0..BEAMS * 20, any::<u32>(), 3..1024_u16), 0..400),
     ) {
         let clean = sweeps(&mut new(), (0..BEAMS * 20).map(radar).collect());
-        let strangers = strangers.into_iter().map(|(sender, first_sweep, index, azimuth, beams)| {
+        let others = others.into_iter().map(|(sender, first_sweep, index, azimuth, beams)| {
             let mut beam = beam(1, first_sweep, index);
             beam.sender.address = Some(([127, 0, 0, 2], sender).into());
             beam.azimuth = azimuth;
             beam.layout.beams = beams.max(beam_of(&beam) + 1);
             beam
         });
-        let beams = (0..BEAMS * 20).map(radar).chain(strangers).collect();
+        let beams = (0..BEAMS * 20).map(radar).chain(others).collect();
         assert_same(&sweeps(&mut new(), beams), &clean);
     }
 }
 
 fn beam_of(beam: &RawBeam) -> u16 {
-    match beam.place {
-        Place::Numbered { beam, .. } => beam,
-        Place::Running(_) => 0,
+    match beam.position {
+        BeamPosition::Numbered { beam, .. } => beam,
+        BeamPosition::Running(_) => 0,
     }
 }

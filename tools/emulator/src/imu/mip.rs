@@ -1,8 +1,8 @@
 //! A MicroStrain device.
 
-use super::Moment;
+use super::ImuMeasurement;
 use super::device::{Device, is_asked_for};
-use crate::wrong::Wrong;
+use crate::wrong_content::WrongContent;
 use randt_imu::STANDARD_GRAVITY_M_S2;
 use randt_imu::frames::Frames;
 use randt_imu::mip::{Field, MipFraming, Packet, SENSOR_DATA, command};
@@ -12,7 +12,7 @@ const BASE_HZ: u16 = 1000;
 /// "Unknown command", as the vendor numbers it.
 const UNKNOWN_COMMAND: u8 = 1;
 
-/// What it was told.
+/// The device as it was configured.
 #[derive(Debug, Default)]
 pub(super) struct MipDevice {
     frames: Frames<MipFraming>,
@@ -63,7 +63,7 @@ impl Device for MipDevice {
         let state = &mut self.state;
         let mut answers = Vec::new();
         self.frames.push(bytes, &mut |frame| {
-            let Some(packet) = Packet::of(frame) else {
+            let Some(packet) = Packet::from_frame(frame) else {
                 return;
             };
             let mut fields = Vec::new();
@@ -75,28 +75,28 @@ impl Device for MipDevice {
         answers
     }
 
-    fn message(&self, moment: &Moment, interval_ns: i64) -> Option<Vec<u8>> {
+    fn message(&self, measurement: &ImuMeasurement, interval_ns: i64) -> Option<Vec<u8>> {
         let asked_ns = i64::from(self.state.decimation) * 1_000_000_000 / i64::from(BASE_HZ);
-        if !self.state.streams || !is_asked_for(moment, interval_ns, asked_ns) {
+        if !self.state.streams || !is_asked_for(measurement, interval_ns, asked_ns) {
             return None;
         }
-        let fields: Vec<(u8, Vec<u8>)> = measured(moment)
+        let fields: Vec<(u8, Vec<u8>)> = measured(measurement)
             .into_iter()
             .filter(|(descriptor, _)| self.state.fields.contains(descriptor))
             .collect();
         Some(encode(SENSOR_DATA, &fields))
     }
 
-    fn wrong(&self, moment: &Moment, wrong: &mut Wrong) -> Vec<u8> {
+    fn wrong(&self, measurement: &ImuMeasurement, wrong: &mut WrongContent) -> Vec<u8> {
         if wrong.below(3) > 0 {
-            let mut fields = measured(moment).to_vec();
+            let mut fields = measured(measurement).to_vec();
             let at = wrong.below(fields.len() as u64) as usize;
             if let Some((_, data)) = fields.get_mut(at) {
                 wrong.change(data);
             }
             return encode(SENSOR_DATA, &fields);
         }
-        // An answer that nobody asked for.
+        // An answer without a question.
         let set = [command::BASE, command::DM][wrong.below(2) as usize];
         let echoes = [
             command::IDLE,
@@ -120,14 +120,14 @@ impl Device for MipDevice {
 }
 
 /// All that is measured, as fields.
-fn measured(moment: &Moment) -> [(u8, Vec<u8>); 3] {
-    let acceleration = moment
+fn measured(measurement: &ImuMeasurement) -> [(u8, Vec<u8>); 3] {
+    let acceleration = measurement
         .acceleration_m_s2
         .map(|value| (value / STANDARD_GRAVITY_M_S2) as f32);
     let fields = [
-        Field::ReferenceTime(moment.device_ns.unsigned_abs()),
+        Field::ReferenceTime(measurement.device_ns.unsigned_abs()),
         Field::Acceleration(acceleration),
-        Field::Rate(moment.rate_rad_s.map(|value| value as f32)),
+        Field::Rate(measurement.rate_rad_s.map(|value| value as f32)),
     ];
     fields.map(|field| field.encode())
 }

@@ -7,8 +7,8 @@ use super::device::Device;
 use super::mip::MipDevice;
 use super::terminal::{Terminal, link};
 use super::xsens::XsensDevice;
-use super::{Moment, Moments};
-use crate::wrong::Wrong;
+use super::{ImuMeasurement, ImuMeasurements};
+use crate::wrong_content::WrongContent;
 use crate::{Error, FaultKind};
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -16,15 +16,15 @@ use std::time::{Duration, Instant};
 
 /// A device answers within this time.
 const ANSWER: Duration = Duration::from_millis(2);
-/// Fifty bytes, a message, take so long at 921,600 baud: an emulator that was kept from sending does not send all that it
-/// is late with at once, which no port's buffer would hold.
+/// Fifty bytes, a message, take this time at 921,600 baud: an emulator that was kept from sending does not send all that
+/// it is late with at once, which no port's buffer would hold.
 const ON_THE_WIRE: Duration = Duration::from_micros(500);
-/// Every so many messages one is corrupted.
+/// One of this many messages is corrupted.
 const CORRUPTED_EVERY: u64 = 10;
 /// Junk has a signature's first byte in it, as noise may.
 const JUNK: &[u8] = &[0x75, 0x00, 0xFA, 0xFF, 0x75, 0x65, 0x13];
 
-/// What a serial IMU speaks.
+/// The protocol of a serial IMU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SerialProtocol {
     /// MicroStrain MIP.
@@ -75,7 +75,7 @@ impl Plugged {
 }
 
 impl SerialImu {
-    /// Plugs it in: the port is `link`, or else what [`Self::path`] says.
+    /// Plugs it in: the port is `link`, or else [`Self::path`].
     pub fn open(protocol: SerialProtocol, link: Option<&Path>) -> Result<Self, Error> {
         let mut imu = Self {
             protocol,
@@ -108,17 +108,21 @@ impl SerialImu {
         }
     }
 
-    /// Plays all moments, or until the end is asked for.
-    pub fn run(&mut self, moments: &mut Moments, ends: &dyn Fn() -> bool) -> Result<(), Error> {
+    /// Plays all measurements, or until the end is asked for.
+    pub fn run(
+        &mut self,
+        measurements: &mut ImuMeasurements,
+        ends: &dyn Fn() -> bool,
+    ) -> Result<(), Error> {
         let mut closed = 0;
-        let mut wrong = Wrong::new(moments.faults().seed());
-        while let Some(moment) = moments.next_moment()? {
-            let at_s = moments.at_s(moment.stamp_ns);
-            let on = |kind| moments.faults().is_on(kind, at_s);
+        let mut wrong = WrongContent::new(measurements.faults().seed());
+        while let Some(measurement) = measurements.next_measurement()? {
+            let at_s = measurements.at_s(measurement.stamp_ns);
+            let on = |kind| measurements.faults().is_on(kind, at_s);
             let (unplugged, silent) = (on(FaultKind::Unplug), on(FaultKind::Silence));
             let is_wrong = on(FaultKind::Wrong);
-            let close = moments.faults().begun(FaultKind::Close, at_s) > closed;
-            if !self.wait(moments.pace().due(moment.stamp_ns), silent, ends) {
+            let close = measurements.faults().begun(FaultKind::Close, at_s) > closed;
+            if !self.wait(measurements.pace().due(measurement.stamp_ns), silent, ends) {
                 break;
             }
             if unplugged {
@@ -127,21 +131,21 @@ impl SerialImu {
             }
             if self.plugged.is_none() {
                 self.plug()?;
-                moments.begin_clock(moment.stamp_ns);
+                measurements.begin_clock(measurement.stamp_ns);
             }
             if is_wrong
-                && moment.number.is_multiple_of(CORRUPTED_EVERY)
+                && measurement.number.is_multiple_of(CORRUPTED_EVERY)
                 && let Some(plugged) = &mut self.plugged
             {
-                let message = plugged.device.wrong(&moment, &mut wrong);
+                let message = plugged.device.wrong(&measurement, &mut wrong);
                 plugged.terminal.write(&message);
             }
             if close {
                 closed += 1;
-                self.send(&moment, moments, true);
+                self.send(&measurement, measurements, true);
                 self.plug()?;
-            } else if !silent && !moments.is_lost(&moment) {
-                self.send(&moment, moments, false);
+            } else if !silent && !measurements.is_lost(&measurement) {
+                self.send(&measurement, measurements, false);
             }
         }
         self.unplug();
@@ -162,16 +166,19 @@ impl SerialImu {
         }
     }
 
-    fn send(&mut self, moment: &Moment, moments: &Moments, half: bool) {
+    fn send(&mut self, measurement: &ImuMeasurement, measurements: &ImuMeasurements, half: bool) {
         let Some(plugged) = &mut self.plugged else {
             return;
         };
-        let Some(mut message) = plugged.device.message(moment, moments.interval_ns()) else {
+        let Some(mut message) = plugged
+            .device
+            .message(measurement, measurements.interval_ns())
+        else {
             return;
         };
-        let at_s = moments.at_s(moment.stamp_ns);
-        let on = |kind| moments.faults().is_on(kind, at_s);
-        let corrupted = |kind| on(kind) && moment.number.is_multiple_of(CORRUPTED_EVERY);
+        let at_s = measurements.at_s(measurement.stamp_ns);
+        let on = |kind| measurements.faults().is_on(kind, at_s);
+        let corrupted = |kind| on(kind) && measurement.number.is_multiple_of(CORRUPTED_EVERY);
         if corrupted(FaultKind::Checksum)
             && let Some(last) = message.last_mut()
         {
@@ -188,7 +195,7 @@ impl SerialImu {
             bytes.extend_from_slice(plugged.device.oversize());
         }
         bytes.extend(message);
-        if on(FaultKind::Doubled) && moment.number.is_multiple_of(CORRUPTED_EVERY) {
+        if on(FaultKind::Doubled) && measurement.number.is_multiple_of(CORRUPTED_EVERY) {
             bytes.extend_from_within(..);
         }
         plugged.held.extend(bytes);

@@ -55,7 +55,7 @@ impl Terminal {
 
     /// What the host sent.
     pub(super) fn read(&mut self) -> Vec<u8> {
-        // A host that had the port for itself unlocks it by closing it, unless somebody else has it open too: we have.
+        // A host that had the port for itself unlocks it by closing it, unless it is open elsewhere too: here it is.
         let _ = ioctl_tiocnxcl(&self.host);
         let mut bytes = vec![0; 1024];
         let count = self.device.read(&mut bytes).unwrap_or_default();
@@ -75,7 +75,7 @@ impl Terminal {
 
 /// Lets a link point to a terminal, whatever it pointed to before.
 pub(super) fn link(link: &Path, terminal: &Path) -> Result<(), Error> {
-    // A file of somebody's is not ours to replace.
+    // A file that is no link is not ours to replace.
     if fs::symlink_metadata(link).is_ok_and(|there| !there.is_symlink()) {
         return Err(Error::Taken(link.to_owned()));
     }

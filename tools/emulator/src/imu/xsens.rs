@@ -1,8 +1,8 @@
 //! An Xsens device.
 
-use super::Moment;
+use super::ImuMeasurement;
 use super::device::{Device, is_asked_for};
-use crate::wrong::Wrong;
+use crate::wrong_content::WrongContent;
 use randt_imu::frames::Frames;
 use randt_imu::xsens::{Item, Message, XsensFraming, id};
 
@@ -11,7 +11,7 @@ const TICK_NS: i64 = 100_000;
 /// "Message not supported in this state", as the vendor numbers it.
 const INVALID_MESSAGE: u8 = 4;
 
-/// What it was told.
+/// The device as it was configured.
 #[derive(Debug, Default)]
 pub(super) struct XsensDevice {
     frames: Frames<XsensFraming>,
@@ -24,7 +24,7 @@ impl Device for XsensDevice {
         let mut answers = Vec::new();
         let (measures, rate_hz) = (&mut self.measures, &mut self.rate_hz);
         self.frames.push(bytes, &mut |frame| {
-            let Some(message) = Message::of(frame) else {
+            let Some(message) = Message::from_frame(frame) else {
                 return;
             };
             let answer = match message.id {
@@ -49,21 +49,21 @@ impl Device for XsensDevice {
         answers
     }
 
-    fn message(&self, moment: &Moment, interval_ns: i64) -> Option<Vec<u8>> {
+    fn message(&self, measurement: &ImuMeasurement, interval_ns: i64) -> Option<Vec<u8>> {
         let asked_ns = 1_000_000_000 / i64::from(self.rate_hz.max(1));
-        if !self.measures || !is_asked_for(moment, interval_ns, asked_ns) {
+        if !self.measures || !is_asked_for(measurement, interval_ns, asked_ns) {
             return None;
         }
-        Some(Message::encode(id::MT_DATA2, &measured(moment)))
+        Some(Message::encode(id::MT_DATA2, &measured(measurement)))
     }
 
-    fn wrong(&self, moment: &Moment, wrong: &mut Wrong) -> Vec<u8> {
-        let mut data = measured(moment);
+    fn wrong(&self, measurement: &ImuMeasurement, wrong: &mut WrongContent) -> Vec<u8> {
+        let mut data = measured(measurement);
         if wrong.below(3) > 0 {
             wrong.change(&mut data);
             return Message::encode(id::MT_DATA2, &data);
         }
-        // An answer that nobody asked for.
+        // An answer without a question.
         let asked = [
             id::GO_TO_CONFIG,
             id::OUTPUT_CONFIGURATION,
@@ -83,13 +83,13 @@ impl Device for XsensDevice {
     }
 }
 /// All that is measured, as items.
-fn measured(moment: &Moment) -> Vec<u8> {
+fn measured(measurement: &ImuMeasurement) -> Vec<u8> {
     let mut data = Vec::new();
     for item in [
-        Item::PacketCounter(moment.number as u16),
-        Item::SampleTimeFine((moment.device_ns / TICK_NS) as u32),
-        Item::Acceleration(moment.acceleration_m_s2.map(|value| value as f32)),
-        Item::RateOfTurn(moment.rate_rad_s.map(|value| value as f32)),
+        Item::PacketCounter(measurement.number as u16),
+        Item::SampleTimeFine((measurement.device_ns / TICK_NS) as u32),
+        Item::Acceleration(measurement.acceleration_m_s2.map(|value| value as f32)),
+        Item::RateOfTurn(measurement.rate_rad_s.map(|value| value as f32)),
     ] {
         item.encode(&mut data);
     }

@@ -1,8 +1,8 @@
 //! A radar that sends beam-udp.
 
-use super::mishap::Corruption;
+use super::fault_injector::Corruption;
 use super::{Format, Sending, Sent, Wire, play};
-use crate::wrong::Wrong;
+use crate::wrong_content::WrongContent;
 use crate::{Error, Faults, Pace, Recording};
 use randt_messages::RadarScan;
 use randt_radar::Echo;
@@ -10,7 +10,7 @@ use randt_radar::beam_udp::packet::{DATAGRAM_MAX, HEADER_BYTES, Packet, crc32c, 
 use std::f64::consts::TAU;
 use std::net::{SocketAddr, UdpSocket};
 
-/// The radar's number, if anybody asks.
+/// The radar's number.
 const DEVICE: u32 = 1;
 
 /// Where a datagram's content begins: behind magic and version.
@@ -95,16 +95,16 @@ fn no_address(error: std::net::AddrParseError) -> Error {
 impl Wire for BeamUdpSender {
     fn encode(&mut self, beam: &Sending<'_>, messages: &mut Vec<Vec<u8>>) {
         self.write_values(beam);
-        let piece = self.format.values_max() * self.format.width();
-        let fragments = self.values.len().div_ceil(piece).max(1);
+        let fragment_bytes = self.format.values_max() * self.format.width();
+        let fragments = self.values.len().div_ceil(fragment_bytes).max(1);
         for fragment in 0..fragments {
-            let begin = fragment * piece;
-            let end = (begin + piece).min(self.values.len());
+            let begin = fragment * fragment_bytes;
+            let end = (begin + fragment_bytes).min(self.values.len());
             let packet = Packet {
                 format: self.format,
                 device: DEVICE,
                 sweep: beam.turn.number,
-                beam: beam.place,
+                beam: beam.beam,
                 beams: beam.turn.beams,
                 fragment: fragment as u8,
                 fragments: fragments as u8,
@@ -115,7 +115,7 @@ impl Wire for BeamUdpSender {
                 },
                 flags: 0,
                 azimuth: (beam.azimuth_rad / TAU * 4_294_967_296.0).round() as i64 as u32,
-                // 0 would say that there is no clock.
+                // 0 would mean that there is no clock.
                 device_ns: beam.device_ns.max(1).unsigned_abs(),
                 resolution_um: (beam.turn.bin_m * 1e6).round() as u32,
                 offset_um: (beam.turn.first_m * 1e6).round() as i32,
@@ -131,7 +131,7 @@ impl Wire for BeamUdpSender {
         self.socket.send_to(message, self.to).is_ok()
     }
 
-    fn wrong(&self, message: &[u8], wrong: &mut Wrong) -> Vec<u8> {
+    fn wrong(&self, message: &[u8], wrong: &mut WrongContent) -> Vec<u8> {
         let mut message = message.to_vec();
         let end = message.len().saturating_sub(CHECKSUM_BYTES);
         // The header behind magic and version; at times the values.

@@ -1,10 +1,10 @@
 //! A radar that speaks Navtech's Colossus.
 
-use super::mishap::Corruption;
+use super::fault_injector::Corruption;
 use super::server::Server;
 use super::turns::Turn;
 use super::{Order, Sending, Sent, Wire, play};
-use crate::wrong::Wrong;
+use crate::wrong_content::WrongContent;
 use crate::{Error, Faults, Pace, Recording};
 use randt_messages::RadarScan;
 use randt_radar::navtech::configuration::{Configuration, Details};
@@ -59,7 +59,7 @@ impl NavtechServer {
         play(&mut self, recording, pace, faults, seed, ends)
     }
 
-    /// Tells what the radar is, where that is new: with a log's first sweep, or when it shows farther bins.
+    /// Sends the radar's configuration, where that is new: with a log's first sweep, or when it shows farther bins.
     fn configure(&mut self, turn: &Turn) {
         let configuration = configuration(turn, self.sixteen);
         self.body.clear();
@@ -77,7 +77,7 @@ fn configuration(turn: &Turn, sixteen: bool) -> Configuration {
     Configuration {
         azimuths: turn.beams,
         bin_size_01mm: (turn.bin_m * 1e4).round() as u16,
-        // A round number, so that it seldom changes.
+        // A round number, so that it rarely changes.
         bins: turn.bins.next_multiple_of(1000) as u16,
         encoder_size: ENCODER_SIZE,
         rotation_mhz: ((1e12 / turn_ns as f64) / 100.0).round() as u16 * 100,
@@ -114,14 +114,14 @@ impl Wire for NavtechServer {
         self.powers.resize(beam.bins * width, 0);
         for item in beam.returns {
             let at = usize::from(item.bin) * width;
-            let Some(place) = self.powers.get_mut(at..at + width) else {
+            let Some(bin) = self.powers.get_mut(at..at + width) else {
                 continue;
             };
             if self.sixteen {
                 let power = (item.intensity / STEP_16).round() as u16;
-                place.copy_from_slice(&power.to_be_bytes());
+                bin.copy_from_slice(&power.to_be_bytes());
             } else {
-                place.fill(item.intensity.round() as u8);
+                bin.fill(item.intensity.round() as u8);
             }
         }
         // The encoder counts clockwise.
@@ -146,7 +146,7 @@ impl Wire for NavtechServer {
         messages.push(message(kind, &self.body));
     }
 
-    fn wrong(&self, beam: &[u8], wrong: &mut Wrong) -> Vec<u8> {
+    fn wrong(&self, beam: &[u8], wrong: &mut WrongContent) -> Vec<u8> {
         // Another configuration, a beam with another head, or another type of message.
         match wrong.below(3) {
             0 => {

@@ -15,7 +15,7 @@ const BEHIND_MAX: usize = 16 << 20;
 /// Where messages are sent in pieces: bytes that wait for the next piece.
 const SPLITS: [usize; 5] = [1, 700, 23, 3000, 5];
 
-/// Listens, and speaks to whoever asked for beams.
+/// Listens, and sends to the clients that asked for beams.
 pub(crate) struct Server {
     listener: Option<TcpListener>,
     address: SocketAddr,
@@ -63,7 +63,7 @@ impl Server {
         Ok(())
     }
 
-    /// What the radar is: to everybody, and to whoever comes.
+    /// The radar's configuration: to all clients, and to each one that connects.
     pub fn configure(&mut self, message: &[u8]) {
         self.configuration = message.to_vec();
         self.clients
@@ -71,7 +71,7 @@ impl Server {
             .for_each(|client| client.configured = false);
     }
 
-    /// Takes who comes, reads what is asked, sends what waits.
+    /// Accepts clients, reads what is asked, sends what waits.
     pub fn serve(&mut self) {
         while let Some(Ok((stream, _))) = self.listener.as_ref().map(TcpListener::accept) {
             if self.clients.len() < CLIENTS_MAX && stream.set_nonblocking(true).is_ok() {
@@ -91,7 +91,7 @@ impl Server {
         self.clients.retain(|client| !client.gone);
     }
 
-    /// To all who asked for beams; whether there is anybody.
+    /// To all clients that asked for beams; whether there is one.
     pub fn send(&mut self, message: &[u8]) -> bool {
         let mut taken = false;
         for client in self.clients.iter_mut().filter(|client| client.wants_beams) {
@@ -119,7 +119,7 @@ impl Server {
         self.clients.clear();
     }
 
-    /// Nobody is there any more, or again.
+    /// The radar is gone, or back.
     pub fn unplug(&mut self, gone: bool) {
         if gone {
             self.listener = None;

@@ -31,7 +31,7 @@ pub(crate) struct Turn {
 /// A beam.
 pub(crate) struct TurnBeam<'a> {
     /// Its number in the sweep; those that the log lacks are left out.
-    pub place: u16,
+    pub number: u16,
     pub stamp_ns: i64,
     /// Counter-clockwise.
     pub azimuth_rad: f64,
@@ -107,9 +107,9 @@ impl Turn {
                 first_rad - azimuth_rad
             };
             let steps = (turned_rad.rem_euclid(TAU) / self.step_rad()).round() as usize;
-            let place = if whole { index } else { steps };
+            let number = if whole { index } else { steps };
             TurnBeam {
-                place: place.min(usize::from(self.beams) - 1) as u16,
+                number: number.min(usize::from(self.beams) - 1) as u16,
                 stamp_ns: beam.stamp_ns + self.shift_ns,
                 azimuth_rad,
                 returns: self

@@ -34,7 +34,7 @@ pub fn scan(number: usize, clockwise: bool) -> Message<RadarScan> {
     sweep.range_resolution_m = BIN_M;
     sweep.azimuth_step_rad = step_rad;
     for index in 0..BEAMS {
-        // A Navtech's sweep begins at its encoder's zero; any other's where it likes.
+        // A Navtech's sweep begins at its encoder's zero; any other's anywhere.
         let azimuth_rad = if clockwise {
             let turned = -step_rad * index as f32;
             if turned < -std::f32::consts::PI {
@@ -64,7 +64,7 @@ pub fn scan(number: usize, clockwise: bool) -> Message<RadarScan> {
     message
 }
 
-/// A log of so many sweeps.
+/// A log of this many sweeps.
 pub fn log(folder: &tempfile::TempDir, sweeps: usize, clockwise: bool) -> PathBuf {
     let path = folder.path().join("radar.mcap");
     let mut log = LogFile::create(&path, Options::default()).unwrap();
@@ -75,9 +75,9 @@ pub fn log(folder: &tempfile::TempDir, sweeps: usize, clockwise: bool) -> PathBu
     path
 }
 
-/// How a log is spoken.
+/// How a log is protocol.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Spoken {
+pub enum RadarProtocol {
     BeamUdp(Format),
     Navtech { sixteen: bool, order: Order },
 }
@@ -94,7 +94,12 @@ pub struct Emulator {
 
 impl Emulator {
     /// Begins at once.
-    pub fn start(path: PathBuf, spoken: Spoken, address: SocketAddr, faults: &[&str]) -> Self {
+    pub fn start(
+        path: PathBuf,
+        protocol: RadarProtocol,
+        address: SocketAddr,
+        faults: &[&str],
+    ) -> Self {
         let faults: Vec<Fault> = faults.iter().map(|fault| fault.parse().unwrap()).collect();
         let faults = Faults::new(faults);
         let recording = Recording::open(&path, false).unwrap();
@@ -104,14 +109,14 @@ impl Emulator {
         let (mut bound, thread) = (address, move |play: Play| {
             std::thread::spawn(move || play(&|| ending.load(Ordering::Relaxed)))
         });
-        let thread = match spoken {
-            Spoken::BeamUdp(format) => {
+        let thread = match protocol {
+            RadarProtocol::BeamUdp(format) => {
                 let sender = BeamUdpSender::new(address, format).unwrap();
                 thread(Box::new(move |ends| {
                     sender.play(recording, &pace, &faults, 1, ends).unwrap()
                 }))
             }
-            Spoken::Navtech { sixteen, order } => {
+            RadarProtocol::Navtech { sixteen, order } => {
                 let server = NavtechServer::new(address, sixteen, order).unwrap();
                 bound = server.address();
                 thread(Box::new(move |ends| {
@@ -138,24 +143,24 @@ impl Emulator {
 }
 
 /// A free port of this host.
-pub fn free(spoken: Spoken) -> SocketAddr {
-    match spoken {
-        Spoken::BeamUdp(_) => UdpSocket::bind("127.0.0.1:0")
+pub fn free(protocol: RadarProtocol) -> SocketAddr {
+    match protocol {
+        RadarProtocol::BeamUdp(_) => UdpSocket::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()
             .unwrap(),
-        Spoken::Navtech { .. } => TcpListener::bind("127.0.0.1:0")
+        RadarProtocol::Navtech { .. } => TcpListener::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()
             .unwrap(),
     }
 }
 
-pub fn radar(spoken: Spoken, address: SocketAddr) -> Radar {
+pub fn radar(protocol: RadarProtocol, address: SocketAddr) -> Radar {
     let mut config = Config::default();
-    config.radar.source = match spoken {
-        Spoken::BeamUdp(_) => RadarSource::BeamUdp,
-        Spoken::Navtech { .. } => RadarSource::Navtech,
+    config.radar.source = match protocol {
+        RadarProtocol::BeamUdp(_) => RadarSource::BeamUdp,
+        RadarProtocol::Navtech { .. } => RadarSource::Navtech,
     };
     config.radar.byte_order = ByteOrder::Auto;
     config.radar.address = address.to_string();

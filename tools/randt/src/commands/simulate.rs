@@ -180,7 +180,7 @@ fn world(arguments: &Arguments) -> anyhow::Result<World> {
 
 /// The robot that was asked for.
 fn robot(world: &World, arguments: &Arguments) -> Robot {
-    let mut robot = Robot::of(world);
+    let mut robot = Robot::for_world(world);
     robot.radar_mounting = arguments.radar_mounting.unwrap_or(robot.radar_mounting);
     robot.radar_late_ns = (arguments.radar_late * 1e6) as i64;
     if arguments.turns {

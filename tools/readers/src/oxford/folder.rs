@@ -2,7 +2,7 @@
 
 use super::image::PolarImage;
 use super::sweep::build;
-use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, tally::Tally};
+use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, counters::Counters};
 use randt_messages::SensorKind;
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -14,7 +14,7 @@ pub(crate) struct OxfordFolder {
     images: std::vec::IntoIter<PathBuf>,
     power_min: f32,
     sweeps: u64,
-    tally: Tally,
+    counters: Counters,
 }
 
 impl OxfordFolder {
@@ -30,7 +30,7 @@ impl OxfordFolder {
         if images.is_empty() {
             return Ok(None);
         }
-        let mut tally = Tally::default();
+        let mut counters = Counters::default();
         let lists = [Some(path), base]
             .into_iter()
             .flatten()
@@ -39,9 +39,9 @@ impl OxfordFolder {
             && !options.unlisted_scans
         {
             let text = std::fs::read_to_string(&list).map_err(Error::io(&list))?;
-            images = listed(images, folder, &text, &list, &mut tally);
+            images = listed(images, folder, &text, &list, &mut counters);
         }
-        Ok(Some(Self::new(images, options, tally)))
+        Ok(Some(Self::new(images, options, counters)))
     }
 
     /// Opens one image as a log of one sweep.
@@ -50,10 +50,14 @@ impl OxfordFolder {
             path: path.display().to_string(),
             found,
         })?;
-        Ok(Self::new(vec![path.to_owned()], options, Tally::default()))
+        Ok(Self::new(
+            vec![path.to_owned()],
+            options,
+            Counters::default(),
+        ))
     }
 
-    fn new(images: Vec<PathBuf>, options: &Options, tally: Tally) -> Self {
+    fn new(images: Vec<PathBuf>, options: &Options, counters: Counters) -> Self {
         Self {
             info: InputInfo {
                 format: "oxford",
@@ -65,7 +69,7 @@ impl OxfordFolder {
             images: images.into_iter(),
             power_min: options.power_min,
             sweeps: 0,
-            tally,
+            counters,
         }
     }
 }
@@ -97,7 +101,7 @@ fn listed(
     folder: &Path,
     text: &str,
     list: &Path,
-    tally: &mut Tally,
+    counters: &mut Counters,
 ) -> Vec<PathBuf> {
     let present: BTreeSet<&PathBuf> = images.iter().collect();
     let mut found = Vec::new();
@@ -109,7 +113,7 @@ fn listed(
         if present.contains(&path) {
             found.push(path);
         } else {
-            tally.lost("scans_missing", 1, || {
+            counters.count_loss("scans_missing", 1, || {
                 format!(
                     "{}: line {}: no image {}",
                     list.display(),
@@ -120,7 +124,7 @@ fn listed(
         }
     }
     let unlisted = images.len().saturating_sub(found.len()) as u64;
-    tally.noted("scans_unlisted", unlisted, || {
+    counters.count_event("scans_unlisted", unlisted, || {
         format!(
             "{} lists {} of {} images",
             list.display(),
@@ -141,7 +145,7 @@ impl Source for OxfordFolder {
             let image = match PolarImage::read(&path) {
                 Ok(image) => image,
                 Err(why) => {
-                    self.tally.lost("images_unreadable", 1, || {
+                    self.counters.count_loss("images_unreadable", 1, || {
                         format!("{}: {why}", path.display())
                     });
                     continue;
@@ -149,22 +153,23 @@ impl Source for OxfordFolder {
             };
             let (scan, over) = build(&image, self.power_min, self.sweeps);
             self.sweeps += 1;
-            self.tally
-                .lost("beams_lost", u64::from(scan.head.sweep.beams_lost), || {
+            self.counters
+                .count_loss("beams_lost", u64::from(scan.head.sweep.beams_lost), || {
                     format!("{}: rows missing or not marked as measured", path.display())
                 });
-            self.tally.lost("returns_over_limit", over as u64, || {
-                format!(
-                    "{}: the strongest are kept (a higher --power-min leaves fewer)",
-                    path.display()
-                )
-            });
+            self.counters
+                .count_loss("returns_over_limit", over as u64, || {
+                    format!(
+                        "{}: the strongest are kept (a higher --power-min leaves fewer)",
+                        path.display()
+                    )
+                });
             return Ok(Some(Event::Scan(scan)));
         }
         Ok(None)
     }
 
     fn counters(&self) -> Vec<Counter> {
-        self.tally.counters()
+        self.counters.list()
     }
 }

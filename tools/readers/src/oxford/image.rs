@@ -12,9 +12,9 @@ use randt_messages::MAX_BEAMS;
 
 /// Metadata before the powers.
 const METADATA_BYTES: usize = 11;
-/// Widest row that is believed: a Navtech has up to 11,000 bins (500 m at 0.044 m).
+/// Widest plausible row: a Navtech has up to 11,000 bins (500 m at 0.044 m).
 const WIDTH_MAX: u32 = 16_384;
-/// Longest sweep that is believed, us; Navtech radars turn in 0.25 s.
+/// Longest plausible sweep, us; Navtech radars turn in 0.25 s.
 const SWEEP_MAX_US: u64 = 5_000_000;
 /// Counts of the encoder in one turn.
 pub(super) const ENCODER_TURN: u16 = 5600;
@@ -38,7 +38,7 @@ pub(super) struct PolarImage {
 }
 
 impl PolarImage {
-    /// Reads an image; the error says what it has instead of a polar sweep.
+    /// Reads an image; the error has what is there instead of a polar sweep.
     pub fn read(path: &Path) -> Result<Self, String> {
         let file = File::open(path).map_err(|error| error.to_string())?;
         Self::decode(BufReader::new(file))

@@ -7,7 +7,7 @@ use randt_geometry::{Rotation, elementary::PI};
 use randt_messages::{Beam, MAX_RETURNS, Message, RadarScan, Return, SensorKind};
 
 /// Width of a range bin, m: "4.38 cm in range resolution" in the data set's documentation.
-/// Its software kit computes with 0.0432; ARCHITECTURE.md says why we do not.
+/// Its software kit computes with 0.0432; ARCHITECTURE.md has the reason why we do not.
 const RESOLUTION_M: f64 = 0.0438;
 /// The rows' stamps are us.
 const NS_PER_US: i64 = 1000;
@@ -50,7 +50,7 @@ pub(super) fn build(
         if let Some(beam) = sweep.beams.get_mut(index) {
             *beam = Beam {
                 stamp_ns: rotation.ns(*counts as f64),
-                // The encoder counts clockwise; ours is counter-clockwise (DESIGN, invariant 7).
+                // The encoder counts clockwise; azimuths in our messages are counter-clockwise, as REP-103 has them.
                 azimuth_rad: wrap_f32(-f64::from(row.encoder) * rad_per_count),
                 first_return: message.items.len() as u32,
             };

@@ -2,7 +2,7 @@
 
 use super::wire::{Encoding, Malformed, RosHeader, Wire};
 
-/// Rates and specific force; an orientation is somebody else's estimate and left aside.
+/// Rates and specific force; an orientation is another program's estimate and not used.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct RosImu {
     pub header: RosHeader,

@@ -1,7 +1,7 @@
 //! What a bag of any format gives: serialised messages of named channels, in the order of recording.
 
 use super::wire::Encoding;
-use crate::{Error, tally::Tally};
+use crate::{Error, counters::Counters};
 
 /// The message types that matter here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub(crate) enum Kind {
 
 impl Kind {
     /// From a topic and its type, in ROS 1's or ROS 2's spelling.
-    pub fn of(topic: &str, type_name: &str) -> Self {
+    pub fn from_topic(topic: &str, type_name: &str) -> Self {
         match type_name.replace("/msg/", "/").as_str() {
             "sensor_msgs/PointCloud2" => Self::Cloud,
             "sensor_msgs/Imu" => Self::Imu,
@@ -37,7 +37,7 @@ pub(crate) struct Channel {
     pub type_name: String,
     pub kind: Kind,
     pub encoding: Encoding,
-    /// Messages in the recording, as far as its indices say.
+    /// Messages in the recording, by its indices.
     pub messages: u64,
 }
 
@@ -62,10 +62,10 @@ pub(crate) trait Recording {
     fn channels(&self) -> &[Channel];
 
     /// The next message; damage is counted and stepped over.
-    fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error>;
+    fn next_message(&mut self, counters: &mut Counters) -> Result<Option<Raw<'_>>, Error>;
 
     /// Called after the last message: counts damage that only the end showed.
-    fn close(&mut self, _tally: &mut Tally) {}
+    fn close(&mut self, _tally: &mut Counters) {}
 
     /// The messages of static transforms, wherever they are in the recording.
     fn static_transforms(&self) -> &[Vec<u8>];

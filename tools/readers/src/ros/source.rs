@@ -8,7 +8,7 @@ use super::transform::{Transform, Tree};
 use super::wire::{Encoding, Malformed};
 use crate::limit::{is_instant, misreading};
 use crate::sweep::{Polar, Turn};
-use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, tally::Tally};
+use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, counters::Counters};
 use randt_geometry::{Pose2, Quaternion, elementary::atan2};
 use randt_messages::{Header, ImuSample, SensorKind};
 use std::collections::VecDeque;
@@ -26,7 +26,7 @@ pub(crate) struct RosSource {
     /// For messages to the user.
     path: String,
     info: InputInfo,
-    tally: Tally,
+    counters: Counters,
     radar: Option<usize>,
     imu: Option<usize>,
     /// Whether the radar hangs upside down.
@@ -51,7 +51,7 @@ impl RosSource {
         path: &Path,
         options: &Options,
     ) -> Result<Self, Error> {
-        let mut tally = Tally::default();
+        let mut counters = Counters::default();
         let format = recording.format();
         let channels = recording.channels().to_vec();
         let encoding = channels
@@ -59,13 +59,13 @@ impl RosSource {
             .map_or(Encoding::Ros1, |channel| channel.encoding);
         let (radar_topic, imu_topic) =
             (options.radar_topic.as_deref(), options.imu_topic.as_deref());
-        let radar = choose(&channels, Kind::Cloud, radar_topic, path, &mut tally)?;
-        let imu = choose(&channels, Kind::Imu, imu_topic, path, &mut tally)?;
+        let radar = choose(&channels, Kind::Cloud, radar_topic, path, &mut counters)?;
+        let imu = choose(&channels, Kind::Imu, imu_topic, path, &mut counters)?;
         if radar.is_none() && options.radar_required {
-            // It may be the damage that hides the radar: read on to tell it.
-            while recording.next_message(&mut tally)?.is_some() {}
-            recording.close(&mut tally);
-            let damage = tally.counters().into_iter().find(|counter| counter.loss);
+            // It may be the damage that hides the radar: read on to name it.
+            while recording.next_message(&mut counters)?.is_some() {}
+            recording.close(&mut counters);
+            let damage = counters.list().into_iter().find(|counter| counter.loss);
             let damage = damage
                 .map(|counter| format!("; {}", counter.first))
                 .unwrap_or_default();
@@ -88,7 +88,7 @@ impl RosSource {
                 extrinsics: Extrinsics::default(),
                 configuration: None,
             },
-            tally,
+            counters,
             radar,
             imu,
             mirrored: false,
@@ -108,8 +108,8 @@ impl RosSource {
             match decode_transforms(bytes, encoding) {
                 Ok(transforms) => transforms.into_iter().for_each(|t| tree.add(t)),
                 Err(malformed) => self
-                    .tally
-                    .lost("transforms_malformed", 1, || malformed.to_string()),
+                    .counters
+                    .count_loss("transforms_malformed", 1, || malformed.to_string()),
             }
         }
         let (mut clouds, mut samples) = (0, 0);
@@ -136,11 +136,11 @@ impl RosSource {
             })
             .collect();
         if !sweeps.is_empty() {
-            let turn = Turn::learn(&sweeps, options, &mut self.tally);
+            let turn = Turn::learn(&sweeps, options, &mut self.counters);
             self.info.sensor = turn.sensor();
             self.turn = Some(turn);
         } else if self.radar.is_some() {
-            self.turn = Some(Turn::learn(&[], options, &mut self.tally));
+            self.turn = Some(Turn::learn(&[], options, &mut self.counters));
         }
         Ok(())
     }
@@ -155,18 +155,18 @@ impl RosSource {
             Decoded::Imu(imu, _) => Some(imu.header.frame.as_str()),
             _ => None,
         });
-        let tally = &mut self.tally;
-        let mut place = |frame: Option<&str>, name: &'static str| {
+        let counters = &mut self.counters;
+        let mut mounting = |frame: Option<&str>, name: &'static str| {
             let frame = frame?;
-            let place = tree.in_base(frame);
-            if place.is_none() {
-                tally.noted(name, 1, || {
+            let found = tree.in_base(frame);
+            if found.is_none() {
+                counters.count_event(name, 1, || {
                     format!("no static transform from base_link to {frame}: identity assumed")
                 });
             }
-            place
+            found
         };
-        if let Some((translation, rotation)) = place(radar, "radar_mounting_assumed") {
+        if let Some((translation, rotation)) = mounting(radar, "radar_mounting_assumed") {
             let forward: [f64; 3] = rotation.rotate([1.0, 0.0, 0.0].into()).into();
             let up: [f64; 3] = rotation.rotate([0.0, 0.0, 1.0].into()).into();
             let ([x_m, y_m, _], [fx, fy, _], [_, _, uz]) = (translation, forward, up);
@@ -174,15 +174,15 @@ impl RosSource {
             self.info.extrinsics.radar = Some(Pose2::new(x_m, y_m, atan2(fy, fx)));
         }
         let imu: Option<Quaternion> =
-            place(imu, "imu_mounting_assumed").map(|(_, rotation)| rotation);
+            mounting(imu, "imu_mounting_assumed").map(|(_, rotation)| rotation);
         self.info.extrinsics.imu = imu;
     }
 
     /// The next message of a topic that matters; malformed ones are counted and stepped over.
     fn decode_next(&mut self) -> Result<Option<Decoded>, Error> {
         loop {
-            let Some(raw) = self.recording.next_message(&mut self.tally)? else {
-                self.recording.close(&mut self.tally);
+            let Some(raw) = self.recording.next_message(&mut self.counters)? else {
+                self.recording.close(&mut self.counters);
                 return Ok(None);
             };
             let (index, arrival_ns, offset, bytes) =
@@ -220,13 +220,14 @@ impl RosSource {
         };
         if header.stamp_ns == 0 {
             header.stamp_ns = arrival_ns;
-            self.tally.noted("stamps_taken_from_arrival", 1, || {
-                format!("a message of frame {} without a stamp", header.frame)
-            });
+            self.counters
+                .count_event("stamps_taken_from_arrival", 1, || {
+                    format!("a message of frame {} without a stamp", header.frame)
+                });
         }
         let (stamp_ns, path) = (header.stamp_ns, &self.path);
         if !is_instant(stamp_ns) {
-            self.tally.lost("stamps_out_of_range", 1, || {
+            self.counters.count_loss("stamps_out_of_range", 1, || {
                 format!(
                     "{path}: stamp {stamp_ns}, which no measurement has; expected ns since 1970"
                 )
@@ -242,7 +243,7 @@ impl RosSource {
             _ => "transforms_malformed",
         };
         let path = &self.path;
-        self.tally.lost(name, 1, || {
+        self.counters.count_loss(name, 1, || {
             format!("{path}: chunk at byte {offset}: {malformed}")
         });
     }
@@ -251,28 +252,31 @@ impl RosSource {
         match decoded {
             Decoded::Cloud(cloud) => {
                 let (polar, without_direction) = Polar::from_cloud(&cloud, self.mirrored);
-                self.tally.noted(
+                self.counters.count_event(
                     "returns_at_range_zero",
                     u64::from(without_direction),
                     || "a return at range 0 has no direction".to_owned(),
                 );
-                self.tally
-                    .noted("returns_not_finite", u64::from(cloud.not_finite), || {
+                self.counters.count_event(
+                    "returns_not_finite",
+                    u64::from(cloud.not_finite),
+                    || {
                         format!(
                             "a NaN or infinite value in the sweep stamped {}",
                             cloud.header.stamp_ns
                         )
-                    });
+                    },
+                );
                 let scan = self
                     .turn
                     .as_ref()?
-                    .build(polar, self.sweeps, &mut self.tally);
+                    .build(polar, self.sweeps, &mut self.counters);
                 self.sweeps += 1;
                 Some(Event::Scan(scan))
             }
             Decoded::Imu(imu, arrival_ns) => {
                 if let Some(name) = misreading(&imu.rate_rad_s, &imu.acceleration_m_s2) {
-                    self.tally.lost(name, 1, || {
+                    self.counters.count_loss(name, 1, || {
                         let (rate, acceleration) = (imu.rate_rad_s, imu.acceleration_m_s2);
                         format!(
                             "{rate:?} rad/s, {acceleration:?} m/s^2 in the sample stamped {}",
@@ -321,7 +325,7 @@ impl Source for RosSource {
     }
 
     fn counters(&self) -> Vec<Counter> {
-        self.tally.counters()
+        self.counters.list()
     }
 }
 
@@ -342,7 +346,7 @@ fn choose(
     kind: Kind,
     wanted: Option<&str>,
     path: &Path,
-    tally: &mut Tally,
+    counters: &mut Counters,
 ) -> Result<Option<usize>, Error> {
     let of_kind = || {
         channels
@@ -380,7 +384,7 @@ fn choose(
         } else {
             "imu_topic_chosen"
         };
-        tally.noted(name, 1, || {
+        counters.count_event(name, 1, || {
             let others: Vec<_> = of_kind()
                 .map(|(_, c)| format!("{} ({})", c.topic, c.messages))
                 .collect();

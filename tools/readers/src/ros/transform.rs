@@ -12,7 +12,7 @@ pub(crate) struct Transform {
     pub rotation: Quaternion,
 }
 
-/// Names of the robot's own frame, best first (REP-105, and what is seen).
+/// Names of the robot's own frame, best first (REP-105, and common practice).
 const BASE_FRAMES: [&str; 2] = ["base_link", "base_footprint"];
 
 /// Frames on the way from the base to a sensor; more is a loop.
@@ -59,7 +59,7 @@ impl Tree {
         }
     }
 
-    /// A sensor's place in the base frame: translation m and rotation; `None` without a static chain.
+    /// A sensor's pose in the base frame: translation m and rotation; `None` without a static chain.
     pub fn in_base(&self, frame: &str) -> Option<([f64; 3], Quaternion)> {
         let mut frame = frame.trim_start_matches('/');
         let mut translation = [0.0; 3];

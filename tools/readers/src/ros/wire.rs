@@ -8,11 +8,11 @@
 pub(crate) enum Encoding {
     /// ROS 1: packed, little-endian.
     Ros1,
-    /// ROS 2: CDR behind a 4-byte encapsulation header that says the byte order.
+    /// ROS 2: CDR behind a 4-byte encapsulation header that has the byte order.
     Cdr,
 }
 
-/// Why a message cannot be decoded: the place and what should be there.
+/// Why a message cannot be decoded: the offset and what should be there.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what} at byte {at} of a message of {length}")]
 pub(crate) struct Malformed {

@@ -4,12 +4,12 @@ use super::chunk::ChunkHeader;
 use super::record::{Fields, Op, Record, connection};
 use super::walker::{MAGIC, Step, Walker};
 use crate::ros::{Channel, Encoding, Kind, Raw, Recording};
-use crate::{Error, tally::Tally};
+use crate::{Error, counters::Counters};
 use core::ops::Range;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Damaged places after which the rest is given up: each costs a search through the file.
+/// Damaged records after which the rest is given up: each costs a search through the file.
 const DAMAGE_MAX: u64 = 1000;
 /// Messages of static transforms that are kept; a robot has one for each publisher.
 const TRANSFORMS_MAX: usize = 1000;
@@ -48,7 +48,7 @@ struct Found {
     bytes: Range<usize>,
 }
 
-/// What a first walk over the file, without decompression, tells.
+/// What a first walk over the file, without decompression, finds.
 #[derive(Debug, Default)]
 struct Survey {
     /// Messages by connection number.
@@ -158,7 +158,7 @@ impl Bag {
     fn collect(&mut self, at: u64, only_chunk: Option<u64>) -> Result<(), Error> {
         self.seek(at);
         // The reading proper will count the damage.
-        let mut unseen = Tally::default();
+        let mut unseen = Counters::default();
         while let Some(found) = self.advance(&mut unseen)? {
             if only_chunk.is_some_and(|chunk| chunk != self.chunk.at) {
                 break;
@@ -185,7 +185,7 @@ impl Bag {
         let same = |c: &Channel| c.topic == topic && c.type_name == type_name;
         let index = self.channels.iter().position(same).unwrap_or_else(|| {
             self.channels.push(Channel {
-                kind: Kind::of(&topic, &type_name),
+                kind: Kind::from_topic(&topic, &type_name),
                 topic,
                 type_name,
                 encoding: Encoding::Ros1,
@@ -197,7 +197,7 @@ impl Bag {
     }
 
     /// The next message of the present chunk, of the next one, or of the next whole one.
-    fn advance(&mut self, tally: &mut Tally) -> Result<Option<Found>, Error> {
+    fn advance(&mut self, counters: &mut Counters) -> Result<Option<Found>, Error> {
         loop {
             let rest = self
                 .chunk
@@ -205,7 +205,7 @@ impl Bag {
                 .get(self.chunk.cursor..)
                 .unwrap_or_default();
             if rest.is_empty() && self.chunk.broken.is_none() {
-                if !self.next_chunk(tally)? {
+                if !self.next_chunk(counters)? {
                     return Ok(None);
                 }
                 continue;
@@ -218,7 +218,7 @@ impl Bag {
                 let (at, from) = (self.chunk.at, self.chunk.data_at);
                 self.chunk.bytes.clear();
                 let damage = self.walker.damage(at, from, what)?;
-                if !self.count_damage(damage, tally)? {
+                if !self.count_damage(damage, counters)? {
                     return Ok(None);
                 }
                 continue;
@@ -240,7 +240,7 @@ impl Bag {
                                 bytes,
                             }));
                         }
-                        None => tally.lost("messages_of_unknown_topic", 1, || {
+                        None => counters.count_loss("messages_of_unknown_topic", 1, || {
                             format!(
                                 "{}: chunk at byte {}: connection {number:?} is not declared",
                                 self.walker.path.display(),
@@ -263,11 +263,11 @@ impl Bag {
     }
 
     /// Loads the next chunk, as far as it can be decompressed; false at the end.
-    fn next_chunk(&mut self, tally: &mut Tally) -> Result<bool, Error> {
+    fn next_chunk(&mut self, counters: &mut Counters) -> Result<bool, Error> {
         loop {
             match self.walker.step()? {
                 Step::End => {
-                    self.count_missing_end(tally);
+                    self.count_missing_end(counters);
                     return Ok(false);
                 }
                 Step::Record { op, header, data } => {
@@ -286,7 +286,7 @@ impl Bag {
                     return Ok(true);
                 }
                 damage @ Step::Damage { .. } => {
-                    if !self.count_damage(damage, tally)? {
+                    if !self.count_damage(damage, counters)? {
                         return Ok(false);
                     }
                 }
@@ -294,19 +294,19 @@ impl Bag {
         }
     }
 
-    /// A file that ends between two records says so only by where its header puts the index.
-    fn count_missing_end(&self, tally: &mut Tally) {
+    /// A file that ends between two records shows it only by where its header puts the index.
+    fn count_missing_end(&self, counters: &mut Counters) {
         let (path, length, index_at) = (
             self.walker.path.display(),
             self.walker.length,
             self.index_at,
         );
         if index_at == 0 {
-            tally.noted("bag_not_closed", 1, || {
+            counters.count_event("bag_not_closed", 1, || {
                 format!("{path}: the recorder wrote no index; all {length} bytes were read")
             });
         } else if index_at > length && self.damages == 0 {
-            tally.lost("bag_damaged", 1, || {
+            counters.count_loss("bag_damaged", 1, || {
                 format!(
                     "{path}: the file ends at byte {length}, before its index at byte {index_at}"
                 )
@@ -335,8 +335,8 @@ impl Bag {
         Ok(())
     }
 
-    /// Counts a damaged place; false where reading ends there.
-    fn count_damage(&mut self, damage: Step, tally: &mut Tally) -> Result<bool, Error> {
+    /// Counts a damaged record; false where reading ends there.
+    fn count_damage(&mut self, damage: Step, counters: &mut Counters) -> Result<bool, Error> {
         let Step::Damage { at, what, resumed } = damage else {
             return Ok(true);
         };
@@ -354,9 +354,9 @@ impl Bag {
         };
         // Behind the last chunk is only the index, which was not needed.
         if self.index_at > 0 && at >= self.index_at && resumed == self.walker.length {
-            tally.noted("bag_index_damaged", 1, first);
+            counters.count_event("bag_index_damaged", 1, first);
         } else {
-            tally.lost("bag_damaged", 1, first);
+            counters.count_loss("bag_damaged", 1, first);
         }
         Ok(goes_on)
     }
@@ -375,8 +375,8 @@ impl Recording for Bag {
         &self.transforms
     }
 
-    fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
-        let Some(found) = self.advance(tally)? else {
+    fn next_message(&mut self, counters: &mut Counters) -> Result<Option<Raw<'_>>, Error> {
+        let Some(found) = self.advance(counters)? else {
             return Ok(None);
         };
         Ok(Some(Raw {

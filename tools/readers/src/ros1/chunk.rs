@@ -3,8 +3,8 @@
 use super::record::Fields;
 use std::io::{BufReader, Read, Take};
 
-/// Largest decompressed chunk that is believed, bytes. rosbag writes 768 KiB, or one message where that is more;
-/// the largest that anybody records, a raw camera image, is about 30 MB.
+/// Largest plausible decompressed chunk, bytes. rosbag writes 768 KiB, or one message where that is more;
+/// the largest in common recordings, a raw camera image, is about 30 MB.
 const CHUNK_MAX: u64 = 256 << 20;
 
 /// Longest header of a chunk record: three short fields.

@@ -1,6 +1,6 @@
 //! The record of a ROS 1 bag: a header of named fields, then data, each behind its length.
 
-/// Longest header that is believed. The longest in use, a connection's, is about its topic's length.
+/// Longest plausible header. The longest in use, a connection's, is about its topic's length.
 pub(super) const HEADER_MAX: usize = 1 << 16;
 
 /// What a record is.

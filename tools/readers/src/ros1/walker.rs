@@ -45,7 +45,7 @@ pub(super) enum Step {
     End,
 }
 
-/// A place in a bag's file.
+/// A position in a bag's file.
 #[derive(Debug)]
 pub(super) struct Walker {
     file: BufReader<File>,

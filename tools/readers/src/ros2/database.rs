@@ -1,7 +1,7 @@
 //! A ROS 2 bag in SQLite (db3) as a recording.
 
 use crate::ros::{Channel, Encoding, Kind, Raw, Recording};
-use crate::{Error, tally::Tally};
+use crate::{Error, counters::Counters};
 use rusqlite::{Connection, OpenFlags};
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ pub(crate) const MAGIC: &[u8] = b"SQLite format 3\0";
 const BATCH: i64 = 64;
 /// Messages of static transforms that are kept.
 const TRANSFORMS_MAX: i64 = 1000;
-/// Damaged places after which the rest is given up: each costs SQLite some milliseconds.
+/// Damaged records after which the rest is given up: each costs SQLite some milliseconds.
 const DAMAGE_MAX: u64 = 1000;
 
 /// A database that is being read, in the order in which it was written.
@@ -85,7 +85,7 @@ impl Database {
             self.numbers.push(number);
             self.channels.push(Channel {
                 kind: if format == "cdr" {
-                    Kind::of(&topic, &type_name)
+                    Kind::from_topic(&topic, &type_name)
                 } else {
                     Kind::Other
                 },
@@ -136,7 +136,7 @@ impl Database {
     }
 
     /// Fetches the next messages; over a damaged page by ever longer steps.
-    fn fetch_over_damage(&mut self, tally: &mut Tally) {
+    fn fetch_over_damage(&mut self, counters: &mut Counters) {
         let mut step: i64 = 1;
         while self.batch.is_empty() && !self.ended {
             let before = self.last;
@@ -145,7 +145,7 @@ impl Database {
                 Err(error) => {
                     self.damages += 1;
                     let path = self.path.display();
-                    tally.lost("database_damaged", 1, || {
+                    counters.count_loss("database_damaged", 1, || {
                         format!("{path}: behind message {before}: {error}")
                     });
                     // What came before the error in this batch is good.
@@ -174,17 +174,17 @@ impl Recording for Database {
         &self.transforms
     }
 
-    fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
+    fn next_message(&mut self, counters: &mut Counters) -> Result<Option<Raw<'_>>, Error> {
         loop {
             if self.batch.is_empty() {
-                self.fetch_over_damage(tally);
+                self.fetch_over_damage(counters);
             }
             let Some(row) = self.batch.pop() else {
                 return Ok(None);
             };
             let Some(channel) = self.numbers.iter().position(|number| *number == row.topic) else {
                 let path = self.path.display();
-                tally.lost("messages_of_unknown_topic", 1, || {
+                counters.count_loss("messages_of_unknown_topic", 1, || {
                     format!(
                         "{path}: message {}: topic {} is not declared",
                         row.id, row.topic

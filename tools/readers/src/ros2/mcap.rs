@@ -2,7 +2,7 @@
 
 use crate::ros::{Channel, Encoding, Kind, Raw, Recording};
 use crate::summary::Summary;
-use crate::{Error, tally::Tally};
+use crate::{Error, counters::Counters};
 use randt_log::{Damage, LogReader};
 use std::fs::File;
 use std::io::BufReader;
@@ -31,7 +31,7 @@ fn channel(topic: &str, type_name: &str, encoding: &str) -> Option<Channel> {
     Some(Channel {
         topic: topic.to_owned(),
         type_name: type_name.to_owned(),
-        kind: Kind::of(topic, type_name),
+        kind: Kind::from_topic(topic, type_name),
         encoding,
         messages: 0,
     })
@@ -54,11 +54,11 @@ impl McapBag {
         Ok(bag)
     }
 
-    /// The place of a channel in the list, which it joins if it is new.
-    fn place(&mut self, topic: &str, type_name: &str, encoding: &str) -> Option<usize> {
+    /// The index of a channel in the list, to which it is added if it is new.
+    fn index_of(&mut self, topic: &str, type_name: &str, encoding: &str) -> Option<usize> {
         let same = |c: &Channel| c.topic == topic && c.type_name == type_name;
-        if let Some(place) = self.channels.iter().position(same) {
-            return Some(place);
+        if let Some(index) = self.channels.iter().position(same) {
+            return Some(index);
         }
         self.channels.push(channel(topic, type_name, encoding)?);
         Some(self.channels.len() - 1)
@@ -70,8 +70,8 @@ impl McapBag {
             return false;
         };
         for (topic, type_name, encoding, messages) in summary.channels() {
-            if let Some(place) = self.place(&topic, &type_name, &encoding)
-                && let Some(channel) = self.channels.get_mut(place)
+            if let Some(index) = self.index_of(&topic, &type_name, &encoding)
+                && let Some(channel) = self.channels.get_mut(index)
             {
                 channel.messages += messages;
             }
@@ -92,11 +92,11 @@ impl McapBag {
         let mut reader = LogReader::open(path)?;
         while let Some(entry) = reader.next_entry()? {
             let from = entry.channel;
-            let Some(place) = self.place(&from.topic, &from.type_name, &from.message_encoding)
+            let Some(index) = self.index_of(&from.topic, &from.type_name, &from.message_encoding)
             else {
                 continue;
             };
-            if let Some(channel) = self.channels.get_mut(place) {
+            if let Some(channel) = self.channels.get_mut(index) {
                 channel.messages += 1;
                 if channel.kind == Kind::StaticTransforms && self.transforms.len() < TRANSFORMS_MAX
                 {
@@ -109,14 +109,14 @@ impl McapBag {
 }
 
 /// Counts what a reader met of damage since it was last asked.
-pub(crate) fn count_damage(now: &[Damage], counted: &mut Vec<Damage>, tally: &mut Tally) {
+pub(crate) fn count_damage(now: &[Damage], counted: &mut Vec<Damage>, counters: &mut Counters) {
     for damage in now {
         let known = counted
             .iter()
             .find(|known| known.kind == damage.kind)
             .map_or(0, |k| k.count);
         let new = damage.count.saturating_sub(known);
-        tally.lost(damage.kind.name(), new, || damage.first.clone());
+        counters.count_loss(damage.kind.name(), new, || damage.first.clone());
     }
     if now != counted.as_slice() {
         *counted = now.to_vec();
@@ -136,19 +136,19 @@ impl Recording for McapBag {
         &self.transforms
     }
 
-    fn close(&mut self, tally: &mut Tally) {
-        count_damage(self.reader.damage(), &mut self.counted, tally);
+    fn close(&mut self, counters: &mut Counters) {
+        count_damage(self.reader.damage(), &mut self.counted, counters);
     }
 
-    fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
-        self.close(tally);
+    fn next_message(&mut self, counters: &mut Counters) -> Result<Option<Raw<'_>>, Error> {
+        self.close(counters);
         let Some(entry) = self.reader.next_entry()? else {
             return Ok(None);
         };
         let from = entry.channel;
         let same = |c: &Channel| c.topic == from.topic && c.type_name == from.type_name;
         Ok(Some(Raw {
-            // A channel that is not ROS's has no place: nobody asks for the one behind the last.
+            // A channel that is not ROS's has no index: the one behind the last is used by none.
             channel: self
                 .channels
                 .iter()

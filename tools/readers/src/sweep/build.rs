@@ -2,24 +2,29 @@
 
 use super::learn::{Turn, ahead, resultant};
 use super::polar::{Cluster, Polar, PolarPoint, clusters};
-use crate::{StampMeaning, limit::strongest, tally::Tally};
+use crate::{StampMeaning, counters::Counters, limit::strongest};
 use randt_geometry::elementary::{PI, wrap};
 use randt_messages::{Beam, MAX_BEAMS, MAX_RETURNS, Message, RadarScan, Return};
 
-/// A beam's place in the sweep.
-struct Slot {
+/// A beam in the sweep.
+struct BeamSlot {
     /// Fraction of the turn at the beam's middle, 0..1.
-    place: f64,
+    turn_fraction: f64,
     azimuth_rad: f64,
 }
 
 impl Turn {
     /// Makes the message of one sweep; repairs and losses are counted.
-    pub fn build(&self, mut polar: Polar, sequence: u64, tally: &mut Tally) -> Message<RadarScan> {
-        keep_strongest(&mut polar, tally);
+    pub fn build(
+        &self,
+        mut polar: Polar,
+        sequence: u64,
+        counters: &mut Counters,
+    ) -> Message<RadarScan> {
+        keep_strongest(&mut polar, counters);
         let start_rad = self.start_of(&polar);
-        let clusters = self.in_order(&mut polar.points, start_rad, tally);
-        let (slots, owners) = self.slots(&clusters, start_rad, tally);
+        let clusters = self.in_order(&mut polar.points, start_rad, counters);
+        let (slots, owners) = self.slots(&clusters, start_rad, counters);
 
         let mut message = Message::<RadarScan>::default();
         let (begin_ns, end_ns) = self.interval(polar.stamp_ns);
@@ -39,11 +44,11 @@ impl Turn {
         for (index, (slot, beam)) in slots.iter().zip(&mut sweep.beams).enumerate() {
             let first = message.items.len();
             *beam = Beam {
-                stamp_ns: begin_ns + (slot.place * self.period_ns as f64).round() as i64,
+                stamp_ns: begin_ns + (slot.turn_fraction * self.period_ns as f64).round() as i64,
                 azimuth_rad: wrap_f32(slot.azimuth_rad),
                 first_return: first as u32,
             };
-            let mut parts = 0;
+            let mut cluster_count = 0;
             while let Some((cluster, _)) = owned.next_if(|(_, owner)| *owner == index) {
                 let points = polar.points.get(cluster.points.clone()).unwrap_or_default();
                 message.items.extend(points.iter().map(|point| Return {
@@ -52,9 +57,9 @@ impl Turn {
                     beam: index as u16,
                     bin: self.bin(point.range_m),
                 }));
-                parts += 1;
+                cluster_count += 1;
             }
-            if parts > 1
+            if cluster_count > 1
                 && let Some(beam) = message.items.get_mut(first..)
             {
                 beam.sort_by(|a, b| a.range_m.total_cmp(&b.range_m));
@@ -94,12 +99,12 @@ impl Turn {
         &self,
         points: &mut [PolarPoint],
         start_rad: f64,
-        tally: &mut Tally,
+        counters: &mut Counters,
     ) -> Vec<Cluster> {
         let angle = |azimuth_rad: f64| self.angle(azimuth_rad, start_rad);
         let mut found = clusters(points);
         if !found.is_sorted_by(|a, b| angle(a.azimuth_rad) <= angle(b.azimuth_rad)) {
-            tally.noted("sweeps_sorted", 1, || {
+            counters.count_event("sweeps_sorted", 1, || {
                 format!("{} points not in order of azimuth", points.len())
             });
             points.sort_by(|a, b| angle(a.azimuth_rad).total_cmp(&angle(b.azimuth_rad)));
@@ -120,8 +125,8 @@ impl Turn {
         &self,
         clusters: &[Cluster],
         start_rad: f64,
-        tally: &mut Tally,
-    ) -> (Vec<Slot>, Vec<usize>) {
+        counters: &mut Counters,
+    ) -> (Vec<BeamSlot>, Vec<usize>) {
         let angles: Vec<f64> = clusters
             .iter()
             .map(|c| self.angle(c.azimuth_rad, start_rad))
@@ -131,7 +136,7 @@ impl Turn {
             Some(grid) => grid.count as usize,
             // No grid and more directions than the table holds: the table's own sectors.
             None if clusters.len() > MAX_BEAMS => {
-                tally.noted("sweeps_regridded", 1, || {
+                counters.count_event("sweeps_regridded", 1, || {
                     format!(
                         "{} directions in a sweep, {MAX_BEAMS} at most",
                         clusters.len()
@@ -140,10 +145,13 @@ impl Turn {
                 MAX_BEAMS
             }
             None => {
-                let slots = clusters.iter().zip(&angles).map(|(cluster, angle)| Slot {
-                    place: ((angle + 0.5 * self.step_rad) / (2.0 * PI)).clamp(0.0, 1.0),
-                    azimuth_rad: cluster.azimuth_rad,
-                });
+                let slots = clusters
+                    .iter()
+                    .zip(&angles)
+                    .map(|(cluster, angle)| BeamSlot {
+                        turn_fraction: ((angle + 0.5 * self.step_rad) / (2.0 * PI)).clamp(0.0, 1.0),
+                        azimuth_rad: cluster.azimuth_rad,
+                    });
                 return (slots.collect(), (0..clusters.len()).collect());
             }
         };
@@ -151,9 +159,9 @@ impl Turn {
         // The sweep's own phase against the grid, in steps: a turntable need not stop where it began.
         let (_, phase) = resultant(angles.iter().map(|angle| angle * count as f64));
         let phase = phase / (2.0 * PI);
-        let mut slots: Vec<Slot> = (0..count)
-            .map(|index| Slot {
-                place: (index as f64 + 0.5) / count as f64,
+        let mut slots: Vec<BeamSlot> = (0..count)
+            .map(|index| BeamSlot {
+                turn_fraction: (index as f64 + 0.5) / count as f64,
                 azimuth_rad: start_rad + sense * (index as f64 + phase) * step,
             })
             .collect();
@@ -193,12 +201,12 @@ pub(crate) fn wrap_f32(azimuth_rad: f64) -> f32 {
 }
 
 /// Leaves the strongest returns where there are more than a message holds; order and ties as they stand.
-fn keep_strongest(polar: &mut Polar, tally: &mut Tally) {
+fn keep_strongest(polar: &mut Polar, counters: &mut Counters) {
     let count = polar.points.len();
     let Some(over) = count.checked_sub(MAX_RETURNS).filter(|over| *over > 0) else {
         return;
     };
-    tally.lost("returns_over_limit", over as u64, || {
+    counters.count_loss("returns_over_limit", over as u64, || {
         format!("{count} returns in a sweep, {MAX_RETURNS} at most: the strongest are kept")
     });
     polar.dropped = polar.dropped.saturating_add(over as u32);

@@ -1,13 +1,13 @@
 //! What is the same in every turn of a radar, found from its first sweeps.
 
 use super::polar::{Cluster, Polar, clusters};
-use crate::{Options, Rotation, StampMeaning, tally::Tally};
+use crate::{Options, Rotation, StampMeaning, counters::Counters};
 use randt_geometry::elementary::{PI, atan2, sin_cos, wrap};
 use randt_messages::{MAX_BEAMS, SensorKind};
 
-/// Turn of a radar that says nothing of itself, s: the iSDR-C's.
+/// Turn of a radar of which nothing is known, s: the iSDR-C's.
 const PERIOD_FALLBACK_S: f64 = 0.2;
-/// Shortest and longest turn that can be meant, s.
+/// Shortest and longest plausible turn, s.
 const PERIOD_LIMITS_S: (f64, f64) = (0.005, 60.0);
 /// Mean resultant length from which azimuths (or ranges) lie on a grid: 1 exactly on it, about 0 at random.
 /// 0.8 allows a jitter of a tenth of a step.
@@ -55,7 +55,7 @@ pub(crate) struct Turn {
 
 impl Turn {
     /// Learns from the first sweeps; what had to be assumed is counted.
-    pub fn learn(sweeps: &[Polar], options: &Options, tally: &mut Tally) -> Self {
+    pub fn learn(sweeps: &[Polar], options: &Options, counters: &mut Counters) -> Self {
         let mut found: Vec<Vec<Cluster>> = sweeps.iter().map(|s| clusters(&s.points)).collect();
         let ordered = direction(&found);
         let sorted: Vec<Polar>;
@@ -73,7 +73,7 @@ impl Turn {
             (Rotation::CounterClockwise, _) => false,
             (Rotation::Auto, Some(clockwise)) => clockwise,
             (Rotation::Auto, None) => {
-                tally.noted("rotation_assumed", 1, || {
+                counters.count_event("rotation_assumed", 1, || {
                     "the points are in no order of azimuth: counter-clockwise from -pi assumed (--rotation)".to_owned()
                 });
                 false
@@ -84,7 +84,7 @@ impl Turn {
             _ => Some(-PI),
         };
         Self {
-            period_ns: period_ns(sweeps, options, tally),
+            period_ns: period_ns(sweeps, options, counters),
             stamp: options.stamp,
             clockwise,
             start_azimuth_rad,
@@ -96,7 +96,7 @@ impl Turn {
 
     /// The sensor that turns like this.
     pub fn sensor(&self) -> SensorKind {
-        // indurad iSDR-C: steps of 1.64 degrees, bins of 16.1 mm; nobody else has both.
+        // indurad iSDR-C: steps of 1.64 degrees, bins of 16.1 mm; no other radar has both.
         let near = |value: f64, wanted: f64| (value / wanted - 1.0).abs() < 0.05;
         if near(self.step_rad, 1.64 * PI / 180.0) && near(self.bins.resolution_m, 0.0161) {
             SensorKind::IsdrC
@@ -211,7 +211,7 @@ pub(super) fn ahead(a_rad: f64, b_rad: f64, clockwise: bool) -> f64 {
 }
 
 /// Azimuth of the first beam. It lies behind the last beam of every sweep and not behind the first:
-/// beams without a return leave several places, of which a seam of atan2 (-pi) is the likeliest.
+/// beams without a return leave several starts, of which a seam of atan2 (-pi) is the likeliest.
 fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Option<f64> {
     let sense = if clockwise { -1.0 } else { 1.0 };
     let mut ends = clusters
@@ -232,20 +232,20 @@ fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Opti
         return None;
     }
     let seam = -ahead(-PI, reference, clockwise);
-    let places = if step > 0.0 {
+    let starts = if step > 0.0 {
         ((latest - earliest) / step).round() as i32
     } else {
         0
     };
-    let place = (0..places)
+    let start_at = (0..starts)
         .map(|back| latest - f64::from(back) * step)
-        .find(|place| wrap(place - seam).abs() < 0.5 * step)
+        .find(|start_at| wrap(start_at - seam).abs() < 0.5 * step)
         .unwrap_or(latest);
-    Some(wrap(reference + sense * place))
+    Some(wrap(reference + sense * start_at))
 }
 
-/// Median spacing of the stamps, unless the options say it.
-fn period_ns(sweeps: &[Polar], options: &Options, tally: &mut Tally) -> i64 {
+/// Median spacing of the stamps, unless the options have it.
+fn period_ns(sweeps: &[Polar], options: &Options, counters: &mut Counters) -> i64 {
     let (shortest, longest) = PERIOD_LIMITS_S;
     let spacings = sweeps.windows(2).filter_map(|pair| match pair {
         [a, b] => Some(b.stamp_ns.checked_sub(a.stamp_ns)? as f64 * 1e-9),
@@ -259,8 +259,8 @@ fn period_ns(sweeps: &[Polar], options: &Options, tally: &mut Tally) -> i64 {
         .period_s
         .filter(|s| (shortest..=longest).contains(s));
     let period_s = given.or_else(|| quantile(&spacings, 0.5)).unwrap_or_else(|| {
-        tally.noted("period_assumed", 1, || {
-            format!("too few stamps to tell the time of a turn: {PERIOD_FALLBACK_S} s assumed (--period)")
+        counters.count_event("period_assumed", 1, || {
+            format!("too few stamps to measure the time of a turn: {PERIOD_FALLBACK_S} s assumed (--period)")
         });
         PERIOD_FALLBACK_S
     });

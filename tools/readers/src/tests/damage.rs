@@ -12,7 +12,7 @@ use std::path::Path;
 
 const SEED: u64 = 20_260_101;
 
-/// Reads whatever can be read; sweeps, and what the reader says of losses.
+/// Reads whatever can be read; gives sweeps and the reader's counters.
 fn read(path: &Path) -> Result<(usize, Vec<Counter>), Error> {
     let options = Options {
         radar_required: false,
@@ -34,7 +34,7 @@ fn read(path: &Path) -> Result<(usize, Vec<Counter>), Error> {
     Ok((sweeps, source.counters()))
 }
 
-/// One of the things that happen to files, or that somebody does to them.
+/// One kind of damage to a file, accidental or deliberate.
 fn mutate(random: &mut Random, bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..=random.below(3) {
@@ -134,7 +134,7 @@ fn a_damaged_byte_in_a_bag_costs_one_chunk_at_most() {
 }
 
 #[test]
-fn reading_goes_on_behind_a_damaged_chunk_and_names_the_place() {
+fn reading_goes_on_behind_a_damaged_chunk_and_names_the_offset() {
     let mut bytes = bag("lz4");
     let chunk = bytes
         .windows(4)
@@ -207,8 +207,11 @@ fn cut_logs_give_all_before_the_cut() {
             let (sweeps, counters) = read(&path).unwrap();
             assert!(sweeps as f64 + 4.0 > 12.0 * share, "cut at {cut}: {sweeps}");
             // Behind the last chunk is only the summary, which the reading does without.
-            let said = counters.iter().any(|c| c.name == "log_cut");
-            assert!(said || sweeps == 12, "cut at {cut}: {sweeps} {counters:?}");
+            let counted = counters.iter().any(|c| c.name == "log_cut");
+            assert!(
+                counted || sweeps == 12,
+                "cut at {cut}: {sweeps} {counters:?}"
+            );
         }
     }
 }
@@ -270,7 +273,7 @@ proptest! {
         let size = if double { 8 } else { 4 };
         let layout = CloudLayout {
             point_step: 4 * size + extra,
-            offsets: order.map(|place| place * size + extra / 2),
+            offsets: order.map(|index| index * size + extra / 2),
             big_endian,
             datatype: if double { 8 } else { 7 },
             row_padding,

@@ -1,9 +1,9 @@
 //! What is found from the points themselves: grid, start, sense of rotation, period, bins.
 
 use super::support::*;
+use crate::counters::Counters;
 use crate::ros::Cloud;
 use crate::sweep::{Polar, Turn};
-use crate::tally::Tally;
 use crate::{Counter, Options, Rotation, StampMeaning};
 use core::f64::consts::{PI, TAU};
 use randt_geometry::elementary::sin_cos;
@@ -60,11 +60,11 @@ impl Radar {
 }
 
 fn build(sweeps: &[Polar], options: &Options) -> (Turn, Vec<Message<RadarScan>>, Vec<Counter>) {
-    let mut tally = Tally::default();
-    let turn = Turn::learn(sweeps, options, &mut tally);
-    let build = |(number, sweep): (u64, &Polar)| turn.build(sweep.clone(), number, &mut tally);
+    let mut counters = Counters::default();
+    let turn = Turn::learn(sweeps, options, &mut counters);
+    let build = |(number, sweep): (u64, &Polar)| turn.build(sweep.clone(), number, &mut counters);
     let scans = (0..).zip(sweeps).map(build).collect();
-    (turn, scans, tally.counters())
+    (turn, scans, counters.list())
 }
 
 /// Every beam stands where the radar had it, in azimuth and in time, with or without a return.
@@ -81,10 +81,10 @@ fn check(radar: &Radar, scans: &[Message<RadarScan>]) {
             let apart = (f64::from(found.azimuth_rad) - radar.azimuth(beam)).rem_euclid(TAU);
             let apart = apart.min(TAU - apart);
             assert!(apart < 1e-5, "sweep {number} beam {beam}: {apart}");
-            let place = begin_ns as f64
+            let expected_ns = begin_ns as f64
                 + (f64::from(beam) + 0.5) / f64::from(radar.beams) * PERIOD_NS as f64;
             assert!(
-                (found.stamp_ns as f64 - place).abs() < 2.0,
+                (found.stamp_ns as f64 - expected_ns).abs() < 2.0,
                 "sweep {number} beam {beam}"
             );
         }
@@ -246,7 +246,7 @@ fn empty_sweeps_single_beams_and_single_sweeps_have_a_table() {
     let (_, scans, counters) = build(&sweeps[..1], &Options::default());
     assert_eq!(scans[0].head.sweep.beam_count, 220);
     assert_eq!(counters[0].name, "period_assumed");
-    // Nothing but a beam.
+    // A single beam.
     let (_, scans, _) = build(&sweeps[4..5], &Options::default());
     assert_eq!(scans[0].head.sweep.beam_count, 1);
     let (_, scans, _) = build(&sweeps[3..4], &Options::default());
@@ -304,7 +304,7 @@ fn a_cloud_of_a_lidar_falls_into_the_tables_sectors() {
 }
 
 #[test]
-fn stamp_period_and_rotation_can_be_said() {
+fn stamp_period_and_rotation_can_be_set() {
     let radar = Radar {
         beams: 220,
         start_rad: -PI,

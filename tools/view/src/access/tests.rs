@@ -1,4 +1,4 @@
-//! Requests as browsers and viewers send them, and as nobody honest does.
+//! Requests as browsers and viewers send them, and forged ones.
 
 use super::*;
 
@@ -75,7 +75,7 @@ fn pages_of_others_may_not() {
         "https://app.foxglove.dev@evil.example",
         "http://app.foxglove.dev",
         "https://app.foxglove.dev:8443",
-        // Anybody's page may put this one into a frame, and code of its own into that.
+        // Any page may embed this one in a frame, and load its own code there.
         "https://embed.foxglove.dev",
         "https://foxglove.dev",
         "https://evil.github.io",
@@ -92,7 +92,7 @@ fn pages_of_others_may_not() {
 }
 
 #[test]
-fn a_name_that_was_made_to_lead_here_is_refused() {
+fn a_name_that_was_rebound_to_this_machine_is_refused() {
     for host in [
         "evil.example:8765",
         "localhost.evil.example",
@@ -159,9 +159,9 @@ fn a_request_is_read_in_one_way_only() {
         ("evil.example:80", &[good], "a target"),
         ("*", &[good], "a target"),
     ] {
-        let (status, said) = check(target, headers).unwrap_err();
+        let (status, answer) = check(target, headers).unwrap_err();
         assert_eq!(status, 400);
-        assert!(said.contains(words), "{target} {headers:?}: {said}");
+        assert!(answer.contains(words), "{target} {headers:?}: {answer}");
     }
     let mut broken = request("/", &[good]);
     let value = tungstenite::http::HeaderValue::from_bytes(b"file://\xff").unwrap();

@@ -64,9 +64,9 @@ fn subscribed(flow: &mut Flow) -> Client {
         all(&mut client, &Board::default(), flow, 0);
         answer(flow, 0);
     }
-    for shown in Shown::ALL {
-        let (id, channel) = (100 + shown.id(), shown.id());
-        client.hear(&format!(
+    for topic in ViewerTopic::ALL {
+        let (id, channel) = (100 + topic.channel_id(), topic.channel_id());
+        client.receive(&format!(
             r#"{{"op":"subscribe","subscriptions":[{{"id":{id},"channelId":{channel}}}]}}"#
         ));
     }
@@ -91,11 +91,11 @@ fn the_most_important_goes_first_and_tiles_by_their_distance() {
     // Four quarters of four tiles, without detail first, and again with it.
     assert_eq!(order[5..], [7; 32]);
     let columns = [0, 1, 5, -40, 0, 1, 5, -40];
-    for (column, pieces) in columns.into_iter().zip(got[5..].chunks(4)) {
+    for (column, entities) in columns.into_iter().zip(got[5..].chunks(4)) {
         let name = format!("tile 0 {column}.");
         assert!(
-            pieces.iter().all(|(_, text)| text.contains(&name)),
-            "{name} {pieces:?}"
+            entities.iter().all(|(_, text)| text.contains(&name)),
+            "{name} {entities:?}"
         );
     }
     assert!(got[0].1.contains("old, trust"));
@@ -140,9 +140,9 @@ fn a_panel_that_is_opened_anew_gets_everything_anew() {
     };
     assert_eq!(count(&mut client, 101), 16, "without detail and with it");
     assert_eq!(count(&mut client, 102), 0);
-    client.hear(r#"{"op":"unsubscribe","subscriptionIds":[107]}"#);
+    client.receive(r#"{"op":"unsubscribe","subscriptionIds":[107]}"#);
     assert_eq!(count(&mut client, 103), 0);
-    client.hear(
+    client.receive(
         r#"{"op":"subscribe","subscriptions":[{"id":200,"channelId":7},{"id":9,"channelId":99}]}"#,
     );
     assert_eq!(count(&mut client, 104), 16);

@@ -1,4 +1,4 @@
-//! The listening socket, and what becomes of a crowd.
+//! The listening socket, and what happens with a crowd of clients.
 
 use super::*;
 use randt_config::{HostNames, WebOrigins};
@@ -25,27 +25,27 @@ fn an_address_that_is_taken_is_tried_again() {
     };
     let mut server = Server::new(&address, policy, limits, 1);
     let board = Board::default();
-    let mut said = Vec::new();
+    let mut lines = Vec::new();
     let mut turn = |server: &mut Server, now_ns| {
-        server.turn(&board, now_ns, &mut |line| said.push(line.to_owned()));
+        server.turn(&board, now_ns, &mut |line| lines.push(line.to_owned()));
     };
     turn(&mut server, 0);
-    assert!(server.trouble().contains(&address), "{}", server.trouble());
+    assert!(server.fault().contains(&address), "{}", server.fault());
     drop(taken);
     turn(&mut server, AGAIN_NS / 2);
-    assert!(!server.trouble().is_empty());
+    assert!(!server.fault().is_empty());
     turn(&mut server, AGAIN_NS);
-    assert_eq!((server.trouble(), server.descriptors().count()), ("", 1));
-    // Who says nothing is no viewer, and of a crowd only so many may be it.
+    assert_eq!((server.fault(), server.descriptors().count()), ("", 1));
+    // A client that sends nothing is no viewer, and only a limited number may be unfinished.
     let crowd: Vec<_> = (0..HANDSHAKES_MAX + 2)
         .map(|_| TcpStream::connect(&address).unwrap())
         .collect();
     turn(&mut server, AGAIN_NS);
     assert_eq!(server.descriptors().count(), 1 + HANDSHAKES_MAX);
-    assert_eq!(server.status_remark(0), "nobody watches; refused: 2 no room");
+    assert_eq!(server.status_remark(0), "no viewer; refused: 2 no room");
     drop(crowd);
     turn(&mut server, AGAIN_NS);
     assert_eq!(server.descriptors().count(), 1);
-    assert_eq!(said.len(), 3, "one line of each kind: {said:?}");
-    assert!(said[0].starts_with("ws://127.0.0.1:"));
+    assert_eq!(lines.len(), 3, "one line of each kind: {lines:?}");
+    assert!(lines[0].starts_with("ws://127.0.0.1:"));
 }

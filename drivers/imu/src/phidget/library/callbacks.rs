@@ -1,6 +1,6 @@
 //! What the library calls, on threads of its own: copies plain values and wakes the driver.
 
-use super::symbols::{Handle, Symbols, words};
+use super::symbols::{Handle, Symbols, text_from};
 use std::ffi::{c_char, c_int, c_void};
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ pub(in crate::phidget) enum Event {
         rate_deg_s: [f64; 3],
         timestamp_ms: f64,
     },
-    /// It has something to say.
+    /// An error or a warning of the library.
     Error(String),
 }
 
@@ -53,7 +53,7 @@ pub(super) unsafe extern "C" fn attached(handle: Handle, context: *mut c_void) {
     };
     // SAFETY: as above.
     let (interval_ms, complaint) =
-        unsafe { shared.symbols.settle_interval(handle, shared.asked_ms) };
+        unsafe { shared.symbols.negotiate_interval(handle, shared.asked_ms) };
     shared.send(Event::Attach {
         interval_ms,
         complaint,
@@ -75,7 +75,7 @@ pub(super) unsafe extern "C" fn failed(
 ) {
     // SAFETY: the context is a channel's `Shared`, which is never freed; the text ends with a zero.
     if let Some(shared) = unsafe { context.cast::<Shared>().as_ref() } {
-        let text = unsafe { words(text) };
+        let text = unsafe { text_from(text) };
         shared.send(Event::Error(format!("{text} (event {code})")));
     }
 }

@@ -23,8 +23,8 @@ pub(in crate::phidget) struct Server {
 }
 
 impl Server {
-    /// Of `HOST:PORT`.
-    pub(in crate::phidget) fn of(text: &str) -> Option<Self> {
+    /// Reads `HOST:PORT`.
+    pub(in crate::phidget) fn parse(text: &str) -> Option<Self> {
         let (host, port) = text.rsplit_once(':')?;
         let host = host.trim_start_matches('[').trim_end_matches(']');
         Some(Self {
@@ -90,7 +90,7 @@ impl Channel {
             busy: Arc::default(),
         };
         let check = |code| symbols.check(code);
-        // SAFETY: the handle is written by `create` and used for nothing but its own channel; the context lives for ever.
+        // SAFETY: the handle is written by `create` and used for nothing but its own channel; the context is never freed.
         unsafe {
             check((symbols.create)(&mut channel.handle))?;
             let (handle, context) = (channel.handle, std::ptr::from_ref(Box::leak(shared)));
@@ -112,8 +112,8 @@ impl Channel {
         Ok(channel)
     }
 
-    /// Begins anew with what does not send: a server is connected anew, a USB device opened anew. The library may take
-    /// its time for that, so it is done beside.
+    /// Begins anew with what does not send: a server is connected anew, a USB device opened anew. That may take the
+    /// library long, so it is done in a thread.
     pub(in crate::phidget) fn renew(&self) {
         if self.busy.swap(true, Relaxed) {
             return;

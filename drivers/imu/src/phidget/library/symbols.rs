@@ -18,7 +18,7 @@ macro_rules! symbols {
 
         impl Symbols {
             /// All of a library.
-            pub(super) fn of(library: &libloading::Library) -> Result<Self, libloading::Error> {
+            pub(super) fn load(library: &libloading::Library) -> Result<Self, libloading::Error> {
                 // SAFETY: the types are those by which the vendor's Python package calls them; the library is never unloaded.
                 unsafe { Ok(Self { $( $name: *library.get($symbol)? ),+ }) }
             }
@@ -57,7 +57,7 @@ impl Symbols {
         // SAFETY: the text is a constant of the library.
         let text = unsafe {
             (self.describe)(code, &mut text);
-            words(text)
+            text_from(text)
         };
         Err(format!("libphidget22: {text} (error {code})"))
     }
@@ -66,7 +66,7 @@ impl Symbols {
     ///
     /// # Safety
     /// The handle is an attached channel's.
-    pub(super) unsafe fn settle_interval(&self, handle: Handle, asked_ms: u32) -> (u32, String) {
+    pub(super) unsafe fn negotiate_interval(&self, handle: Handle, asked_ms: u32) -> (u32, String) {
         let (mut least_ms, mut most_ms, mut is_ms) = (0, u32::MAX, 0);
         // SAFETY: numbers are written to where they are expected.
         unsafe {
@@ -91,7 +91,7 @@ impl Symbols {
 ///
 /// # Safety
 /// Null, or ends with a zero.
-pub(super) unsafe fn words(text: *const c_char) -> String {
+pub(super) unsafe fn text_from(text: *const c_char) -> String {
     if text.is_null() {
         return "no text".to_owned();
     }

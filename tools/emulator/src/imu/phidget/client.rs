@@ -1,14 +1,14 @@
 //! One client of the server.
 
-use super::packet::{Packet, Taken, encode, flags, kind, take};
+use super::packet::{Packet, Parsed, encode, flags, kind, parse};
 use super::spatial::{Channel, device};
-use crate::imu::Moment;
+use crate::imu::ImuMeasurement;
 use crate::imu::device::is_asked_for;
 use serde_json::Value;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 
-/// A client that does not fetch so much is gone, bytes: ten seconds of measurements.
+/// A client that leaves this much unread is gone, bytes: ten seconds of measurements.
 const WAITING_MAX: usize = 1 << 20;
 
 /// A client.
@@ -24,7 +24,7 @@ pub(super) struct Client {
 }
 
 impl Client {
-    /// One that is told of a device with this serial number.
+    /// One that is offered a device with this serial number.
     pub(super) fn new(stream: TcpStream, serial_number: u32) -> std::io::Result<Self> {
         stream.set_nonblocking(true)?;
         stream.set_nodelay(true)?;
@@ -57,10 +57,10 @@ impl Client {
             }
         }
         loop {
-            match take(&self.received) {
-                Taken::More => break,
-                Taken::Nonsense => break self.gone = true,
-                Taken::Packet(packet, length) => {
+            match parse(&self.received) {
+                Parsed::Incomplete => break,
+                Parsed::Invalid => break self.gone = true,
+                Parsed::Packet(packet, length) => {
                     self.received.drain(..length);
                     self.answer(&packet);
                 }
@@ -103,11 +103,11 @@ impl Client {
             }
             kind::BRIDGE => {
                 if let Some(channel) = &mut self.channel {
-                    channel.tell(&asks);
+                    channel.configure(&asks);
                 }
                 done
             }
-            // Whoever it is: this server has no password.
+            // The proof of the password: this server has none.
             _ => done,
         };
         if packet.flags & flags::REQUEST != 0 {
@@ -115,24 +115,24 @@ impl Client {
             self.waiting.extend(reply);
         }
         if packet.kind == kind::PROOF {
-            self.say(flags::REQUEST, kind::DEVICE, &device(self.serial_number));
+            self.send(flags::REQUEST, kind::DEVICE, &device(self.serial_number));
         }
     }
 
-    fn say(&mut self, flags: u16, kind: (u8, u8), text: &str) {
+    fn send(&mut self, flags: u16, kind: (u8, u8), text: &str) {
         self.number = self.number.wrapping_add(1);
         self.waiting
             .extend(encode(flags, self.number, 0, kind, text));
     }
 
-    /// Puts a measurement to what waits, if it was asked for.
-    pub(super) fn measure(&mut self, moment: &Moment, interval_ns: i64) {
+    /// Queues a measurement, if it was asked for.
+    pub(super) fn measure(&mut self, measurement: &ImuMeasurement, interval_ns: i64) {
         let Some(channel) = &mut self.channel else {
             return;
         };
-        if is_asked_for(moment, interval_ns, channel.interval_ns()) {
-            let text = channel.data(moment);
-            self.say(flags::EVENT, kind::BRIDGE, &text);
+        if is_asked_for(measurement, interval_ns, channel.interval_ns()) {
+            let text = channel.data(measurement);
+            self.send(flags::EVENT, kind::BRIDGE, &text);
         }
         self.gone |= self.waiting.len() > WAITING_MAX;
     }
@@ -147,7 +147,7 @@ impl Client {
         self.waiting.len()
     }
 
-    /// Sends so much of what waits.
+    /// Sends this many bytes of what waits.
     pub(super) fn flush(&mut self, most: usize) {
         let now = self.waiting.get(..most).unwrap_or(&self.waiting);
         if now.is_empty() {

@@ -26,9 +26,9 @@ pub(super) mod kind {
     pub const HELLO: (u8, u8) = (10, 10);
     /// Server: this one.
     pub const HELLO_REPLY: (u8, u8) = (10, 11);
-    /// Client: who is there.
+    /// Client: asks for authentication.
     pub const AUTHENTICATE: (u8, u8) = (10, 30);
-    /// Server: what to prove the password by.
+    /// Server: the challenge for the password.
     pub const CHALLENGE: (u8, u8) = (10, 31);
     /// Client: the proof.
     pub const PROOF: (u8, u8) = (10, 32);
@@ -57,18 +57,18 @@ pub(super) struct Packet {
 
 /// What is at the beginning of a client's bytes.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Taken {
-    /// A packet of so many bytes.
+pub(super) enum Parsed {
+    /// A packet of this many bytes.
     Packet(Packet, usize),
-    /// Less than one.
-    More,
-    /// None.
-    Nonsense,
+    /// Less than a packet.
+    Incomplete,
+    /// No packet.
+    Invalid,
 }
 
-pub(super) fn take(bytes: &[u8]) -> Taken {
+pub(super) fn parse(bytes: &[u8]) -> Parsed {
     let Some((header, rest)) = bytes.split_first_chunk::<HEADER>() else {
-        return Taken::More;
+        return Parsed::Incomplete;
     };
     let [
         m0,
@@ -90,10 +90,10 @@ pub(super) fn take(bytes: &[u8]) -> Taken {
     ] = *header;
     let length = u32::from_le_bytes([l0, l1, l2, l3]) as usize;
     if u32::from_le_bytes([m0, m1, m2, m3]) != MAGIC || length > LONGEST {
-        return Taken::Nonsense;
+        return Parsed::Invalid;
     }
     let Some(text) = rest.get(..length) else {
-        return Taken::More;
+        return Parsed::Incomplete;
     };
     let packet = Packet {
         flags: u16::from_le_bytes([f0, f1]),
@@ -101,7 +101,7 @@ pub(super) fn take(bytes: &[u8]) -> Taken {
         kind: (kind, subkind),
         text: String::from_utf8_lossy(text).into_owned(),
     };
-    Taken::Packet(packet, HEADER + length)
+    Parsed::Packet(packet, HEADER + length)
 }
 
 /// A packet's bytes.
@@ -133,28 +133,28 @@ mod tests {
             kind: kind::HELLO,
             text: text.to_owned(),
         };
-        assert_eq!(take(&bytes), Taken::Packet(packet, 84));
+        assert_eq!(parse(&bytes), Parsed::Packet(packet, 84));
         assert_eq!(encode(1, 1, 0, kind::HELLO, text), bytes);
-        assert_eq!(take(&bytes[..83]), Taken::More);
+        assert_eq!(parse(&bytes[..83]), Parsed::Incomplete);
         bytes[0] = b'1';
-        assert_eq!(take(&bytes), Taken::Nonsense);
+        assert_eq!(parse(&bytes), Parsed::Invalid);
     }
 
     proptest! {
         #[test]
         fn what_is_encoded_is_read_back(flags: u16, number: u16, kind: (u8, u8), text in ".{0,300}", cut in 0_usize..16) {
             let bytes = encode(flags, number, 0, kind, &text);
-            prop_assert_eq!(take(&bytes[..bytes.len() - 1 - cut.min(bytes.len() - 1)]), Taken::More);
+            prop_assert_eq!(parse(&bytes[..bytes.len() - 1 - cut.min(bytes.len() - 1)]), Parsed::Incomplete);
             let packet = Packet { flags, number, kind, text };
-            prop_assert_eq!(take(&bytes), Taken::Packet(packet, bytes.len()));
+            prop_assert_eq!(parse(&bytes), Parsed::Packet(packet, bytes.len()));
         }
 
         #[test]
-        fn nothing_breaks_it(bytes in prop::collection::vec(any::<u8>(), 0..100)) {
+        fn any_bytes_are_parsed_without_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..100)) {
             let mut with_magic = MAGIC.to_le_bytes().to_vec();
             with_magic.extend(&bytes);
-            take(&bytes);
-            take(&with_magic);
+            parse(&bytes);
+            parse(&with_magic);
         }
     }
 }

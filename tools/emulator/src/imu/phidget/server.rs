@@ -1,7 +1,7 @@
 //! The server: connections, and the faults of a device behind one.
 
 use super::client::Client;
-use crate::imu::{Moment, Moments};
+use crate::imu::{ImuMeasurement, ImuMeasurements};
 use crate::{Error, FaultKind};
 use std::net::{SocketAddr, TcpListener};
 use std::thread;
@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 /// It answers within this time.
 const ANSWER: Duration = Duration::from_millis(2);
-/// Every so many messages one is corrupted.
+/// One of this many messages is corrupted.
 const CORRUPTED_EVERY: u64 = 10;
 /// A packet begins with other bytes.
 const JUNK: &[u8] = b"no packet";
@@ -43,15 +43,19 @@ impl PhidgetServer {
         self.address
     }
 
-    /// Plays all moments, or until the end is asked for.
-    pub fn run(&mut self, moments: &mut Moments, ends: &dyn Fn() -> bool) -> Result<(), Error> {
+    /// Plays all measurements, or until the end is asked for.
+    pub fn run(
+        &mut self,
+        measurements: &mut ImuMeasurements,
+        ends: &dyn Fn() -> bool,
+    ) -> Result<(), Error> {
         let mut closed = 0;
-        while let Some(moment) = moments.next_moment()? {
-            let at_s = moments.at_s(moment.stamp_ns);
-            let on = |kind| moments.faults().is_on(kind, at_s);
+        while let Some(measurement) = measurements.next_measurement()? {
+            let at_s = measurements.at_s(measurement.stamp_ns);
+            let on = |kind| measurements.faults().is_on(kind, at_s);
             let (unplugged, silent) = (on(FaultKind::Unplug), on(FaultKind::Silence));
-            let close = moments.faults().begun(FaultKind::Close, at_s) > closed;
-            if !self.wait(moments.pace().due(moment.stamp_ns), silent, ends) {
+            let close = measurements.faults().begun(FaultKind::Close, at_s) > closed;
+            if !self.wait(measurements.pace().due(measurement.stamp_ns), silent, ends) {
                 break;
             }
             if unplugged {
@@ -60,13 +64,13 @@ impl PhidgetServer {
             }
             if self.listener.is_none() {
                 self.listener = Some(listen(self.address)?);
-                moments.begin_clock(moment.stamp_ns);
+                measurements.begin_clock(measurement.stamp_ns);
             }
             if close {
                 closed += 1;
             }
-            if !silent && !moments.is_lost(&moment) {
-                self.send(&moment, moments, close);
+            if !silent && !measurements.is_lost(&measurement) {
+                self.send(&measurement, measurements, close);
             }
         }
         self.kill();
@@ -110,16 +114,16 @@ impl PhidgetServer {
         }
     }
 
-    fn send(&mut self, moment: &Moment, moments: &Moments, close: bool) {
-        let at_s = moments.at_s(moment.stamp_ns);
-        let on = |kind| moments.faults().is_on(kind, at_s);
+    fn send(&mut self, measurement: &ImuMeasurement, measurements: &ImuMeasurements, close: bool) {
+        let at_s = measurements.at_s(measurement.stamp_ns);
+        let on = |kind| measurements.faults().is_on(kind, at_s);
         for client in &mut self.clients {
-            if on(FaultKind::Junk) && moment.number.is_multiple_of(CORRUPTED_EVERY) {
+            if on(FaultKind::Junk) && measurement.number.is_multiple_of(CORRUPTED_EVERY) {
                 client.corrupt(JUNK);
             }
-            client.measure(moment, moments.interval_ns());
-            if on(FaultKind::Doubled) && moment.number.is_multiple_of(CORRUPTED_EVERY) {
-                client.measure(moment, moments.interval_ns());
+            client.measure(measurement, measurements.interval_ns());
+            if on(FaultKind::Doubled) && measurement.number.is_multiple_of(CORRUPTED_EVERY) {
+                client.measure(measurement, measurements.interval_ns());
             }
             let half = close || on(FaultKind::Split);
             client.flush(if half {

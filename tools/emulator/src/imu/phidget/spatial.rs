@@ -1,8 +1,8 @@
-//! The device: a PhidgetSpatial Precision 3/3/3, and what its channel says.
+//! The device: a PhidgetSpatial Precision 3/3/3, and the messages of its channel.
 //!
 //! Texts are written out: the library takes their keys in this order only.
 
-use crate::imu::Moment;
+use crate::imu::ImuMeasurement;
 use randt_imu::STANDARD_GRAVITY_M_S2;
 use std::fmt::Write;
 
@@ -12,15 +12,15 @@ const PHID: u32 = 10_001;
 const CLASS: u64 = 26;
 /// Interval after each opening, ms: the library's default.
 const INTERVAL_MS: u32 = 250;
-/// The library's word for a value that is not known.
+/// The library's value for what is not known.
 const UNKNOWN: f64 = 1e300;
-/// In what a channel is told: the interval is set.
+/// Command to a channel: set the interval.
 const SET_INTERVAL: u64 = 54;
-/// In what a channel says: its state, and a measurement.
+/// Messages of a channel: its state, and a measurement.
 const STATUS: u32 = 0;
 const DATA: u32 = 89;
 
-/// That the device is there.
+/// The announcement of the device.
 pub(super) fn device(serial_number: u32) -> String {
     format!(
         r#"{{"type":"USB","phid":{PHID},"parent":0,"vendorID":1730,"productID":140,"interfaceNum":0,"version":110,"serialNumber":{serial_number},"label":"","index":0,"deviceID":140,"vintID":0,"hubPort":0,"isHubPort":0,"name":"PhidgetSpatial Precision 3/3/3","desc":"PhidgetSpatial Precision 3/3/3","fwstr":"110"}}"#
@@ -49,11 +49,11 @@ impl Channel {
         }
     }
 
-    /// Does what a client tells it.
-    pub(super) fn tell(&mut self, text: &serde_json::Value) {
-        let told = text.get("p").and_then(serde_json::Value::as_u64);
+    /// Carries out a client's command.
+    pub(super) fn configure(&mut self, text: &serde_json::Value) {
+        let command = text.get("p").and_then(serde_json::Value::as_u64);
         let interval = text.pointer("/e/0/v").and_then(serde_json::Value::as_u64);
-        if let (Some(SET_INTERVAL), Some(interval_ms)) = (told, interval) {
+        if let (Some(SET_INTERVAL), Some(interval_ms)) = (command, interval) {
             self.interval_ms = u32::try_from(interval_ms).unwrap_or(INTERVAL_MS).max(1);
         }
     }
@@ -89,18 +89,22 @@ impl Channel {
     }
 
     /// A measurement.
-    pub(super) fn data(&mut self, moment: &Moment) -> String {
-        let attached_ns = *self.attached_ns.get_or_insert(moment.device_ns);
-        if moment.device_ns < attached_ns {
-            self.attached_ns = Some(moment.device_ns);
+    pub(super) fn data(&mut self, measurement: &ImuMeasurement) -> String {
+        let attached_ns = *self.attached_ns.get_or_insert(measurement.device_ns);
+        if measurement.device_ns < attached_ns {
+            self.attached_ns = Some(measurement.device_ns);
         }
-        let since_ns = moment.device_ns - attached_ns.min(moment.device_ns);
-        let acceleration_g = moment
+        let since_ns = measurement.device_ns - attached_ns.min(measurement.device_ns);
+        let acceleration_g = measurement
             .acceleration_m_s2
             .map(|value| value / STANDARD_GRAVITY_M_S2);
         let entries = [
             ("0", "G", vector(acceleration_g)),
-            ("1", "G", vector(moment.rate_rad_s.map(f64::to_degrees))),
+            (
+                "1",
+                "G",
+                vector(measurement.rate_rad_s.map(f64::to_degrees)),
+            ),
             ("2", "G", vector([UNKNOWN; 3])),
             ("3", "g", format!("{:.6}", since_ns as f64 * 1e-6)),
         ];

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::exit::Outcome;
 use crate::output::{may_write, print, write_whole};
-use randt_calibration::{Heading, Lever, Mounting, Span, Unshown, mounting};
+use randt_calibration::{LeverArm, Mounting, MountingYaw, Span, Unobservable, mounting};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -37,10 +37,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     } else {
         as_text(&path, &found)
     })?;
-    let (Ok(heading), Ok(lever)) = (&found.heading, &found.lever) else {
+    let (Ok(heading), Ok(lever)) = (&found.yaw, &found.lever_arm) else {
         for (name, why) in [
-            ("yaw", found.heading.as_ref().err()),
-            ("lever arm", found.lever.as_ref().err()),
+            ("yaw", found.yaw.as_ref().err()),
+            ("lever arm", found.lever_arm.as_ref().err()),
         ] {
             if let Some(why) = why {
                 eprintln!("error: {log}: no {name}: {why}");
@@ -61,8 +61,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 fn as_json(log: &str, path: &Path, found: &Mounting) -> anyhow::Result<String> {
     let seconds =
         |spans: &[Span]| -> Vec<_> { spans.iter().map(|span| path.seconds(span)).collect() };
-    let refused = |why: &Unshown| json!({ "refused": why.to_string() });
-    let yaw = found.heading.as_ref().map_or_else(refused, |heading| {
+    let refused = |why: &Unobservable| json!({ "refused": why.to_string() });
+    let yaw = found.yaw.as_ref().map_or_else(refused, |heading| {
         let yaw_deg = heading.yaw_rad.scaled(1f64.to_degrees());
         json!({
             "yaw_deg": yaw_deg.value,
@@ -70,7 +70,7 @@ fn as_json(log: &str, path: &Path, found: &Mounting) -> anyhow::Result<String> {
             "shown_by": { "spans_s": seconds(&heading.spans), "driven_m": heading.path_m },
         })
     });
-    let lever = found.lever.as_ref().map_or_else(refused, |lever| -> Value {
+    let lever = found.lever_arm.as_ref().map_or_else(refused, |lever| -> Value {
         let [left, right] = lever.pivot.turned_rad.map(f64::to_degrees);
         json!({
             "x_m": lever.x_m.value,
@@ -85,7 +85,7 @@ fn as_json(log: &str, path: &Path, found: &Mounting) -> anyhow::Result<String> {
 }
 
 fn as_text(path: &Path, found: &Mounting) -> String {
-    let yaw = match &found.heading {
+    let yaw = match &found.yaw {
         Ok(heading) => {
             let yaw_deg = heading.yaw_rad.scaled(1f64.to_degrees());
             format!(
@@ -98,7 +98,7 @@ fn as_text(path: &Path, found: &Mounting) -> String {
         }
         Err(why) => format!("yaw          refused: {why}\n"),
     };
-    let lever = match &found.lever {
+    let lever = match &found.lever_arm {
         Ok(lever) => {
             let [left, right] = lever.pivot.turned_rad.map(f64::to_degrees);
             format!(
@@ -116,7 +116,7 @@ fn as_text(path: &Path, found: &Mounting) -> String {
     format!("radar in base_link\n{yaw}{lever}")
 }
 
-fn robot_toml(path: &Path, heading: &Heading, lever: &Lever) -> String {
+fn robot_toml(path: &Path, heading: &MountingYaw, lever: &LeverArm) -> String {
     let robot = &path.robot;
     format!(
         "# Where the sensors sit on the robot. The radar's place: randt calibrate extrinsics.\n\

@@ -3,7 +3,7 @@
 use super::Common;
 use crate::exit::Outcome;
 use clap::ValueEnum;
-use randt_emulator::imu::{Moments, PhidgetServer, SerialImu, SerialProtocol};
+use randt_emulator::imu::{ImuMeasurements, PhidgetServer, SerialImu, SerialProtocol};
 use randt_emulator::{FaultKind, Pace, Recording};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -47,13 +47,13 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     }
     let recording = Recording::open(&arguments.common.log, arguments.common.endless)?;
     let pace = Pace::new(recording.begin_ns(), arguments.common.at);
-    let mut moments = Moments::new(recording, pace, faults);
+    let mut measurements = ImuMeasurements::new(recording, pace, faults);
     let ends: &dyn Fn() -> bool = &crate::job::interrupted;
     let protocol = match arguments.proto {
         Proto::Phidget => {
             let mut server = PhidgetServer::open(arguments.address, arguments.serial)?;
             eprintln!("Phidget network server: {}", server.address());
-            server.run(&mut moments, ends)?;
+            server.run(&mut measurements, ends)?;
             return Ok(Outcome::Good);
         }
         Proto::Mip => SerialProtocol::Mip,
@@ -63,6 +63,6 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     if let Some(path) = imu.path() {
         eprintln!("serial port: {}", path.display());
     }
-    imu.run(&mut moments, ends)?;
+    imu.run(&mut measurements, ends)?;
     Ok(Outcome::Good)
 }

@@ -61,7 +61,7 @@ impl<T> Seen<T> {
             Link::Streaming => Finding::ok(about, format!("{way}{come}{counted}")),
             Link::Warning(text) => Finding::warn(about, format!("{way}{text}{counted}"), mend),
             Link::Starting => Finding::bad(about, format!("{way}nothing came{counted}"), mend),
-            Link::Trouble(text) => Finding::bad(about, format!("{way}{text}{counted}"), mend),
+            Link::Down(text) => Finding::bad(about, format!("{way}{text}{counted}"), mend),
         }
     }
 }
@@ -216,7 +216,7 @@ impl Bus {
                 let silent =
                     |last: Option<i64>| last.is_none_or(|at_ns| now_ns - at_ns > 1_000_000_000);
                 let judge = |link: Link, last| match link {
-                    Link::Warning(text) if silent(last) => Link::Trouble(text),
+                    Link::Warning(text) if silent(last) => Link::Down(text),
                     link => link,
                 };
                 match (text_of(&word.head.name), &mut seen.imu) {

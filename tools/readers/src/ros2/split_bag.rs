@@ -1,48 +1,48 @@
 //! Several files of one recording, one after the other.
 
 use crate::ros::{Channel, Raw, Recording};
-use crate::{Error, tally::Tally};
+use crate::{Error, counters::Counters};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// The parts of a split recording as one.
-pub(crate) struct Chain {
-    parts: Vec<Box<dyn Recording>>,
+/// The files of a split recording as one.
+pub(crate) struct SplitBag {
+    files: Vec<Box<dyn Recording>>,
     channels: Vec<Channel>,
-    /// For each part, the places of its channels in `channels`.
-    places: Vec<Vec<usize>>,
+    /// For each file, the indices of its channels in `channels`.
+    indices: Vec<Vec<usize>>,
     transforms: Vec<Vec<u8>>,
-    /// Why parts are missing; counted with the first message.
+    /// Why files are missing; counted with the first message.
     unreadable: Vec<String>,
     present: usize,
 }
 
-impl Chain {
-    pub fn new(parts: Vec<Box<dyn Recording>>, unreadable: Vec<String>) -> Self {
+impl SplitBag {
+    pub fn new(files: Vec<Box<dyn Recording>>, unreadable: Vec<String>) -> Self {
         let mut channels: Vec<Channel> = Vec::new();
-        let mut places = Vec::new();
+        let mut indices = Vec::new();
         let mut transforms = Vec::new();
-        for part in &parts {
-            let of_part = part.channels().iter().map(|channel| {
+        for file in &files {
+            let file_indices = file.channels().iter().map(|channel| {
                 let same =
                     |c: &Channel| c.topic == channel.topic && c.type_name == channel.type_name;
-                if let Some(place) = channels.iter().position(same) {
-                    if let Some(known) = channels.get_mut(place) {
+                if let Some(index) = channels.iter().position(same) {
+                    if let Some(known) = channels.get_mut(index) {
                         known.messages += channel.messages;
                     }
-                    place
+                    index
                 } else {
                     channels.push(channel.clone());
                     channels.len() - 1
                 }
             });
-            places.push(of_part.collect());
-            transforms.extend_from_slice(part.static_transforms());
+            indices.push(file_indices.collect());
+            transforms.extend_from_slice(file.static_transforms());
         }
         Self {
-            parts,
+            files,
             channels,
-            places,
+            indices,
             transforms,
             unreadable,
             present: 0,
@@ -50,9 +50,9 @@ impl Chain {
     }
 }
 
-impl Recording for Chain {
+impl Recording for SplitBag {
     fn format(&self) -> &'static str {
-        self.parts.first().map_or("ros2-mcap", |part| part.format())
+        self.files.first().map_or("ros2-mcap", |file| file.format())
     }
 
     fn channels(&self) -> &[Channel] {
@@ -63,26 +63,28 @@ impl Recording for Chain {
         &self.transforms
     }
 
-    fn close(&mut self, tally: &mut Tally) {
-        self.parts.iter_mut().for_each(|part| part.close(tally));
+    fn close(&mut self, counters: &mut Counters) {
+        self.files.iter_mut().for_each(|file| file.close(counters));
     }
 
-    fn next_message(&mut self, tally: &mut Tally) -> Result<Option<Raw<'_>>, Error> {
+    fn next_message(&mut self, counters: &mut Counters) -> Result<Option<Raw<'_>>, Error> {
         for why in self.unreadable.drain(..) {
-            tally.lost("bag_parts_unreadable", 1, || why);
+            counters.count_loss("bag_parts_unreadable", 1, || why);
         }
         let Self {
-            parts,
-            places,
+            files,
+            indices,
             present,
             channels,
             ..
         } = self;
-        for (index, part) in parts.iter_mut().enumerate().skip(*present) {
-            *present = index;
-            if let Some(raw) = part.next_message(tally)? {
-                let place = places.get(index).and_then(|places| places.get(raw.channel));
-                let channel = place.copied().unwrap_or(channels.len());
+        for (number, file) in files.iter_mut().enumerate().skip(*present) {
+            *present = number;
+            if let Some(raw) = file.next_message(counters)? {
+                let index = indices
+                    .get(number)
+                    .and_then(|indices| indices.get(raw.channel));
+                let channel = index.copied().unwrap_or(channels.len());
                 return Ok(Some(Raw { channel, ..raw }));
             }
         }

@@ -21,9 +21,9 @@ struct Done {
     failed: AtomicU64,
 }
 
-/// Records every sweep with all its bins.
+/// Writes every sweep with all its bins.
 #[derive(Debug)]
-pub(crate) struct Recorder {
+pub(crate) struct ImageWriter {
     rows: DenseRows,
     images: Option<SyncSender<PolarImage>>,
     thread: Option<JoinHandle<()>>,
@@ -31,7 +31,7 @@ pub(crate) struct Recorder {
     dropped: u64,
 }
 
-impl Recorder {
+impl ImageWriter {
     /// Into a folder, which is made; images that are there stay.
     pub fn new(folder: &Path) -> Result<Self, Error> {
         let refused = |source| Error::Record {
@@ -69,15 +69,15 @@ impl Recorder {
         self.dropped += u64::from(!matches!(sent, Some(Ok(()))));
     }
 
-    pub fn counts(&self, tell: &mut dyn FnMut(Count)) {
+    pub fn counts(&self, visit: &mut dyn FnMut(Count)) {
         let value = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
-        tell(Count::event("images_written", value(&self.done.written)));
-        tell(Count::loss("images_failed", value(&self.done.failed)));
-        tell(Count::loss("images_dropped", self.dropped));
+        visit(Count::event("images_written", value(&self.done.written)));
+        visit(Count::loss("images_failed", value(&self.done.failed)));
+        visit(Count::loss("images_dropped", self.dropped));
     }
 }
 
-impl Drop for Recorder {
+impl Drop for ImageWriter {
     fn drop(&mut self) {
         // Without a sender the thread ends, when it has written what waits.
         self.images = None;

@@ -1,50 +1,51 @@
-//! How old and how good what is shown is, in words.
+//! How old and how good what is shown is, as text.
 
 use crate::Board;
-use randt_foxglove_schemas::status::Mood;
+use randt_foxglove_schemas::status::StatusLevel;
 use randt_messages::Trust;
 
-/// From this age on a pose is said to be old, s: three sweeps of an iSDR-C, and what odometry needs.
+/// From this age on a pose is shown as old, s: three sweeps of an iSDR-C, and what odometry needs.
 const OLD_S: f64 = 1.0;
-/// From this one on it is not to be believed: a robot has gone on meanwhile.
+/// From this age on it is not to be trusted: a robot has moved on meanwhile.
 const DEAD_S: f64 = 2.0;
-/// From this round trip on the link is said to be slow, s.
+/// From this round trip on the link counts as slow, s.
 const SLOW_S: f64 = 1.5;
 
 /// A line such as "pose 0.2 s old, trust good, 5.0 Hz, link 0.6 s".
-pub(crate) fn of(board: &Board, now_ns: i64, round_trip_s: f64) -> (String, Mood) {
+pub(crate) fn status_text(board: &Board, now_ns: i64, round_trip_s: f64) -> (String, StatusLevel) {
     let link = format!("link {round_trip_s:.1} s");
     let (Some(state), Some(age_s)) = (board.state, board.age_s(now_ns)) else {
         return (
-            format!("no pose yet: odometry has said nothing, {link}"),
-            Mood::Bad,
+            format!("no pose yet: odometry has published nothing, {link}"),
+            StatusLevel::Bad,
         );
     };
     if age_s >= DEAD_S {
         return (
             format!("pose {age_s:.0} s old, odometry silent, {link}"),
-            Mood::Bad,
+            StatusLevel::Bad,
         );
     }
-    let mood = match state.trust() {
-        Trust::Good => Mood::Good,
-        Trust::Degraded => Mood::Doubtful,
-        Trust::Lost => Mood::Bad,
+    let trust = state.trust();
+    let level = match trust {
+        Trust::Good => StatusLevel::Good,
+        Trust::Degraded => StatusLevel::Doubtful,
+        Trust::Lost => StatusLevel::Bad,
     };
-    let trust = state.trust().as_str();
-    let mut words = format!("pose {age_s:.1} s old, trust {trust}, ");
+    let trust = trust.as_str();
+    let mut text = format!("pose {age_s:.1} s old, trust {trust}, ");
     if let Some(rate_hz) = board.rate_hz() {
-        words.push_str(&format!("{rate_hz:.1} Hz, "));
+        text.push_str(&format!("{rate_hz:.1} Hz, "));
     }
-    words.push_str(&link);
+    text.push_str(&link);
     let is_in_map = |frame| frame == state.odom_frame_id;
     if !board.correction.is_some_and(|c| is_in_map(c.odom_frame_id)) {
-        words.push_str(", not in the map yet");
+        text.push_str(", not in the map yet");
     }
     let is_slow = age_s >= OLD_S || round_trip_s >= SLOW_S;
-    match mood {
-        Mood::Good if is_slow => (words, Mood::Doubtful),
-        mood => (words, mood),
+    match level {
+        StatusLevel::Good if is_slow => (text, StatusLevel::Doubtful),
+        level => (text, level),
     }
 }
 
@@ -55,11 +56,11 @@ mod tests {
     use randt_messages::{Correction, OdometryState};
 
     #[test]
-    fn an_old_pose_is_said_to_be_old() {
+    fn an_old_pose_is_shown_as_old() {
         const S: i64 = 1_000_000_000;
         let mut board = Board::new(Robot::default());
-        let (words, mood) = of(&board, 0, 0.0);
-        assert!(words.starts_with("no pose yet") && mood == Mood::Bad);
+        let (text, level) = status_text(&board, 0, 0.0);
+        assert!(text.starts_with("no pose yet") && level == StatusLevel::Bad);
         let mut state = OdometryState {
             trust: Trust::Good as u32,
             ..OdometryState::default()
@@ -70,25 +71,25 @@ mod tests {
             board.take_state(&state);
         }
         let now_ns = state.header.stamp_ns + S / 5;
-        let said = of(&board, now_ns, 0.62).0;
+        let text = status_text(&board, now_ns, 0.62).0;
         assert_eq!(
-            said,
+            text,
             "pose 0.2 s old, trust good, 5.0 Hz, link 0.6 s, not in the map yet"
         );
         board.take_correction(&Correction::default());
         assert_eq!(
-            of(&board, now_ns, 0.62),
+            status_text(&board, now_ns, 0.62),
             (
                 "pose 0.2 s old, trust good, 5.0 Hz, link 0.6 s".to_owned(),
-                Mood::Good
+                StatusLevel::Good
             )
         );
-        assert_eq!(of(&board, now_ns, 2.0).1, Mood::Doubtful);
+        assert_eq!(status_text(&board, now_ns, 2.0).1, StatusLevel::Doubtful);
         let late_ns = state.header.stamp_ns + 7 * S;
         let silent = (
             "pose 7 s old, odometry silent, link 0.0 s".to_owned(),
-            Mood::Bad,
+            StatusLevel::Bad,
         );
-        assert_eq!(of(&board, late_ns, 0.0), silent);
+        assert_eq!(status_text(&board, late_ns, 0.0), silent);
     }
 }

@@ -3,5 +3,6 @@
 mod bags;
 mod damage;
 mod learning;
+mod mounting;
 mod oxford;
 mod support;

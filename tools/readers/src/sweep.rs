@@ -2,12 +2,12 @@
 
 mod build;
 mod learn;
-mod mend;
 mod polar;
+mod repair;
 
 pub(crate) use build::wrap_f32;
 pub(crate) use learn::Turn;
-pub(crate) use mend::mend;
 pub(crate) use polar::Polar;
 #[cfg(test)]
 pub(crate) use polar::PolarPoint;
+pub(crate) use repair::repair;

@@ -1,17 +1,18 @@
-//! Turns in place: the axis that the robot turns about, as the radar sees it.
+//! Turns in place: the axis that the robot turns about, in the radar's frame.
 //!
 //! While the robot turns about its own axis, one point that moves with the radar stays where it is. On arcs such a
 //! point exists too, but it lies on the other side when the robot turns the other way: so one that stays for turns
 //! to the left and to the right is the robot's.
 
-use crate::estimate::{Estimate, Part, mean};
+use crate::estimate::{Estimate, PartialEstimate, mean};
 use crate::motion::{Step, cut, runs, turn, turned_rad};
-use crate::{RadarPose, Span, Unshown};
+use crate::{RadarPose, Span, Unobservable};
 use nalgebra::Vector2;
 
 /// Slowest turn that counts, rad/s: well above what odometry's yaw wavers.
 const RATE_MIN_RAD_S: f64 = 0.15;
-/// A turn is cut into parts of so much, rad: it fixes an axis to a centimetre or two, and many of them tell their spread.
+/// A turn is cut into parts of this angle, rad: it fixes an axis to a centimetre or two, and many of them show their
+/// spread.
 const PART_RAD: f64 = 1.0;
 /// Parts whose axes are this near to each other turn about the same, m.
 const SAME_AXIS_M: f64 = 0.1;
@@ -48,7 +49,7 @@ struct Turn {
 }
 
 /// Finds the axis.
-pub(crate) fn pivot(poses: &[RadarPose]) -> Result<Pivot, Unshown> {
+pub(crate) fn pivot(poses: &[RadarPose]) -> Result<Pivot, Unobservable> {
     let same_sense = |a: &Step, b: &Step| {
         a.rate_rad_s * b.rate_rad_s > 0.0 && b.rate_rad_s.abs() > RATE_MIN_RAD_S
     };
@@ -75,8 +76,8 @@ pub(crate) fn pivot(poses: &[RadarPose]) -> Result<Pivot, Unshown> {
     let centres = turns.iter().map(|turn| turn.axis);
     let best = centres.max_by(|a, b| least(*a).total_cmp(&least(*b)));
     let estimate = |centre: Vector2<f64>| {
-        let parts = |value: fn(&Turn) -> f64| -> Vec<Part> {
-            let part = |turn: &Turn| Part {
+        let parts = |value: fn(&Turn) -> f64| -> Vec<PartialEstimate> {
+            let part = |turn: &Turn| PartialEstimate {
                 value: value(turn),
                 weight: turn.weight,
             };
@@ -103,7 +104,7 @@ pub(crate) fn pivot(poses: &[RadarPose]) -> Result<Pivot, Unshown> {
             spans: Span::joined(near(centre).map(|turn| turn.span).collect()),
             turned_rad,
         }),
-        None => Err(Unshown::TurnsInPlace {
+        None => Err(Unobservable::TurnsInPlace {
             left_deg: turned_rad[0].to_degrees(),
             right_deg: turned_rad[1].to_degrees(),
             needed_deg: TURN_MIN_RAD.to_degrees(),
@@ -152,6 +153,6 @@ fn axis(part: &[RadarPose]) -> Option<Turn> {
         axis,
         weight,
         turned_rad: turned_rad.sum(),
-        span: Span::of(part)?,
+        span: Span::from_poses(part)?,
     })
 }

@@ -6,8 +6,8 @@ use randt_device::Count;
 use std::fmt::Debug;
 use std::os::fd::BorrowedFd;
 
-/// A device and its way in. It never fails: a device that is not there is tried again for ever.
-pub trait Source: Debug {
+/// A device and its way in. It never fails: a device that is not there is tried again without end.
+pub trait ReadingSource: Debug {
     /// What to sleep on; none while there is nothing open.
     fn descriptor(&self) -> Option<BorrowedFd<'_>>;
 
@@ -19,9 +19,9 @@ pub trait Source: Debug {
     fn due_ns(&self) -> Option<i64>;
 
     /// Why nothing can come, or an empty text.
-    fn trouble(&self) -> &str;
+    fn fault(&self) -> &str;
 
-    /// What to say where nothing comes although it could.
+    /// The text where nothing comes although it could.
     fn silence(&self) -> String;
 
     /// What the device does otherwise than it was asked to, or an empty text.
@@ -38,7 +38,7 @@ pub trait Source: Debug {
 }
 
 /// The source that the configuration names.
-pub(crate) fn source(config: &ImuDriver) -> Result<Box<dyn Source>, Error> {
+pub(crate) fn reading_source(config: &ImuDriver) -> Result<Box<dyn ReadingSource>, Error> {
     if config.source != ImuSource::Phidget22 && config.device.is_empty() {
         return Err(Error::Value {
             key: "device",

@@ -2,7 +2,7 @@
 
 mod beam_udp;
 mod device_time;
-mod mishap;
+mod fault_injector;
 mod navtech;
 mod server;
 mod turns;
@@ -12,10 +12,10 @@ pub use navtech::NavtechServer;
 pub use randt_radar::beam_udp::packet::Format;
 pub use randt_radar::navtech::order::Order;
 
-use crate::wrong::Wrong;
+use crate::wrong_content::WrongContent;
 use crate::{Error, Faults, Pace, Recording};
 use device_time::DeviceTime;
-use mishap::Mishaps;
+use fault_injector::FaultInjector;
 use randt_messages::RadarScan;
 use std::time::Duration;
 use turns::{Turn, Turns};
@@ -30,7 +30,7 @@ pub struct Sent {
     pub sweeps: u64,
     /// Beams that were due.
     pub beams: u64,
-    /// Messages that nobody took: no client, or the network refused them.
+    /// Messages that were not taken: no client, or the network refused them.
     pub untaken: u64,
 }
 
@@ -49,16 +49,16 @@ trait Wire {
     /// The device is gone, or back.
     fn unplug(&mut self, _gone: bool) {}
     /// A message like this one, well-formed and with wrong content.
-    fn wrong(&self, message: &[u8], wrong: &mut Wrong) -> Vec<u8>;
-    /// Spoils a message as only this protocol can be.
-    fn corrupt(&self, corrupt: mishap::Corruption, message: &mut Vec<u8>);
+    fn wrong(&self, message: &[u8], wrong: &mut WrongContent) -> Vec<u8>;
+    /// Corrupts a message in a way of this protocol.
+    fn corrupt(&self, corrupt: fault_injector::Corruption, message: &mut Vec<u8>);
 }
 
 /// A beam as it is to be sent.
 struct Sending<'a> {
     turn: &'a Turn,
     /// Its number in the sweep.
-    place: u16,
+    beam: u16,
     /// Its number since the beginning.
     number: u64,
     azimuth_rad: f64,
@@ -80,7 +80,7 @@ fn play(
     let begin_ns = recording.begin_ns();
     let mut turns = Turns::new(recording);
     let mut time = DeviceTime::default();
-    let mut mishaps = Mishaps::new(faults.clone(), seed);
+    let mut injector = FaultInjector::new(faults.clone(), seed);
     let mut sent = Sent::default();
     let mut messages = Vec::new();
     while let Some(turn) = turns.next_turn()? {
@@ -91,8 +91,8 @@ fn play(
             }
             sent.beams += 1;
             let at_s = (beam.stamp_ns - begin_ns) as f64 * 1e-9;
-            let now = mishaps.at(at_s, turn.step_rad());
-            let device_ns = time.of(
+            let now = injector.at(at_s, turn.step_rad());
+            let device_ns = time.device_ns(
                 pace.unix_ns(beam.stamp_ns + now.late_ns),
                 now.fast,
                 now.resets,
@@ -101,7 +101,7 @@ fn play(
             wire.encode(
                 &Sending {
                     turn: &turn,
-                    place: beam.place,
+                    beam: beam.number,
                     number: sent.beams - 1,
                     azimuth_rad: beam.azimuth_rad + now.azimuth_rad,
                     device_ns,
@@ -114,7 +114,7 @@ fn play(
                 },
                 &mut messages,
             );
-            sent.untaken += mishaps.send(wire, &mut messages, &now);
+            sent.untaken += injector.send(wire, &mut messages, &now);
         }
     }
     Ok(sent)

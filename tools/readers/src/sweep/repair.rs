@@ -1,17 +1,17 @@
 //! Checks a sweep that came from a log: its table and its numbers.
 
+use crate::counters::Counters;
 use crate::limit::is_instant;
-use crate::tally::Tally;
 use randt_messages::{MAX_BEAMS, Message, RadarScan};
 
-/// Longest sweep that is believed: a turn a minute.
+/// Longest plausible sweep: a turn a minute.
 const SWEEP_MAX_NS: i64 = 60_000_000_000;
 
-/// Makes a sweep sound by leaving out returns that are not finite; false where its table is broken.
-pub(crate) fn mend(scan: &mut Message<RadarScan>, tally: &mut Tally) -> bool {
+/// Repairs a sweep by leaving out returns that are not finite; false where its table is broken.
+pub(crate) fn repair(scan: &mut Message<RadarScan>, counters: &mut Counters) -> bool {
     let sequence = scan.head.header.sequence;
     if let Some(why) = broken(scan) {
-        tally.lost("sweeps_malformed", 1, || format!("sweep {sequence}: {why}"));
+        counters.count_loss("sweeps_malformed", 1, || format!("sweep {sequence}: {why}"));
         return false;
     }
     let before = scan.items.len();
@@ -21,7 +21,7 @@ pub(crate) fn mend(scan: &mut Message<RadarScan>, tally: &mut Tally) -> bool {
     }
     scan.items.retain(finite);
     let left_out = (before - scan.items.len()) as u32;
-    tally.noted("returns_not_finite", u64::from(left_out), || {
+    counters.count_event("returns_not_finite", u64::from(left_out), || {
         format!("a NaN or infinite value in sweep {sequence}")
     });
     let sweep = &mut scan.head.sweep;

@@ -4,16 +4,16 @@ use crate::Counter;
 
 /// Counters in the order in which they first counted something.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Tally(Vec<Counter>);
+pub(crate) struct Counters(Vec<Counter>);
 
-impl Tally {
-    /// Counts data that are lost. `first` is asked only the first time.
-    pub fn lost(&mut self, name: &'static str, count: u64, first: impl FnOnce() -> String) {
+impl Counters {
+    /// Counts data that are lost. `first` is called only the first time.
+    pub fn count_loss(&mut self, name: &'static str, count: u64, first: impl FnOnce() -> String) {
         self.add(name, count, true, first);
     }
 
     /// Counts something repaired or assumed.
-    pub fn noted(&mut self, name: &'static str, count: u64, first: impl FnOnce() -> String) {
+    pub fn count_event(&mut self, name: &'static str, count: u64, first: impl FnOnce() -> String) {
         self.add(name, count, false, first);
     }
 
@@ -33,7 +33,7 @@ impl Tally {
     }
 
     /// The counters so far.
-    pub fn counters(&self) -> Vec<Counter> {
+    pub fn list(&self) -> Vec<Counter> {
         self.0.clone()
     }
 }

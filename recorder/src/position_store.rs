@@ -15,15 +15,15 @@ const FILE: &str = "recorder.positions";
 /// Which folder it is, and the positions.
 const BYTES: usize = size_of::<u64>() + Positions::BYTES_MAX;
 
-/// The record; it goes with the machine's memory, as the publishers do that it speaks of.
+/// The record. It is lost with the machine's memory, as are the publishers whose messages it counts.
 #[derive(Debug)]
-pub struct Past {
+pub struct PositionStore {
     checkpoint: Checkpoint,
     folder: u64,
     kept: Positions,
 }
 
-impl Past {
+impl PositionStore {
     /// Opens or makes it; for another folder than the last recorder's it is empty: those files are another recording.
     pub fn open(stage: &mut Stage, folder: &Path) -> Result<Self, Error> {
         let path = stage.domain().state().join(FILE);
@@ -32,8 +32,8 @@ impl Past {
         let folder = identity(folder);
         let newest = checkpoint.versions().into_iter().next();
         let kept = newest.and_then(|bytes| {
-            let (of, positions) = bytes.split_first_chunk()?;
-            (u64::from_le_bytes(*of) == folder).then(|| Positions::read(positions))?
+            let (owner, positions) = bytes.split_first_chunk()?;
+            (u64::from_le_bytes(*owner) == folder).then(|| Positions::read(positions))?
         });
         Ok(Self {
             checkpoint,
@@ -55,18 +55,18 @@ impl Past {
         self.kept.clone_from(positions);
         let folder = self.folder.to_le_bytes();
         let Ok(()) = self.checkpoint.write(|out| {
-            let Some((of, rest)) = out.split_first_chunk_mut() else {
+            let Some((owner, rest)) = out.split_first_chunk_mut() else {
                 return Ok::<_, Infallible>(0);
             };
-            *of = folder;
+            *owner = folder;
             Ok(folder.len() + positions.write(rest))
         });
     }
 }
 
-/// Tells one folder from another, by whichever way it is reached.
+/// The same for one folder by whichever path it is reached, and another for every other one.
 fn identity(folder: &Path) -> u64 {
-    // A folder that cannot be made yet is the one that is meant.
+    // The path of a folder that cannot be made yet is taken as it is.
     let _ = fs::create_dir_all(folder);
     let absolute = || std::path::absolute(folder).unwrap_or_else(|_| PathBuf::from(folder));
     let path = fs::canonicalize(folder).unwrap_or_else(|_| absolute());

@@ -1,21 +1,21 @@
-//! How a radar is: whether its sweeps come, and whether they are all its own. Pure.
+//! Whether a radar's sweeps come, and whether they are all its own. Pure.
 
 use crate::{Streams, Sweep};
 use randt_device::{Count, Interruptions, Link};
 
-/// A warning of two senders stays for so long after the last contested sweep, ns: whoever looks once in a while sees it,
-/// and a stranger that sends now and then makes no line of the journal each time.
+/// A warning of two senders stays for this time after the last contested sweep, ns: it can be seen without watching all
+/// the time, and another sender that sends now and then makes no line of the journal each time.
 const WARNED_NS: i64 = 5_000_000_000;
 
-/// Beams without a sweep for so many turns are no radar's.
+/// Beams without a sweep for this many turns are no radar's.
 const PATIENCE_TURNS: i64 = 3;
-/// A turn is believed to take at most so long, ns: what `sensor.period_s` may be.
+/// A turn takes at most this time, ns: the limit of `sensor.period_s`.
 const TURN_MAX_NS: i64 = 10_000_000_000;
 
-/// Sweeps as they come, beside what the source says of its beams.
+/// Watches the sweeps, beside the link that the source gives for its beams.
 #[derive(Debug, Default)]
-pub(crate) struct Condition {
-    /// What the configuration allows, and what holds: more for a radar that turns more slowly than it says.
+pub(crate) struct SweepMonitor {
+    /// What the configuration allows, and what holds: more for a radar that turns more slowly than configured.
     least_ns: i64,
     patience_ns: i64,
     link: Link,
@@ -24,16 +24,16 @@ pub(crate) struct Condition {
     beam_ns: i64,
     /// The last sweep, or since when beams come without one.
     since_ns: Option<i64>,
-    /// A sweep is overdue, but so is a beam: that is the source's to say.
+    /// A sweep is overdue, but so is a beam: that is the source's to report.
     waits: bool,
     /// Whether a sweep came since beams do.
-    came: bool,
+    has_sweep: bool,
     fruitless: bool,
     contested_ns: Option<i64>,
 }
 
-impl Condition {
-    /// Of a radar that is silent after `silence_ns`, and whose turn should take `turn_ns`.
+impl SweepMonitor {
+    /// Watches a radar that is silent after `silence_ns`, and whose turn should take `turn_ns`.
     pub fn new(silence_ns: i64, turn_ns: i64) -> Self {
         let patience_ns = silence_ns.max(PATIENCE_TURNS * turn_ns);
         Self {
@@ -43,20 +43,20 @@ impl Condition {
         }
     }
 
-    /// Beams without a sweep for so long are no radar.
+    /// Beams without a sweep for this time are no radar's, ns.
     pub fn patience_ns(&self) -> i64 {
         self.patience_ns
     }
 
     /// A beam came.
-    pub fn heard(&mut self, now_ns: i64) {
+    pub fn take_beam(&mut self, now_ns: i64) {
         self.beam_ns = now_ns;
     }
 
     /// A sweep came.
-    pub fn came(&mut self, sweep: &Sweep, now_ns: i64) {
+    pub fn take_sweep(&mut self, sweep: &Sweep, now_ns: i64) {
         self.since_ns = Some(now_ns);
-        (self.came, self.fruitless) = (true, false);
+        (self.has_sweep, self.fruitless) = (true, false);
         let (begin_ns, end_ns) = sweep.span_ns();
         let turn_ns = end_ns.saturating_sub(begin_ns).clamp(0, TURN_MAX_NS);
         self.patience_ns = self.least_ns.max(PATIENCE_TURNS * turn_ns);
@@ -65,11 +65,11 @@ impl Condition {
         }
     }
 
-    /// Judges anew; `beams` is what the source says. Gives whether beams have just been without a sweep for too long.
+    /// Judges anew; `beams` is the source's link. Gives whether beams have just been without a sweep for too long.
     pub fn judge(&mut self, now_ns: i64, beams: &Link, streams: &Streams) -> bool {
-        let mut is_news = false;
+        let mut is_overdue_now = false;
         if !beams.streams() {
-            (self.since_ns, self.came, self.fruitless) = (None, false, false);
+            (self.since_ns, self.has_sweep, self.fruitless) = (None, false, false);
             self.set(beams);
         } else {
             let since_ns = *self.since_ns.get_or_insert(now_ns);
@@ -77,23 +77,23 @@ impl Condition {
                 .contested_ns
                 .is_some_and(|at_ns| now_ns.saturating_sub(at_ns) < WARNED_NS);
             let is_overdue = now_ns.saturating_sub(since_ns) > self.patience_ns;
-            let is_heard = now_ns.saturating_sub(self.beam_ns) <= self.patience_ns / 2;
-            self.waits = is_overdue && !is_heard;
-            if is_overdue && is_heard {
-                is_news = true;
+            let is_beam_recent = now_ns.saturating_sub(self.beam_ns) <= self.patience_ns / 2;
+            self.waits = is_overdue && !is_beam_recent;
+            if is_overdue && is_beam_recent {
+                is_overdue_now = true;
                 self.since_ns = Some(now_ns);
                 if !self.fruitless {
                     self.fruitless = true;
-                    self.link = Link::Trouble(self.no_sweep(streams));
+                    self.link = Link::Down(self.no_sweep(streams));
                 }
                 // It may turn so slowly that beginning anew is what keeps its sweep from being whole.
                 let longest_ns = self.least_ns.max(PATIENCE_TURNS * TURN_MAX_NS);
                 self.patience_ns = (2 * self.patience_ns).min(longest_ns);
             } else if self.fruitless {
-                // It has been said.
-            } else if !self.came {
-                // Trouble is over when a sweep comes, not when beams do.
-                if !matches!(self.link, Link::Trouble(_)) {
+                // It is reported already.
+            } else if !self.has_sweep {
+                // A link that is down is up again when a sweep comes, not when beams do.
+                if !matches!(self.link, Link::Down(_)) {
                     self.link = Link::Starting;
                 }
             } else if !is_warned {
@@ -103,8 +103,8 @@ impl Condition {
                 self.link = Link::Warning(two_senders(streams));
             }
         }
-        self.interruptions.see(&self.link);
-        is_news
+        self.interruptions.update(&self.link);
+        is_overdue_now
     }
 
     /// When to judge although nothing came, ns.
@@ -115,7 +115,7 @@ impl Condition {
         }
     }
 
-    /// What was found.
+    /// The radar's link.
     pub fn link(&self) -> &Link {
         &self.link
     }
@@ -147,11 +147,11 @@ const TWO_SENDERS: &str = "sweeps of two senders";
 
 fn two_senders(streams: &Streams) -> String {
     let taken = streams.taken().unwrap_or_default();
-    let told = match streams.stranger() {
-        Some(stranger) => taken.unlike(&stranger),
-        None => taken.unlike(&taken),
+    let text = match streams.other_sender() {
+        Some(other_sender) => taken.difference(&other_sender),
+        None => taken.difference(&taken),
     };
-    format!("{TWO_SENDERS}, {told}")
+    format!("{TWO_SENDERS}, {text}")
 }
 
 #[cfg(test)]
@@ -160,41 +160,41 @@ mod tests {
 
     const SECOND_NS: i64 = 1_000_000_000;
 
-    /// Beams come all along, polled a hundred times a second; gives when it was to begin anew, in tenths of a second.
-    fn anew(condition: &mut Condition, seconds: i64) -> Vec<i64> {
+    /// Beams come all along, polled a hundred times a second; gives when the source was to reconnect, in tenths of a second.
+    fn reconnects(monitor: &mut SweepMonitor, seconds: i64) -> Vec<i64> {
         let streams = Streams::new(SECOND_NS / 5, SECOND_NS);
         (0..seconds * 100)
             .map(|at| at * SECOND_NS / 100)
             .filter(|now_ns| {
-                condition.heard(*now_ns);
-                condition.judge(*now_ns, &Link::Streaming, &streams)
+                monitor.take_beam(*now_ns);
+                monitor.judge(*now_ns, &Link::Streaming, &streams)
             })
             .map(|now_ns| now_ns * 10 / SECOND_NS)
             .collect()
     }
 
     #[test]
-    fn beams_without_sweeps_are_trouble_ever_more_patiently() {
-        let mut condition = Condition::new(SECOND_NS, SECOND_NS / 5);
+    fn beams_without_sweeps_are_reported_with_growing_patience() {
+        let mut monitor = SweepMonitor::new(SECOND_NS, SECOND_NS / 5);
         let streams = Streams::new(SECOND_NS / 5, SECOND_NS);
-        condition.judge(0, &Link::Streaming, &streams);
-        assert_eq!(*condition.link(), Link::Starting);
-        assert_eq!(anew(&mut condition, 40), [10, 30, 70, 150, 310]);
-        let told = condition.link().text();
-        assert!(told.contains("no whole sweep for more than 1 s"), "{told}");
-        // Without beams it is the source that has something to say.
-        assert!(!condition.judge(400 * SECOND_NS, &Link::Streaming, &streams));
-        assert_eq!(condition.due_ns(), i64::MAX);
+        monitor.judge(0, &Link::Streaming, &streams);
+        assert_eq!(*monitor.link(), Link::Starting);
+        assert_eq!(reconnects(&mut monitor, 40), [10, 30, 70, 150, 310]);
+        let text = monitor.link().text();
+        assert!(text.contains("no whole sweep for more than 1 s"), "{text}");
+        // Without beams the source reports.
+        assert!(!monitor.judge(400 * SECOND_NS, &Link::Streaming, &streams));
+        assert_eq!(monitor.due_ns(), i64::MAX);
         // A sweep is what ends it.
-        condition.judge(401 * SECOND_NS, &Link::Streaming, &streams);
-        assert!(!condition.link().streams());
-        condition.came(&Sweep::default(), 402 * SECOND_NS);
-        condition.judge(402 * SECOND_NS, &Link::Streaming, &streams);
-        assert_eq!(*condition.link(), Link::Streaming);
-        assert_eq!(condition.patience_ns(), SECOND_NS);
-        condition.judge(403 * SECOND_NS, &Link::Trouble("gone".to_owned()), &streams);
-        condition.judge(404 * SECOND_NS, &Link::Streaming, &streams);
-        assert_eq!(condition.link().text(), "gone", "until a sweep comes");
-        assert_eq!(condition.count().value, 1);
+        monitor.judge(401 * SECOND_NS, &Link::Streaming, &streams);
+        assert!(!monitor.link().streams());
+        monitor.take_sweep(&Sweep::default(), 402 * SECOND_NS);
+        monitor.judge(402 * SECOND_NS, &Link::Streaming, &streams);
+        assert_eq!(*monitor.link(), Link::Streaming);
+        assert_eq!(monitor.patience_ns(), SECOND_NS);
+        monitor.judge(403 * SECOND_NS, &Link::Down("gone".to_owned()), &streams);
+        monitor.judge(404 * SECOND_NS, &Link::Streaming, &streams);
+        assert_eq!(monitor.link().text(), "gone", "until a sweep comes");
+        assert_eq!(monitor.count().value, 1);
     }
 }

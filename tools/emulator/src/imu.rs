@@ -1,4 +1,4 @@
-//! IMUs that are not there.
+//! Emulated IMUs.
 //!
 //! Responsible for what all of them have in common: the log's samples at their time, the device's own clock, and the
 //! faults of a device whatever its protocol. Not responsible for bytes.
@@ -18,14 +18,14 @@ use randt_messages::ImuSampleTopic;
 
 /// How fast a skewed device's clock is.
 const SKEW: f64 = 200e-6;
-/// Of so many samples one is lost.
+/// One of this many samples is lost.
 const LOST: u64 = 20;
 /// Interval of a log of one sample, ns.
 const INTERVAL_NS: i64 = 4_000_000;
 
-/// What a device measures at one moment, in SI units.
+/// What a device measures at one instant, in SI units.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moment {
+pub struct ImuMeasurement {
     /// When it is due, in the log's time, ns.
     pub stamp_ns: i64,
     /// The device's own time, ns.
@@ -39,21 +39,21 @@ pub struct Moment {
 }
 
 /// The log's samples as a device measures them.
-pub struct Moments {
+pub struct ImuMeasurements {
     recording: Recording<ImuSampleTopic>,
     pace: Pace,
     faults: Faults,
     number: u64,
     /// Stamp at which the device's clock began.
     zero_ns: i64,
-    /// What the clock is ahead by, and up to which stamp that was worked out.
+    /// What the clock is ahead by, and up to which stamp that was computed.
     ahead_ns: f64,
     last_ns: i64,
     resets: usize,
     interval_ns: i64,
 }
 
-impl Moments {
+impl ImuMeasurements {
     /// All samples of a recording.
     pub fn new(recording: Recording<ImuSampleTopic>, pace: Pace, faults: Faults) -> Self {
         let begin_ns = recording.begin_ns();
@@ -71,7 +71,7 @@ impl Moments {
     }
 
     /// The next one; `None` at the recording's end.
-    pub fn next_moment(&mut self) -> Result<Option<Moment>, Error> {
+    pub fn next_measurement(&mut self) -> Result<Option<ImuMeasurement>, Error> {
         let Some((sample, shift_ns)) = self.recording.next_message()? else {
             return Ok(None);
         };
@@ -89,7 +89,7 @@ impl Moments {
             self.resets = resets;
             self.begin_clock(stamp_ns);
         }
-        let moment = Moment {
+        let measurement = ImuMeasurement {
             stamp_ns,
             device_ns: stamp_ns.saturating_sub(self.zero_ns) + self.ahead_ns as i64,
             number: self.number,
@@ -98,7 +98,7 @@ impl Moments {
         };
         self.last_ns = stamp_ns;
         self.number += 1;
-        Ok(Some(moment))
+        Ok(Some(measurement))
     }
 
     /// The device was switched on: its clock begins at 0.
@@ -107,11 +107,11 @@ impl Moments {
         self.ahead_ns = 0.0;
     }
 
-    /// Whether the device keeps this one to itself.
-    pub fn is_lost(&self, moment: &Moment) -> bool {
-        let at_s = self.at_s(moment.stamp_ns);
-        (self.faults.is_on(FaultKind::Lost, at_s) && moment.number.is_multiple_of(LOST))
-            || (self.faults.is_on(FaultKind::Rate, at_s) && moment.number.is_multiple_of(2))
+    /// Whether the device does not send this one.
+    pub fn is_lost(&self, measurement: &ImuMeasurement) -> bool {
+        let at_s = self.at_s(measurement.stamp_ns);
+        (self.faults.is_on(FaultKind::Lost, at_s) && measurement.number.is_multiple_of(LOST))
+            || (self.faults.is_on(FaultKind::Rate, at_s) && measurement.number.is_multiple_of(2))
     }
 
     /// From one sample to the next, ns.
@@ -129,7 +129,7 @@ impl Moments {
         &self.faults
     }
 
-    /// When what is due.
+    /// When a stamp is due.
     pub fn pace(&self) -> Pace {
         self.pace
     }

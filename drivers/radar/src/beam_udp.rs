@@ -4,6 +4,7 @@
 
 mod crc;
 mod decoder;
+mod fragments;
 pub mod packet;
 mod socket;
 

@@ -1,4 +1,4 @@
-//! `SceneUpdate` of the pose graph in pieces: over a slow link only those that changed are sent.
+//! `SceneUpdate` of the pose graph as several entities: over a slow link only those that changed are sent.
 
 use crate::MAP;
 use crate::graph::Graph;
@@ -7,40 +7,43 @@ use foxglove::messages::line_primitive::Type;
 use foxglove::messages::{LinePrimitive, SceneEntity, SceneUpdate};
 use randt_messages::GraphEntry;
 
-/// Keyframes or loops that go together: a piece of at most some 2 kB.
-const PIECE: usize = 64;
+/// Keyframes or loops of one entity: at most some 2 kB.
+const ENTITY_ITEMS: usize = 64;
 /// Lines lie above the floor, m.
 const ABOVE_M: f64 = 0.03;
 const PATH: Colour = [0.1, 0.4, 0.9, 1.0];
 const LOOP: Colour = [0.9, 0.5, 0.0, 0.8];
 
-/// The graph as pieces with a name each, "path N" and "loops N". They have no stamp: what is fixed to `map` needs none,
-/// and so a piece that has not changed is the same bytes.
-pub fn pieces(graph: &Graph) -> Vec<(String, SceneUpdate)> {
+/// The graph as entities with a name each, "path N" and "loops N". They have no stamp: what is fixed to `map` needs none,
+/// and so an entity that has not changed is the same bytes.
+pub fn graph_entities(graph: &Graph) -> Vec<(String, SceneUpdate)> {
     let nodes: Vec<&GraphEntry> = graph.nodes().collect();
     let ends: Vec<[&GraphEntry; 2]> = graph.loops().map(|(_, ends)| ends).collect();
-    let paths = (0..nodes.len()).step_by(PIECE).map(|first| {
+    let paths = (0..nodes.len()).step_by(ENTITY_ITEMS).map(|first| {
         // Together with the one before, so that no link is missing.
-        let piece = nodes.iter().skip(first.saturating_sub(1));
-        let count = PIECE + usize::from(first > 0);
+        let group = nodes.iter().skip(first.saturating_sub(1));
+        let count = ENTITY_ITEMS + usize::from(first > 0);
         (
-            format!("path {}", first / PIECE),
-            strips(piece.take(count).copied()),
+            format!("path {}", first / ENTITY_ITEMS),
+            strips(group.take(count).copied()),
         )
     });
-    let loops = ends.chunks(PIECE).enumerate().map(|(number, piece)| {
-        let points = piece.iter().flatten().map(|node| place(node)).collect();
-        let line = above(lines(Type::LineList, points, LOOP));
-        (format!("loops {number}"), vec![line])
-    });
+    let loops = ends
+        .chunks(ENTITY_ITEMS)
+        .enumerate()
+        .map(|(number, group)| {
+            let points = group.iter().flatten().map(|node| position(node)).collect();
+            let line = above(lines(Type::LineList, points, LOOP));
+            (format!("loops {number}"), vec![line])
+        });
     let drawn = paths.chain(loops);
     drawn
         .map(|(name, lines)| (name.clone(), entity(&name, lines)))
         .collect()
 }
 
-/// A piece that is gone: it takes the place of the one of its name.
-pub fn nothing(name: &str) -> SceneUpdate {
+/// An entity without content: it replaces the one of its name.
+pub fn empty_entity(name: &str) -> SceneUpdate {
     entity(name, Vec::new())
 }
 
@@ -53,23 +56,23 @@ fn entity(name: &str, lines: Vec<LinePrimitive>) -> SceneUpdate {
     })
 }
 
-/// One line a part of the map: parts have nothing in common.
+/// One line for each component of the map: components have nothing in common.
 fn strips<'a>(nodes: impl Iterator<Item = &'a GraphEntry>) -> Vec<LinePrimitive> {
     let mut strips: Vec<LinePrimitive> = Vec::new();
-    let mut part = None;
+    let mut component = None;
     for node in nodes {
-        if part != Some(node.b) {
-            part = Some(node.b);
+        if component != Some(node.b) {
+            component = Some(node.b);
             strips.push(above(lines(Type::LineStrip, Vec::new(), PATH)));
         }
         if let Some(last) = strips.last_mut() {
-            last.points.push(place(node));
+            last.points.push(position(node));
         }
     }
     strips
 }
 
-fn place(node: &GraphEntry) -> foxglove::messages::Point3 {
+fn position(node: &GraphEntry) -> foxglove::messages::Point3 {
     point([node.pose[0], node.pose[1]])
 }
 
@@ -97,10 +100,10 @@ mod tests {
     }
 
     #[test]
-    fn a_graph_is_drawn_in_pieces() {
-        let parts = (0..100).map(|id| node(id, if id < 70 { 0 } else { 70 }));
+    fn a_graph_is_drawn_as_several_entities() {
+        let components = (0..100).map(|id| node(id, if id < 70 { 0 } else { 70 }));
         let mut page = Message::<MapperGraph> {
-            items: parts.collect(),
+            items: components.collect(),
             ..Message::default()
         };
         page.items.push(GraphEntry {
@@ -110,12 +113,12 @@ mod tests {
         (page.head.keyframes, page.head.loops) = (100, 1);
         let mut graph = Graph::default();
         assert!(graph.take(page.as_ref()));
-        let drawn = pieces(&graph);
+        let drawn = graph_entities(&graph);
         let names: Vec<_> = drawn.iter().map(|(name, _)| name.as_str()).collect();
         assert_eq!(names, ["path 0", "path 1", "loops 0"]);
         let lines = |at: usize| &drawn[at].1.entities[0].lines;
         assert_eq!(lines(0)[0].points.len(), 64);
-        // From the last one of the first piece on, and a gap where a part begins.
+        // From the last one of the first entity on, and a gap where a component begins.
         let lengths: Vec<_> = lines(1).iter().map(|line| line.points.len()).collect();
         assert_eq!(lengths, [7, 30]);
         assert_eq!(lines(2)[0].points[1].x, 60.0);

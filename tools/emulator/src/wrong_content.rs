@@ -1,16 +1,16 @@
-//! Well-formed messages with wrong content: what a stranger sends, or a device that is out of its mind. The same seed
-//! draws the same.
+//! Well-formed messages with wrong content, as another sender or a defective device sends them. The same seed draws the
+//! same.
 
 /// Bytes of a message that are changed at most.
 const CHANGED_MAX: u64 = 4;
 
 /// Draws what is wrong.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wrong {
+pub(crate) struct WrongContent {
     random: u64,
 }
 
-impl Wrong {
+impl WrongContent {
     /// By a seed.
     pub fn new(seed: u64) -> Self {
         // Seeds that follow each other are far apart.

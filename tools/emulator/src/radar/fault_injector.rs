@@ -1,12 +1,12 @@
-//! What goes wrong with a radar's messages, each at its time.
+//! Faults of a radar's messages, each at its time.
 
 use super::Wire;
-use crate::wrong::Wrong;
+use crate::wrong_content::WrongContent;
 use crate::{FaultKind, Faults};
 
-/// Of so many messages one is corrupted.
+/// One of this many messages is corrupted.
 const CORRUPTED_EVERY: u64 = 10;
-/// Of so many messages one is lost, doubled or late.
+/// One of this many messages is lost, doubled or late.
 const ASTRAY: u64 = 20;
 /// How far an unsteady encoder is off, in steps.
 const JITTER_STEPS: f64 = 0.2;
@@ -24,9 +24,9 @@ pub(crate) enum Corruption {
     Oversize,
 }
 
-/// What is wrong just now.
+/// The faults of one beam.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Now {
+pub(crate) struct BeamFaults {
     at_s: f64,
     pub azimuth_rad: f64,
     pub late_ns: i64,
@@ -35,22 +35,22 @@ pub(crate) struct Now {
     pub contour: bool,
 }
 
-/// The faults of a run, as they meet the messages.
-pub(crate) struct Mishaps {
+/// Applies the faults of a run to its messages.
+pub(crate) struct FaultInjector {
     faults: Faults,
     random: u64,
-    wrong: Wrong,
+    wrong: WrongContent,
     count: u64,
     closes: usize,
     held: Vec<Vec<u8>>,
 }
 
-impl Mishaps {
+impl FaultInjector {
     pub fn new(faults: Faults, seed: u64) -> Self {
         Self {
             faults,
             random: seed | 1,
-            wrong: Wrong::new(seed),
+            wrong: WrongContent::new(seed),
             count: 0,
             closes: 0,
             held: Vec::new(),
@@ -58,14 +58,14 @@ impl Mishaps {
     }
 
     /// What is wrong with a beam at a time.
-    pub fn at(&mut self, at_s: f64, step_rad: f64) -> Now {
+    pub fn at(&mut self, at_s: f64, step_rad: f64) -> BeamFaults {
         let jitter = self.faults.is_on(FaultKind::Jitter, at_s);
-        let mut now = Now {
+        let mut now = BeamFaults {
             at_s,
             fast: self.faults.is_on(FaultKind::Skew, at_s),
             resets: self.faults.begun(FaultKind::ClockReset, at_s),
             contour: self.faults.is_on(FaultKind::Contour, at_s),
-            ..Now::default()
+            ..BeamFaults::default()
         };
         if jitter {
             now.azimuth_rad = (self.random() - 0.5) * 2.0 * JITTER_STEPS * step_rad;
@@ -74,11 +74,11 @@ impl Mishaps {
         now
     }
 
-    /// Sends a beam's messages, or what becomes of them; how many nobody took.
-    pub fn send(&mut self, wire: &mut dyn Wire, messages: &mut [Vec<u8>], now: &Now) -> u64 {
+    /// Sends a beam's messages with their faults; gives how many were not taken.
+    pub fn send(&mut self, wire: &mut dyn Wire, messages: &mut [Vec<u8>], now: &BeamFaults) -> u64 {
         let on = |kind| self.faults.is_on(kind, now.at_s);
         self.count += 1;
-        let every = |so_many: u64| self.count.is_multiple_of(so_many);
+        let every = |count: u64| self.count.is_multiple_of(count);
         wire.unplug(on(FaultKind::Unplug));
         wire.split(on(FaultKind::Split));
         let closes = self.faults.begun(FaultKind::Close, now.at_s);
@@ -104,12 +104,12 @@ impl Mishaps {
         if on(FaultKind::Junk) && every(CORRUPTED_EVERY) {
             wire.send(&self.junk());
         }
-        for (kind, corrupt, seldom) in [
+        for (kind, corrupt, rarely) in [
             (FaultKind::Checksum, Corruption::Checksum, true),
             (FaultKind::Version, Corruption::Version, false),
             (FaultKind::Oversize, Corruption::Oversize, true),
         ] {
-            if on(kind) && (!seldom || every(CORRUPTED_EVERY)) {
+            if on(kind) && (!rarely || every(CORRUPTED_EVERY)) {
                 messages.iter_mut().for_each(|m| wire.corrupt(corrupt, m));
             }
         }

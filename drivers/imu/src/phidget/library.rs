@@ -24,7 +24,7 @@ pub(super) use channel::{Channel, Server};
 
 use symbols::Symbols;
 
-/// The library, loaded for ever.
+/// The library, which is never unloaded.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Library {
     symbols: &'static Symbols,
@@ -35,7 +35,7 @@ impl Library {
     pub(super) fn load(path: &str) -> Result<Self, libloading::Error> {
         // SAFETY: the vendor's library initialises itself when it is loaded, and nothing else is done by that.
         let library = unsafe { libloading::Library::new(path) }?;
-        let symbols = Symbols::of(&library);
+        let symbols = Symbols::load(&library);
         // Its threads may be in its code at any time.
         std::mem::forget(library);
         Ok(Self {

@@ -3,10 +3,9 @@
 #![allow(
     clippy::unwrap_used,
     clippy::disallowed_methods,
-    reason = "a bench says by panicking what is wrong, and measures"
+    reason = "a bench reports failures by panicking, and measures"
 )]
 
-#[path = "../tests/support/mod.rs"]
 mod support;
 
 use randt_recorder::{Disk, Settings};
@@ -18,7 +17,7 @@ const SECONDS: i64 = 60;
 
 fn main() {
     let folder = tempfile::tempdir().unwrap();
-    let settings = Settings::of(&loaded().config.record);
+    let settings = Settings::from_config(&loaded().config.record);
     let mut recorder = recorder(Disk::new(folder.path()), settings);
     let mut drive = Drive::new(10_000);
     let mut spent_s = 0.0;
