@@ -1,18 +1,20 @@
 //! How exact the program is on recordings, from the command to the figure.
 
-use crate::support::{OUTPUTS, Row, ended, names, pose_at, randt, recording, report, run, tum};
+use crate::support::{
+    OUTPUTS, Row, ended, lab, names, pose_at, randt, recording, report, run, tum,
+};
 use randt_geometry::{Pose2, elementary::wrap};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
-/// ATE of a bag's trajectory against its truth by `randt eval`, m.
+/// ATE of a bag's trajectory against its truth by `randt-lab eval`, m.
 fn ate_m(bag: &str, truth: &str, profile: &str) -> Option<f64> {
     let (bag, truth) = (recording(bag)?, recording(truth)?);
     let folder = tempfile::tempdir().unwrap();
     let run = run(&bag, folder.path(), &["--profile", profile]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    let mut command = randt(&["eval", "--json"]);
+    let mut command = lab(&["eval", "--json"]);
     command.arg(folder.path().join("odometry.tum")).arg(truth);
     let eval = ended(command);
     assert_eq!(eval.code, Some(0), "{}", eval.stderr);
@@ -140,7 +142,7 @@ fn two_real_scans_register() {
         return;
     };
     let image = |stamp: &str| folder.join("radar").join(stamp).with_extension("png");
-    let mut command = randt(&["register", "--json", "--profile", "oxford"]);
+    let mut command = lab(&["register", "--json", "--profile", "oxford"]);
     command.args([image("1547131050856549"), image("1547131051108813")]);
     let ended = ended(command);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);

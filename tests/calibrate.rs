@@ -57,7 +57,7 @@ type Figure = (&'static str, f64, f64, f64);
 fn errors(log: &Path) -> Vec<Figure> {
     let time = figures("time", log);
     let mounting = figures("extrinsics", log);
-    let (yaw, lever) = (&mounting["yaw"], &mounting["lever"]);
+    let (yaw, lever) = (&mounting["yaw"], &mounting["lever_arm"]);
     let number = |value: &Value| value.as_f64().unwrap();
     for shown in [&time, yaw, lever] {
         let spans = shown["shown_by"]["spans_s"].as_array().unwrap();
@@ -179,7 +179,7 @@ fn a_straight_drive_is_refused() {
     let found: Value = serde_json::from_str(&mounting.stdout).unwrap();
     let yaw_deg = found["yaw"]["yaw_deg"].as_f64().unwrap();
     assert!((yaw_deg - YAW_DEG).abs() < 0.5, "{yaw_deg}");
-    assert!(found["lever"]["refused"].is_string());
+    assert!(found["lever_arm"]["refused"].is_string());
 }
 
 #[test]

@@ -66,7 +66,7 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
 
 /// Crates with a price in size, build time or determinism, and who may use them.
 const USERS: &[(&str, &[&str])] = &[
-    ("anyhow", &["randt"]),
+    ("anyhow", &["randt", "randt-lab"]),
     ("base64", &["randt-view"]),
     ("bzip2", &["randt-readers"]),
     (
@@ -76,6 +76,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-config",
             "randt-filter",
             "randt-imu",
+            "randt-lab",
             "randt-mapper",
             "randt-odometry",
             "randt-radar",
@@ -86,11 +87,12 @@ const USERS: &[(&str, &[&str])] = &[
     ),
     ("clap_complete", &["randt-stage"]),
     ("clap_mangen", &["randt-stage"]),
+    ("csv", &["randt-lab"]),
     ("ctrlc", &["randt"]),
     ("faer", &["randt-mapper"]),
     ("foxglove", &["randt-foxglove-schemas"]),
     ("iceoryx2", &["randt-stage"]),
-    ("indicatif", &["randt"]),
+    ("indicatif", &["randt", "randt-lab"]),
     ("libloading", &["randt-imu"]),
     ("lz4_flex", &["randt-readers"]),
     ("mcap", &["randt-log", "randt-readers"]),

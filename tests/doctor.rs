@@ -31,7 +31,7 @@ fn assert_says(ended: &Ended, grade: &str, words: &str) {
 #[track_caller]
 fn assert_bad(ended: &Ended, words: &str, mend: &str) {
     assert_says(ended, "BAD", words);
-    assert_says(ended, "      mend it:", mend);
+    assert_says(ended, "      fix it:", mend);
     assert_eq!(ended.code, Some(1));
 }
 
@@ -259,7 +259,7 @@ fn what_a_kill_leaves_is_found_and_cleaned_away() {
     assert_says(&dead, "WARN", "B) of dead stages");
     assert_says(
         &dead,
-        "      mend it:",
+        "      fix it:",
         "randt doctor --clean --prefix left-",
     );
     let cleaned = pipeline.randt(&["doctor", "--clean"]);
@@ -295,7 +295,7 @@ fn a_stopped_stage_and_a_lost_anchor_are_found() {
     fs::remove_file(pipeline.domain().run().join("clock-anchor")).unwrap();
     let found = pipeline.randt(&["doctor"]);
     assert_says(&found, "WARN", "randt-filter (process");
-    assert_says(&found, "      mend it:", &format!("kill -CONT {filter}"));
+    assert_says(&found, "      fix it:", &format!("kill -CONT {filter}"));
     assert_bad(
         &found,
         "a stage that starts now has other stamps",
@@ -353,7 +353,7 @@ fn a_program_that_was_replaced_is_told() {
     fs::remove_file(&copy).unwrap();
     let found = pipeline.randt(&["doctor"]);
     assert_says(&found, "WARN", "was replaced on disk since it started");
-    assert_says(&found, "      mend it:", "restart randt-filter");
+    assert_says(&found, "      fix it:", "restart randt-filter");
     assert_eq!(found.code, Some(0), "{}", found.stdout);
 }
 

@@ -7,6 +7,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+/// The one program that is not packaged.
+const LAB: &str = "randt-lab";
+
 type Names = BTreeSet<String>;
 
 /// Long options in a text that are preceded by a mark.
@@ -35,18 +38,17 @@ fn helped(path: &[String]) -> (Names, Names) {
     let listed = lines.filter_map(|line| line.split_once(" --"));
     let listed = listed.flat_map(|(_, rest)| options(&format!(" --{}", first_word(rest)), " --"));
     let mut commands = Names::new();
-    let mut within = false;
+    let mut heading = "";
     for line in said.stdout.lines() {
-        within = line == "Commands:" || within && !line.is_empty();
-        // What goes on from the line before is indented further.
-        let name = line
-            .strip_prefix("  ")
-            .filter(|line| !line.starts_with(' '));
-        commands.extend(
-            name.filter(|_| within)
-                .and_then(|line| line.split(' ').next())
-                .map(String::from),
-        );
+        if !line.starts_with(' ') {
+            heading = line;
+        }
+        // Commands stand under "Commands:" or under their tasks. What goes on from the line before is indented further.
+        if heading.ends_with(':') && !["Arguments:", "Examples:"].contains(&heading) {
+            let name = line.strip_prefix("  ").map(first_word);
+            let name = name.filter(|name| name.starts_with(|c: char| c.is_ascii_lowercase()));
+            commands.extend(name.map(String::from));
+        }
     }
     commands.remove("help");
     (listed.collect(), commands)
@@ -55,7 +57,10 @@ fn helped(path: &[String]) -> (Names, Names) {
 /// The same of a man page.
 fn on_page(share: &Path, path: &[String]) -> (Names, Names) {
     let name = path.join("-");
-    let section = if path[0] == "randt" { 1 } else { 8 };
+    let section = match path[0].as_str() {
+        "randt" | LAB => 1,
+        _ => 8,
+    };
     let page = share.join(format!("man/man{section}/{name}.{section}"));
     let text = fs::read_to_string(&page).unwrap_or_else(|error| panic!("{page:?}: {error}"));
     assert!(text.contains("\n.SH NAME\n"), "{page:?}");
@@ -110,7 +115,7 @@ fn help_man_pages_and_completions_agree() {
     let folder = tempfile::tempdir().unwrap();
     let share = folder.path();
     let mut paths: Vec<Vec<String>> = Vec::new();
-    for name in PROGRAMS.lines() {
+    for name in PROGRAMS.lines().chain([LAB]) {
         let mut command = Command::new(program(name));
         command.arg("--documents").arg(share);
         let said = ended(command);

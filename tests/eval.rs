@@ -1,16 +1,15 @@
-//! `randt eval` as a user calls it.
+//! `randt-lab eval` as a user calls it.
 
-use crate::support::recordings::recording;
+use crate::support::{lab, recording};
 use randt_geometry::elementary::sin_cos;
 use serde_json::Value;
 use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn eval(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_randt"))
-        .arg("eval")
+    lab(&["eval"])
         .args(arguments)
         .current_dir(folder)
         .output()

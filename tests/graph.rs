@@ -1,6 +1,6 @@
-//! `randt graph` as a user calls it: the published optima, and false loops among the true ones.
+//! `randt-lab graph` as a user calls it: the published optima, and false loops among the true ones.
 
-use crate::support::{ended, randt, recording};
+use crate::support::{ended, lab, recording};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -9,7 +9,7 @@ use std::path::Path;
 const ATE_MAX_M: f64 = 0.5;
 
 fn graph(file: &Path, arguments: &[&str]) -> Value {
-    let mut command = randt(&["graph", "--json"]);
+    let mut command = lab(&["graph", "--json"]);
     command.arg(file).args(arguments);
     let ended = ended(command);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -151,7 +151,7 @@ fn people_get_a_table_and_the_same_seed_the_same_figures() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("laps.g2o");
     fs::write(&file, laps()).unwrap();
-    let mut command = randt(&["graph", "--false-loops", "30", "--seed", "3"]);
+    let mut command = lab(&["graph", "--false-loops", "30", "--seed", "3"]);
     command.arg(&file);
     let table = ended(command).stdout;
     for words in [
@@ -209,7 +209,7 @@ fn what_cannot_be_solved_is_refused_in_words() {
         (good, &["--false-loops", "10"], "no loops in it"),
     ] {
         fs::write(&file, text).unwrap();
-        let mut command = randt(&["graph"]);
+        let mut command = lab(&["graph"]);
         command.arg(&file).args(arguments);
         let ended = ended(command);
         assert_eq!(ended.code, Some(1), "{text}: {ended:?}");
@@ -221,7 +221,7 @@ fn what_cannot_be_solved_is_refused_in_words() {
         ["--false-groups", "5"],
         ["--false-groups", "0,3"],
     ] {
-        let mut command = randt(&["graph"]);
+        let mut command = lab(&["graph"]);
         command.arg(&file).args(arguments);
         assert_eq!(ended(command).code, Some(2), "{arguments:?}");
     }

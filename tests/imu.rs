@@ -1,15 +1,14 @@
-//! `randt imu` on real recordings: a Phidgets Spatial hung upside down, and an IMU with optical truth (BROAD).
+//! `randt-lab imu` on real recordings: a Phidgets Spatial hung upside down, and an IMU with optical truth (BROAD).
 
-use crate::support::recordings::recording;
+use crate::support::{lab, recording};
 use randt_geometry::{Quaternion, elementary};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn randt_imu(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_randt"));
-    command.arg("imu").args(arguments).output().unwrap()
+    lab(&["imu"]).args(arguments).output().unwrap()
 }
 
 fn examined(path: &Path, more: &[&str]) -> Value {

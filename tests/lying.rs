@@ -134,7 +134,7 @@ fn judged(name: &str, drive: &Drive, fault: Fault) -> SilentlyWrong {
     let mut config = job::with_mounting(loaded, &source).config;
     config.loops.enabled = false;
     let done = job::run(&mut source, &config, true, &ProgressBar::hidden()).unwrap();
-    let spans = trust_spans::of(&done.results.states);
+    let spans = trust_spans::from_states(&done.results.states);
     let trust = trust_spans::for_evaluation(&spans);
     let results = &done.results;
     let found = silently_wrong(&results.odometry(), results.truth(), &trust);

@@ -1,6 +1,7 @@
 //! Machines with and without fused multiply-add and vector units agree: the program once as it is, once on an emulated
 //! processor of 2008 (`qemu-user`).
 
+use crate::support::stages::program;
 use crate::support::{ended, recording, tum};
 use serde_json::Value;
 use std::fs;
@@ -40,9 +41,13 @@ fn emulator() -> Option<&'static str> {
     found
 }
 
-/// The program on this machine, or on an old one.
+/// `randt` on this machine, or on an old one.
 fn randt(emulator: Option<&str>) -> Command {
-    let program = env!("CARGO_BIN_EXE_randt");
+    on(emulator, Path::new(env!("CARGO_BIN_EXE_randt")))
+}
+
+/// A program there.
+fn on(emulator: Option<&str>, program: &Path) -> Command {
     let Some(emulator) = emulator else {
         return Command::new(program);
     };
@@ -110,7 +115,7 @@ fn pose_graphs_have_the_same_optimum_and_the_same_false_loops() {
             return;
         };
         let figures = |machine: Option<&str>| -> Value {
-            let mut graph = randt(machine);
+            let mut graph = on(machine, &program("lab"));
             graph.args(["graph", "--json", "--false-loops", false_loops]);
             graph.arg(&file);
             let mut figures: Value = serde_json::from_str(&printed(graph)).unwrap();

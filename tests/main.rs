@@ -9,10 +9,10 @@
 
 mod support;
 
+mod ablation;
 mod accuracy;
 mod bad_data;
 mod bad_input;
-mod bench;
 mod bounds;
 mod calibrate;
 mod config;

@@ -125,7 +125,7 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
     // What has only just begun is a part by itself: nobody believes that it is in the map.
     let top = pipeline.randt(&["top", "--once", "--json"]);
     let figures: Value = serde_json::from_str(&top.stdout).unwrap();
-    assert_eq!(figures["map"]["parts"], 2, "{figures}");
+    assert_eq!(figures["map"]["components"], 2, "{figures}");
     pipeline.kill_all();
 
     let stopped = robot.stop(&pipeline);

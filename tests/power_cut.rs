@@ -108,7 +108,7 @@ fn after_a_power_cut_the_mission_goes_on() {
     top.extend(["randt", "top", "--once", "--json"]);
     let top: Value = serde_json::from_str(&machine.good(&top)).unwrap();
     println!("{}", top["map"]);
-    assert_eq!(top["map"]["parts"], 2);
+    assert_eq!(top["map"]["components"], 2);
 
     // The log that was cut is whole.
     until("a whole log", BOOTED_MAX, || {

@@ -153,7 +153,7 @@ fn the_pipeline_has_latency_pose_and_map() {
     assert_eq!(now["robot"]["trust"], "good", "{now}");
     assert!(now["robot"]["velocity"][0].as_f64().unwrap() > 0.0, "{now}");
     assert!(now["map"]["keyframes"].as_u64().unwrap() > 0, "{now}");
-    assert_eq!(now["map"]["parts"], 1, "{now}");
+    assert_eq!(now["map"]["components"], 1, "{now}");
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Whether a drive says where it is wrong: worlds that nothing but their ends, or nothing at all, fixes along the way.
 
-use crate::support::{ended, figures, randt, report, run};
+use crate::support::{ended, figures, lab, randt, report, run};
 use randt_geometry::elementary::sin_cos;
 use serde_json::Value;
 use std::f64::consts::TAU;
@@ -45,7 +45,7 @@ fn drive(folder: &Path, world: &str, scans: u32) -> [Value; 3] {
     let out = at("out");
     let ran = run(&at("my.mcap"), &out, &["--profile", "mixed"]);
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    let mut command = randt(&["eval", "--json"]);
+    let mut command = lab(&["eval", "--json"]);
     command.arg(out.join("odometry.tum")).arg(at("my.tum"));
     command.arg("--trust").arg(out.join("report.json"));
     let evaluated = ended(command);

@@ -71,6 +71,13 @@ pub fn randt(arguments: &[&str]) -> Command {
     command
 }
 
+/// The research bench, likewise.
+pub fn lab(arguments: &[&str]) -> Command {
+    let mut command = Command::new(stages::program("lab"));
+    command.args(arguments);
+    command
+}
+
 /// Removes a folder in which others still make files, as `rm -r` until nothing is left.
 pub fn remove_folder(folder: &Path) {
     while let Err(error) = fs::remove_dir_all(folder) {
@@ -123,7 +130,7 @@ pub fn ended_within(command: Command, time_max: Duration) -> Ended {
 /// Whether a command takes a whole core for seconds.
 fn computes(command: &Command) -> bool {
     const COMMANDS: [&str; 7] = [
-        "bench",
+        "ablation",
         "calibrate",
         "demo",
         "graph",
@@ -193,9 +200,9 @@ pub fn report(out: &Path) -> serde_json::Value {
     report
 }
 
-/// The figures of `randt eval` for a trajectory of a run, its loops included.
+/// The figures of `randt-lab eval` for a trajectory of a run, its loops included.
 pub fn figures(out: &Path, trajectory: &str, truth: &Path) -> serde_json::Value {
-    let mut command = randt(&["eval", "--json"]);
+    let mut command = lab(&["eval", "--json"]);
     command.arg(out.join(trajectory)).arg(truth);
     command.arg("--loops").arg(out.join("report.json"));
     let ended = ended(command);

@@ -50,6 +50,11 @@ fn write(command: Command, folder: &Path) -> Result<(), Error> {
     for (shell, place) in SHELLS {
         let mut text = Vec::new();
         shell.generate(&completed, &mut text);
+        // clap_complete writes a program's hyphen in two ways for bash, so that options of its commands are not found.
+        let [two, one] = ["__subcmd__", "__"].map(|mark| name.replace('-', mark));
+        let text = String::from_utf8_lossy(&text)
+            .replace(&two, &one)
+            .into_bytes();
         let file = match shell {
             // So that every age of bash-completion finds it.
             Shell::Bash => name.clone(),

@@ -92,7 +92,9 @@ fn scan_cost(input: &Path, profile: &str) -> anyhow::Result<()> {
             true,
             &indicatif::ProgressBar::hidden(),
         )?;
-        costs.push(Cost::of(&done.pipeline.timing.filter_and_odometry_ns()));
+        costs.push(Cost::from_times(
+            &done.pipeline.timing.filter_and_odometry_ns(),
+        ));
     }
     costs.sort_by(|a, b| a.median_ms.total_cmp(&b.median_ms));
     let cost = &costs[RUNS / 2];

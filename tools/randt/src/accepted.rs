@@ -1,34 +1,14 @@
 //! The accepted loops of a run, out of its mapper or its `report.json`.
 
+use crate::report::Report;
 use anyhow::Context;
 use randt_evaluation::LoopEdge;
 use randt_geometry::Pose2;
 use randt_mapper::Mapper;
-use serde::Deserialize;
 use std::path::Path;
 
 /// The fate of a candidate that entered the graph.
 const ACCEPTED: &str = "accepted";
-
-/// What is read of a report; it holds much else.
-#[derive(Deserialize)]
-struct Report {
-    loops: Loops,
-}
-
-#[derive(Deserialize)]
-struct Loops {
-    candidates: Vec<Candidate>,
-}
-
-#[derive(Deserialize)]
-struct Candidate {
-    from_ns: i64,
-    to_ns: i64,
-    /// x m, y m, yaw rad.
-    relative: [f64; 3],
-    fate: String,
-}
 
 /// The loops in a mapper's graph, in the order in which they were found.
 pub fn of(mapper: &Mapper) -> Vec<LoopEdge> {
@@ -45,8 +25,7 @@ pub fn of(mapper: &Mapper) -> Vec<LoopEdge> {
 
 /// Reads the loops of a report that were accepted, in its order.
 pub fn read(path: &Path) -> anyhow::Result<Vec<LoopEdge>> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    parse(&bytes).with_context(|| {
+    accepted(Report::read(path)?).with_context(|| {
         format!(
             "{}: no report of a run that says what became of its loops",
             path.display()
@@ -54,9 +33,9 @@ pub fn read(path: &Path) -> anyhow::Result<Vec<LoopEdge>> {
     })
 }
 
-fn parse(bytes: &[u8]) -> serde_json::Result<Vec<LoopEdge>> {
-    let report: Report = serde_json::from_slice(bytes)?;
-    let accepted = report.loops.candidates.into_iter();
+fn accepted(report: Report) -> anyhow::Result<Vec<LoopEdge>> {
+    let loops = report.loops.context("missing field `loops`")?;
+    let accepted = loops.candidates.into_iter();
     Ok(accepted
         .filter(|candidate| candidate.fate == ACCEPTED)
         .map(|candidate| LoopEdge {
@@ -70,6 +49,10 @@ fn parse(bytes: &[u8]) -> serde_json::Result<Vec<LoopEdge>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn parse(json: &[u8]) -> anyhow::Result<Vec<LoopEdge>> {
+        accepted(serde_json::from_slice(json)?)
+    }
 
     #[test]
     fn only_what_was_accepted_counts_and_other_fields_do_not_matter() {

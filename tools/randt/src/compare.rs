@@ -5,16 +5,17 @@ use crate::units::count;
 use anyhow::Context;
 use randt_log::LogReader;
 use randt_messages::{OdometryState, OdometryStateTopic};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::fmt;
 use std::path::Path;
 
-/// A scan by its publisher's start and its number there.
+/// A scan by its publisher's epoch and its number there.
 type Scan = (u64, u64);
 
 /// What both have, and where they differ.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Scans whose pose was published and computed again.
     pub compared: u64,
@@ -32,21 +33,21 @@ pub struct Comparison {
 }
 
 /// Where both differ.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Difference {
     /// Stamp of the scan.
     pub stamp_ns: i64,
     /// Its number.
     pub scan: u64,
     /// What differs first, of: frame, IMU used, pose.
-    pub what: &'static str,
+    pub what: Cow<'static, str>,
     /// Computed minus published: x m, y m, yaw rad.
     pub by: [f64; 3],
 }
 
 impl Comparison {
     /// Compares by scan. A state that was sent again after a restart counts once.
-    pub fn of(published: &[OdometryState], computed: &[OdometryState]) -> Self {
+    pub fn new(published: &[OdometryState], computed: &[OdometryState]) -> Self {
         let scan = |state: &OdometryState| -> Scan { (state.scan_epoch, state.scan_sequence) };
         let mut open: HashMap<Scan, &OdometryState> =
             published.iter().map(|state| (scan(state), state)).collect();
@@ -75,7 +76,7 @@ impl Comparison {
             comparison.first.get_or_insert(Difference {
                 stamp_ns: state.header.stamp_ns,
                 scan: state.scan_sequence,
-                what,
+                what: what.into(),
                 by: [by(0), by(1), by(2)],
             });
         }
@@ -185,20 +186,20 @@ mod tests {
     }
 
     #[test]
-    fn a_log_that_begins_in_the_middle_of_a_drive_says_so() {
+    fn the_text_names_a_log_that_begins_in_the_middle_of_a_drive() {
         let live = states(20).split_off(5);
         let mut again = live.clone();
         again[0].pose[0] += 0.1;
-        let said = Comparison::of(&live, &again).to_string();
-        assert!(said.contains("begins 5 scans into the drive"), "{said}");
-        let said = Comparison::of(&live, &live).to_string();
-        assert!(said.ends_with("the same to the last bit"), "{said}");
+        let text = Comparison::new(&live, &again).to_string();
+        assert!(text.contains("begins 5 scans into the drive"), "{text}");
+        let text = Comparison::new(&live, &live).to_string();
+        assert!(text.ends_with("the same to the last bit"), "{text}");
     }
 
     #[test]
-    fn the_same_is_told_from_the_last_bit() {
+    fn poses_are_compared_to_the_last_bit() {
         let live = states(10);
-        let same = Comparison::of(&live, &live);
+        let same = Comparison::new(&live, &live);
         assert!(
             same.same() && same.to_string().contains("10 published poses"),
             "{same}"
@@ -206,11 +207,11 @@ mod tests {
         let mut again = live.clone();
         again[7].pose[1] = f64::MIN_POSITIVE;
         again[8].imu_sequence = 3;
-        let found = Comparison::of(&live, &again);
+        let found = Comparison::new(&live, &again);
         assert!(!found.same());
         assert_eq!((found.compared, found.differ), (10, 2));
         let first = found.first.unwrap();
-        assert_eq!((first.scan, first.what), (107, "pose"));
+        assert_eq!((first.scan, &*first.what), (107, "pose"));
     }
 
     #[test]
@@ -218,12 +219,12 @@ mod tests {
         let (mut live, all) = (states(10), states(10));
         live.drain(..2);
         live.push(live[3]);
-        let found = Comparison::of(&live, &all);
+        let found = Comparison::new(&live, &all);
         assert!(found.same());
         assert_eq!((found.compared, found.computed_only), (8, 2));
-        let found = Comparison::of(&all, &all[..4]);
+        let found = Comparison::new(&all, &all[..4]);
         assert_eq!((found.published_only, found.same()), (6, false));
-        assert!(!Comparison::of(&[], &all).same());
+        assert!(!Comparison::new(&[], &all).same());
     }
 
     #[test]
@@ -231,9 +232,9 @@ mod tests {
         let mut live = states(6);
         live.iter_mut().for_each(|state| state.odom_frame_id = 7);
         let mut again = states(6);
-        assert!(Comparison::of(&live, &again).same());
+        assert!(Comparison::new(&live, &again).same());
         again[4].odom_frame_id = 1;
-        let first = Comparison::of(&live, &again).first.unwrap();
-        assert_eq!((first.scan, first.what), (104, "frame"));
+        let first = Comparison::new(&live, &again).first.unwrap();
+        assert_eq!((first.scan, &*first.what), (104, "frame"));
     }
 }

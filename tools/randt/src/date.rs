@@ -56,7 +56,7 @@ impl Now {
     }
 }
 
-/// Whether a clock with a battery says the same as the system's.
+/// Whether a clock with a battery agrees with the system's.
 fn has_battery_clock(date_ns: i64) -> bool {
     let clocks = fs::read_dir(BATTERY_CLOCKS).into_iter().flatten().flatten();
     let read = |folder: fs::DirEntry| -> Option<i64> {

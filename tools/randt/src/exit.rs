@@ -5,7 +5,7 @@ use std::process::ExitCode;
 /// The exit code of a wrong configuration: EX_CONFIG of sysexits.h.
 pub const BAD_CONFIGURATION: i32 = 78;
 
-/// A stage has refused its configuration, in its own words.
+/// A stage has refused its configuration, in its own text.
 #[derive(Debug)]
 pub struct Refused(pub String);
 
@@ -22,14 +22,14 @@ impl std::error::Error for Refused {}
 pub enum Outcome {
     /// All good.
     Good,
-    /// Ran to its end and says no (a check that does not hold).
+    /// Ran to its end, and the answer is no (a check that does not hold).
     Failed,
     /// Finished, but data were lost.
     DataLost,
 }
 
 /// Prints an error with its causes and gives the process's exit code.
-pub fn report(result: anyhow::Result<Outcome>) -> ExitCode {
+pub fn exit_code(result: anyhow::Result<Outcome>) -> ExitCode {
     match result {
         Ok(Outcome::Good) => ExitCode::SUCCESS,
         Ok(Outcome::Failed) => ExitCode::from(1),
@@ -49,7 +49,7 @@ pub fn report(result: anyhow::Result<Outcome>) -> ExitCode {
     }
 }
 
-/// The error and its causes in one line; a cause that a text above already tells is not told twice.
+/// The error and its causes in one line; a cause that a text above already contains is not repeated.
 fn text(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
@@ -65,7 +65,7 @@ fn text(error: &anyhow::Error) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn a_cause_is_told_once() {
+    fn a_cause_is_printed_once() {
         let error = anyhow::anyhow!("disk full")
             .context("log.mcap: disk full")
             .context("run");

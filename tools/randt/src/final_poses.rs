@@ -1,4 +1,4 @@
-//! The final pose of every scan: odometry's settled poses, hung between the keyframes as the graph has them.
+//! The final pose of every scan: odometry's settled poses, carried into the map between the keyframes as the graph has them.
 
 use randt_evaluation::Trajectory;
 use randt_geometry::Pose2;
@@ -9,12 +9,12 @@ use std::collections::BTreeMap;
 /// A scan of one odometry frame: the frame's number, then the stamp.
 pub type Key = (u64, i64);
 
-/// A keyframe: where odometry has it, and where the map has it.
+/// A keyframe, with its poses in `odom` and in the map.
 pub struct Knot {
     /// Its scan.
     pub key: Key,
-    /// Names its part of the map; a mapper's: the part's first `odom_frame_id`.
-    pub part: u64,
+    /// Names its component of the map; in a mapper: the component's first `odom_frame_id`.
+    pub component: u64,
     /// Final, in `odom`.
     pub odom: Pose2,
     /// In the map.
@@ -28,14 +28,14 @@ impl Knot {
     }
 }
 
-/// All scans in the map. The frame of a pose is the first `odom_frame_id` of its part of the map.
+/// All scans in the map. The frame of a pose is the first `odom_frame_id` of its component of the map.
 pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
-    hang(states, &knots(mapper))
+    carry_into_map(states, &knots(mapper))
 }
 
-/// All scans between knots, that are in the order of their keys. The frame of a pose is the part of its knots; where its
+/// All scans between knots, that are in the order of their keys. The frame of a pose is the component of its knots; where its
 /// odometry frame has none, that frame.
-pub fn hang(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
+pub fn carry_into_map(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
     let settled: BTreeMap<Key, Pose2> = states
         .iter()
         .filter(|state| state.retired_stamp_ns != 0)
@@ -54,17 +54,17 @@ pub fn hang(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
         let after = knots.partition_point(|knot| knot.key <= key);
         let before = after.checked_sub(1).and_then(|i| knots.get(i)).filter(same);
         let next = knots.get(after).filter(same);
-        let (part, pose) = match (before, next) {
+        let (component, pose) = match (before, next) {
             (Some(a), Some(b)) => {
                 let fraction = (key.1 - a.key.1) as f64 / (b.key.1 - a.key.1).max(1) as f64;
                 let pose = a.carry(&odom).interpolate(&b.carry(&odom), fraction);
-                (a.part, pose)
+                (a.component, pose)
             }
-            (Some(only), None) | (None, Some(only)) => (only.part, only.carry(&odom)),
+            (Some(only), None) | (None, Some(only)) => (only.component, only.carry(&odom)),
             // A frame without any keyframe stays by itself.
             (None, None) => (key.0, odom),
         };
-        trajectory.push(key.1, part, pose);
+        trajectory.push(key.1, component, pose);
     }
     trajectory
 }
@@ -77,7 +77,7 @@ fn knots(mapper: &Mapper) -> Vec<Knot> {
         let first = places.get(mapper.part_of(index))?;
         Some(Knot {
             key: (place.odom_frame_id, place.stamp_ns),
-            part: first.odom_frame_id,
+            component: first.odom_frame_id,
             odom: place.odom,
             map: *map,
         })

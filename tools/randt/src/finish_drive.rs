@@ -10,7 +10,7 @@ use crate::{
     loops::Loops,
     output::{print, warn, write_whole},
     pipeline::Pipeline,
-    report::{self, Accuracy, Cost, Count, Input, Report},
+    report::{self, Accuracy, Costs, Counters, Input, Report},
     results::{File, Results},
     trust_spans,
 };
@@ -18,7 +18,6 @@ use anyhow::{Context as _, bail};
 use randt_config::Config;
 use randt_evaluation::silently_wrong;
 use randt_messages::OdometryState;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A drive that is over, but for its end.
@@ -32,12 +31,12 @@ pub struct Drive<'a> {
     /// Configuration in force.
     pub config: &'a Config,
     /// Everything that was dropped, repaired or assumed, beside what odometry and mapper count themselves.
-    pub counters: BTreeMap<&'static str, Count>,
+    pub counters: Counters,
     /// What was published live, where the results are to be compared with that.
     pub published: Option<Vec<OdometryState>>,
 }
 
-/// What a computation shows of itself.
+/// The result of a computation, in figures.
 #[derive(Debug)]
 pub struct Shown {
     /// Error against the log's truth.
@@ -45,7 +44,7 @@ pub struct Shown {
     /// Length of the path.
     pub path_m: f64,
     /// Cost per stage.
-    pub timing: BTreeMap<&'static str, Cost>,
+    pub timing: Costs,
     /// Whether data were lost.
     pub lost: bool,
     /// Whether every pose is the one that was published live, where that was asked.
@@ -53,10 +52,10 @@ pub struct Shown {
 }
 
 /// Ends a drive: writes all files into a folder and prints the summary; `None`, and no file, where no scan has a pose.
-/// `timing` tells what it cost.
+/// `timing` gives what it cost.
 pub fn finish_drive(
     drive: Drive<'_>,
-    timing: impl FnOnce(&Pipeline, &[OdometryState]) -> BTreeMap<&'static str, Cost>,
+    timing: impl FnOnce(&Pipeline, &[OdometryState]) -> Costs,
     out: &Path,
 ) -> anyhow::Result<Option<Shown>> {
     let Drive {
@@ -71,29 +70,26 @@ pub fn finish_drive(
     if results.states.is_empty() {
         return Ok(None);
     }
-    counters.extend(report::of_pipeline(&pipeline));
-    let missing = results.states_missing();
-    if missing > 0 {
-        let first = "scans that odometry computed, and whose state is nowhere".to_owned();
-        counters.insert("states_missing", Count::lost(missing, first));
-    }
+    counters.append(report::pipeline_counters(&pipeline));
+    let first = "scans that odometry computed, and whose state is nowhere";
+    counters.add_lost("states_missing", results.states_missing(), first);
     let mapper = pipeline.mapper();
     let trajectory = final_poses(&results.states, mapper);
     let evaluation = results.evaluation(&trajectory);
     let odometry = results.odometry();
     let of_odometry = results.evaluation(&odometry);
-    let trust_spans = trust_spans::of(&results.states);
+    let trust_spans = trust_spans::from_states(&results.states);
     let trust = trust_spans::for_evaluation(&trust_spans);
     let silently_wrong = silently_wrong(&odometry, results.truth(), &trust);
     let mut report = Report {
-        randt: randt_version::VERSION,
+        randt: randt_version::VERSION.to_owned(),
         scans: results.states.len() as u64,
         keyframes: mapper.places().len() as u64,
         path_m: results.path_m(),
         frames: results.frames(),
         trust: results.trust(),
-        trust_spans,
-        loops: Loops::of(mapper),
+        trust_spans: Some(trust_spans),
+        loops: Some(Loops::of(mapper)),
         accuracy: evaluation.as_ref().map(|e| Accuracy {
             ate_rmse_m: e.ate_rmse_m,
             odometry_ate_rmse_m: of_odometry.and_then(|e| e.ate_rmse_m),
@@ -101,10 +97,10 @@ pub fn finish_drive(
             coverage: e.coverage,
         }),
         counters,
-        configuration: config,
+        configuration: Some(config.clone()),
         trajectory_sha256: digest::of_bytes(trajectory.to_tum().as_bytes()),
         timing: timing(&pipeline, &results.states),
-        comparison: published.map(|published| Comparison::of(&published, &results.states)),
+        comparison: published.map(|published| Comparison::new(&published, &results.states)),
         input,
     };
     let mut files = results.files(&trajectory, mapper);
@@ -116,27 +112,26 @@ pub fn finish_drive(
     ));
     let mut failed = write(out, files)?;
     if let Some(first) = failed.first() {
-        let lost = Count::lost(failed.len() as u64, first.clone());
-        report.counters.insert("files_not_written", lost);
+        let count = failed.len() as u64;
+        report.counters.add_lost("files_not_written", count, first);
     }
     let mut json = serde_json::to_string_pretty(&report)?;
     json.push('\n');
-    // Last: where there is a report, the rest is there, or it says what is not.
+    // Last: where there is a report, the rest is there, or the report names what is missing.
     if let Err(error) = write_whole(&out.join("report.json"), json.as_bytes()) {
         failed.push(format!("{error:#}"));
         bail!("{}", failed.join("; "));
     }
     print(&summary::text(&report, out))?;
     // Why a run ends with 3 belongs where its errors go.
-    let lost = report.counters.iter().filter(|(_, c)| c.loss);
-    for (name, counter) in lost.clone() {
+    for (name, counter) in report.counters.by_loss(true) {
         let what = summary::counted(name, counter);
         warn(&format!("lost: {}: {what}", report.input.name));
     }
     Ok(Some(Shown {
         ate_rmse_m: evaluation.and_then(|e| e.ate_rmse_m),
         path_m: report.path_m,
-        lost: lost.count() > 0,
+        lost: report.counters.by_loss(true).count() > 0,
         same: report.comparison.as_ref().map(Comparison::same),
         timing: report.timing,
     }))

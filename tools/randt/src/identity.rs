@@ -1,6 +1,6 @@
 //! Whose rights a command of root's has while it works in the folders of other users.
 //!
-//! Whoever owns a folder can put links in it, at any moment. Root would follow them to what is
+//! The owner of a folder can put links in it, at any moment. Root would follow them to what is
 //! root's alone. So below such a folder a command of root's may do what the folder's owner may do,
 //! and nothing else. Real and saved user stay root: that lets it go back, and lets nobody but root
 //! send it signals or look into it.
@@ -27,7 +27,7 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Of whoever has started this process.
+    /// Of the user that has started this process.
     pub fn of_caller() -> Self {
         Self {
             user: getuid(),
@@ -100,12 +100,12 @@ fn first_owner(path: &Path, links_left: u32) -> anyhow::Result<Option<Identity>>
         let shown = ancestor.display();
         let found = match fs::symlink_metadata(ancestor) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            // A file cannot have anything below it; whoever opens the path is told so.
+            // A file cannot have anything below it; opening the path fails with that.
             Err(error) if error.kind() == ErrorKind::NotADirectory => return Ok(None),
             found => found.with_context(|| shown.to_string())?,
         };
         let user = Uid::from_raw(found.uid());
-        // A user namespace may have another number for root: whoever has the root folder.
+        // A user namespace may have another number for root: the owner of the root folder.
         if !user.is_root() && fs::metadata("/").is_ok_and(|root| root.uid() != found.uid()) {
             let group = Gid::from_raw(found.gid());
             return Ok(Some(Identity { user, group }));

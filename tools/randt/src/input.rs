@@ -1,4 +1,4 @@
-//! The options that say what an input does not say of itself, shared by every command that reads one.
+//! The options for what an input does not contain itself, shared by every command that reads one.
 
 use clap::ValueEnum;
 use randt_readers::{Options, Rotation, StampMeaning};

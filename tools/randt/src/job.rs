@@ -1,15 +1,14 @@
 //! One computation: a source through the pipeline into results, with progress and Ctrl-C.
 
-use crate::{pipeline::Pipeline, report::Count, results::Results};
+use crate::{pipeline::Pipeline, report::Counters, results::Results};
 use indicatif::ProgressBar;
 use randt_config::{Config, Loaded};
 use randt_filter::check_sweep;
 use randt_readers::{Event, Extrinsics, Source};
-use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-/// So many misfitting scans before any good one mean that the input is another sensor's.
+/// This number of misfitting scans before any good one means that the input is another sensor's.
 const MISFITS_MAX: u64 = 5;
 
 /// Set by Ctrl-C; work ends at the next scan.
@@ -35,15 +34,14 @@ pub struct Done {
 
 impl Done {
     /// What was left out, and why.
-    pub fn counters(&self) -> BTreeMap<&'static str, Count> {
-        let mut counters = BTreeMap::new();
+    pub fn counters(&self) -> Counters {
+        let mut counters = Counters::default();
         if let Some(misfit) = &self.first_misfit {
-            let count = Count::lost(self.misfits, misfit.to_string());
-            counters.insert("scans_not_of_this_sensor", count);
+            let first = misfit.to_string();
+            counters.add_lost("scans_not_of_this_sensor", self.misfits, first);
         }
         if self.interrupted {
-            let first = "the input was not read to its end".to_owned();
-            counters.insert("interrupted", Count::lost(1, first));
+            counters.add_lost("interrupted", 1, "the input was not read to its end");
         }
         counters
     }
@@ -65,12 +63,12 @@ pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
 
-/// Takes the mounting from the input where nobody has configured one.
+/// Takes the mounting from the input where none is configured.
 pub fn with_mounting(loaded: Loaded, source: &dyn Source) -> Loaded {
     mounted(loaded, &source.info().extrinsics)
 }
 
-/// Takes the mounting from what an input says of it, likewise.
+/// Takes the mounting from an input's extrinsics, likewise.
 pub fn mounted(mut loaded: Loaded, extrinsics: &Extrinsics) -> Loaded {
     let mut robot = loaded.config.robot.clone();
     if let Some(radar) = extrinsics.radar {

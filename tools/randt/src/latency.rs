@@ -20,7 +20,7 @@ pub struct Latency {
 
 impl Latency {
     /// Of a state, where it used the IMU.
-    pub fn of(state: &OdometryState) -> Option<Self> {
+    pub fn from_state(state: &OdometryState) -> Option<Self> {
         let (scan_ns, imu_ns) = (state.scan_published_ns, state.imu_published_ns);
         // A sample that did not cover the sweep came before its end, or long ago.
         if scan_ns == 0 || imu_ns == 0 || state.imu_use != ImuUse::Covered as u32 {
@@ -73,7 +73,7 @@ impl Latencies {
             return;
         }
         self.newest = Some((frame, stamp_ns));
-        if let Some(latency) = Latency::of(state) {
+        if let Some(latency) = Latency::from_state(state) {
             if self.last.len() == STATES {
                 self.last.pop_front();
             }
@@ -99,7 +99,7 @@ impl Latencies {
     }
 }
 
-/// The smallest of the sorted values that at least so many per cent of them do not exceed.
+/// The smallest of the sorted values that at least this percentage of them do not exceed.
 pub fn percentile(sorted: &[f64], percent: usize) -> Option<f64> {
     let rank = (sorted.len() * percent).div_ceil(100).max(1);
     sorted.get(rank - 1).copied()
@@ -111,7 +111,7 @@ mod tests {
 
     const SECOND: i64 = 1_000_000_000;
 
-    /// Published at 100 s of the clock; scan and IMU so many ms after the end of the sweep, the state at last.
+    /// Published at 100 s of the clock; scan, IMU and state by their ms after the end of the sweep.
     fn state(stamp_ns: i64, [scan, imu, published]: [i64; 3]) -> OdometryState {
         let ns = |ms: i64| 100 * SECOND + ms * 1_000_000;
         let mut state = OdometryState {
@@ -137,18 +137,18 @@ mod tests {
 
     #[test]
     fn waiting_ends_with_the_imu_and_computing_begins_with_the_later_of_both() {
-        let of = |stamp_ns, times| {
-            Latency::of(&state(stamp_ns, times)).map(|l| (l.wait_ms, l.compute_ms))
+        let latency = |stamp_ns, times| {
+            Latency::from_state(&state(stamp_ns, times)).map(|l| (l.wait_ms, l.compute_ms))
         };
         // Live: the scan needs 40 ms to come, the IMU 6.
-        assert_eq!(of(100 * SECOND, [40, 6, 43]), Some((6.0, 3.0)));
-        assert_eq!(of(100 * SECOND, [2, 6, 43]), Some((6.0, 37.0)));
+        assert_eq!(latency(100 * SECOND, [40, 6, 43]), Some((6.0, 3.0)));
+        assert_eq!(latency(100 * SECOND, [2, 6, 43]), Some((6.0, 37.0)));
         // Played: the stamps are years away.
-        assert_eq!(of(7, [40, 44, 47]), Some((4.0, 3.0)));
-        assert_eq!(of(7, [40, 36, 47]), Some((0.0, 7.0)));
+        assert_eq!(latency(7, [40, 44, 47]), Some((4.0, 3.0)));
+        assert_eq!(latency(7, [40, 36, 47]), Some((0.0, 7.0)));
         let mut blind = state(7, [40, 36, 47]);
         blind.imu_published_ns = 0;
-        assert_eq!(Latency::of(&blind), None);
+        assert_eq!(Latency::from_state(&blind), None);
     }
 
     #[test]

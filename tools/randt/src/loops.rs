@@ -1,22 +1,25 @@
 //! The loops in `report.json`: every candidate, what it was judged by, what became of it.
 
 use randt_mapper::{Candidate, Mapper, Source};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// All candidates and their fates.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Loops {
     /// How many met which fate.
-    pub fates: BTreeMap<&'static str, u64>,
+    #[serde(default)]
+    pub fates: BTreeMap<String, u64>,
     /// Unjoined parts of the map: 1 where everything hangs together.
+    #[serde(default)]
     pub parts: usize,
     /// Each candidate, in the order in which they were found.
     pub candidates: Vec<Entry>,
 }
 
 /// One candidate. What it did not come to be judged by is left out.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Entry {
     /// Stamp of the older keyframe.
     pub from_ns: i64,
@@ -25,9 +28,10 @@ pub struct Entry {
     /// Pose of the newer keyframe's `base_link` in the older one's: x m, y m, yaw rad.
     pub relative: [f64; 3],
     /// What became of it, and why.
-    pub fate: &'static str,
+    pub fate: Cow<'static, str>,
     /// `appearance` or `estimate`.
-    pub source: &'static str,
+    #[serde(default)]
+    pub source: Cow<'static, str>,
     /// ScanContext distance with odometry's part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub appearance_distance: Option<f64>,
@@ -62,7 +66,7 @@ impl Loops {
     pub fn of(mapper: &Mapper) -> Self {
         let mut fates = BTreeMap::new();
         for candidate in mapper.candidates() {
-            *fates.entry(candidate.fate.name()).or_default() += 1;
+            *fates.entry(candidate.fate.name().to_owned()).or_default() += 1;
         }
         let count = mapper.places().len();
         Self {
@@ -90,8 +94,8 @@ fn entry(mapper: &Mapper, candidate: &Candidate) -> Entry {
         from_ns: stamp(candidate.from),
         to_ns: stamp(candidate.to),
         relative: candidate.relative.to_array(),
-        fate: candidate.fate.name(),
-        source,
+        fate: candidate.fate.name().into(),
+        source: source.into(),
         appearance_distance,
         forward: scores.forward,
         backward: scores.backward,

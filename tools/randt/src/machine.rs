@@ -1,8 +1,8 @@
-//! What the figures were measured on: without it a time says nothing.
+//! What the figures were measured on: without it a time means nothing.
 
 use std::fs;
 
-/// Processors and their model; `0 x unknown` where the system does not say.
+/// Processors and their model; `0 x unknown` where the system does not list it.
 pub fn description() -> String {
     let text = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let models: Vec<&str> = text

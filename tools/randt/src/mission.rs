@@ -34,18 +34,18 @@ const PAUSE_MAX_NS: i64 = 600_000_000_000;
 #[derive(Clone, Debug)]
 pub struct Mission {
     folder: PathBuf,
-    /// What it says of itself.
+    /// Its record.
     pub record: Record,
-    /// Why what it says cannot be read, where that is so; the record is then made of what is there.
+    /// Why its record cannot be read, where that is so; the record is then made from the files.
     pub broken: Option<String>,
 }
 
 impl Mission {
     /// Makes a new one. The folder must not be there yet.
     pub fn begin(folder: &Path, number: u64, date_ns: i64, now: &Now) -> anyhow::Result<Self> {
-        let said = || format!("{}: cannot be made", folder.display());
-        fs::create_dir(folder).with_context(said)?;
-        fs::create_dir(folder.join(LOGS)).with_context(said)?;
+        let context = || format!("{}: cannot be made", folder.display());
+        fs::create_dir(folder).with_context(context)?;
+        fs::create_dir(folder.join(LOGS)).with_context(context)?;
         let mission = Self {
             folder: folder.to_owned(),
             record: Record {
@@ -61,7 +61,7 @@ impl Mission {
         Ok(mission)
     }
 
-    /// Reads one. A folder that has something of a mission is one, whatever has become of its record.
+    /// Reads one. A folder that has something of a mission is one, even without a readable record.
     pub fn open(folder: &Path) -> anyhow::Result<Self> {
         let names = [record::FILE, LOGS, JOURNAL];
         let has_any = names.iter().any(|name| folder.join(name).exists());
@@ -81,7 +81,7 @@ impl Mission {
         Ok(mission)
     }
 
-    /// What a record that is lost must have said, by what is there.
+    /// A lost record, guessed from the files.
     fn guess(&self) -> Record {
         let report = self.folder.join(REPORT).join("report.json");
         let files = self
@@ -140,8 +140,8 @@ impl Mission {
         lock.is_ok_and(|lock| lock.try_lock().is_err())
     }
 
-    /// How long it has been silent, ns, at most; `None` where nobody can tell: the machine was started anew, and nothing
-    /// stands behind its date, or the date is before the last sign of life.
+    /// How long it has been silent, ns, at most; `None` where that is unknown: the machine was started anew, and its date
+    /// has no source, or the date is before the last sign of life.
     pub fn silent_ns(&self, now: &Now) -> Option<i64> {
         let boot = self.record.boot.as_ref();
         let in_boot = boot.and_then(|boot| now.since_ns(boot));
@@ -176,7 +176,7 @@ impl Mission {
         files
     }
 
-    /// Notes that it goes on. `has_memory`: whether what the stages had in memory is there.
+    /// Records that it goes on. `has_memory`: whether what the stages had in memory is there.
     pub fn resume(&mut self, now: &Now, has_memory: bool) -> anyhow::Result<()> {
         self.repair()?;
         self.record.resumed_ns.push(now.date_ns);
@@ -186,7 +186,7 @@ impl Mission {
         self.save()
     }
 
-    /// Notes that it is over.
+    /// Records that it is over.
     pub fn stop(&mut self, date_ns: i64) -> anyhow::Result<()> {
         self.repair()?;
         self.record.stopped_ns = Some(date_ns);

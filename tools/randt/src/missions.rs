@@ -75,7 +75,7 @@ impl Missions {
             .flatten()
             .filter_map(|entry| Mission::open(&entry.path()).ok())
             .collect();
-        // A record that cannot be read has lost its number: the date says where it belongs.
+        // A record that cannot be read has lost its number: the date shows where it belongs.
         let numbers: Vec<_> = missions
             .iter()
             .map(|it| (it.record.begun_ns, it.record.number))
@@ -104,7 +104,7 @@ impl Missions {
         })
     }
 
-    /// The one that the stages write into. A link that leads to none is an error that says so.
+    /// The one that the stages write into. A link that leads to none is an error.
     pub fn current(&self) -> anyhow::Result<Option<Mission>> {
         let link = self.link();
         let folder = match fs::read_link(&link) {
@@ -119,7 +119,7 @@ impl Missions {
         Ok(Some(mission))
     }
 
-    /// The same for whoever goes on without one: a link that leads to none is told of.
+    /// The same for callers that go on without one: a link that leads to none is a warning.
     pub fn current_or_none(&self) -> Option<Mission> {
         self.current().unwrap_or_else(|error| {
             warn(&format!("{error:#}"));
@@ -179,14 +179,14 @@ impl Missions {
     /// The link changes at once: at no moment is there none.
     fn point_to(&self, mission: &Mission) -> anyhow::Result<()> {
         let (link, new) = (self.link(), self.root.join(".current.part"));
-        let said = || format!("{}: cannot be pointed to the mission", link.display());
+        let context = || format!("{}: cannot be pointed to the mission", link.display());
         // One that a kill left.
         let _ = fs::remove_file(&new);
-        symlink(Path::new(FOLDER).join(mission.name()), &new).with_context(said)?;
-        fs::rename(&new, &link).with_context(said)?;
+        symlink(Path::new(FOLDER).join(mission.name()), &new).with_context(context)?;
+        fs::rename(&new, &link).with_context(context)?;
         fs::File::open(&self.root)
             .and_then(|folder| folder.sync_all())
-            .with_context(said)
+            .with_context(context)
     }
 }
 
@@ -254,7 +254,7 @@ mod tests {
             })
             .collect();
         assert_eq!(names(&missions), begun);
-        // What was written before says that it is later than 1970, but for the first one, which has nothing to go by.
+        // What was written before shows that it is later than 1970. Only the first one has nothing to go by.
         assert!(begun[0].starts_with("1970"), "{begun:?}");
         assert!(
             begun[1..].iter().all(|name| !name.starts_with("1970")),
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_that_leads_nowhere_is_told() {
+    fn a_link_that_leads_nowhere_is_named() {
         let root = tempfile::tempdir().unwrap();
         let missions = Missions::open(root.path()).unwrap();
         let mission = missions.begin(None, &at(5, true)).unwrap();

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 const FOR_ALL: u32 = 0o666;
 const PRIVATE: u32 = 0o600;
 
-/// Refuses a file that exists unless it may be replaced, and anything that is no plain file whatever may be.
+/// Refuses a file that exists unless it may be replaced, and always anything that is no plain file.
 pub fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
     match fs::metadata(path) {
         Ok(found) if !found.is_file() => anyhow::bail!("{}: is not a plain file", path.display()),
@@ -19,6 +19,14 @@ pub fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Makes a folder and tries it out, before the work begins.
+pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
+    let probe = folder.join(".randt-probe");
+    write_whole(&probe, b"")?;
+    fs::remove_file(&probe).with_context(|| probe.display().to_string())
 }
 
 /// Writes a file whole or not at all: under a temporary name in the same folder, then renamed.
@@ -68,7 +76,7 @@ pub fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Writes a line to standard error. Where nobody can read it any more the work goes on: `eprintln!` would panic.
+/// Writes a line to standard error. Where the reader is gone the work goes on: `eprintln!` would panic.
 pub fn warn(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }

@@ -171,7 +171,7 @@ impl Pipeline {
     }
 
     /// Numbers the estimate's frames on after this one, and its keyframes after the map's of frames up to it: what a start
-    /// without a past does when it hears of a map.
+    /// without a past does when it receives a map.
     pub fn continue_after(&mut self, odom_frame_id: u64) {
         let before = |place: &&Place| place.odom_frame_id <= odom_frame_id;
         let last = self.mapper.places().iter().rev().find(before);

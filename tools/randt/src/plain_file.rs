@@ -7,7 +7,7 @@ use std::io::Read;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
-/// No text of ours is longer, by far. A file may say that it is as long as a disk.
+/// No text of ours is longer, by far. A file may claim the length of a disk.
 const TEXT_MAX: u64 = 16 << 20;
 
 /// Opens a plain file for reading.

@@ -1,4 +1,4 @@
-//! What the kernel says of a process.
+//! The kernel's figures of a process.
 
 use std::fs;
 use std::time::Instant;
@@ -16,8 +16,8 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Of a process, where there is one.
-    pub fn of(pid: u64) -> Option<Self> {
+    /// Reads a process, where there is one.
+    pub fn read(pid: u64) -> Option<Self> {
         let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
         Self::parse(&stat, Instant::now())
     }
@@ -70,8 +70,8 @@ mod tests {
 
     #[test]
     fn this_process_is_there() {
-        let sample = Sample::of(u64::from(std::process::id())).unwrap();
+        let sample = Sample::read(u64::from(std::process::id())).unwrap();
         assert!(!sample.stopped && sample.rss_bytes > 100_000);
-        assert!(Sample::of(u64::MAX).is_none());
+        assert!(Sample::read(u64::MAX).is_none());
     }
 }

@@ -1,12 +1,12 @@
-//! What a log says of the run that it was recorded from.
+//! The configuration of the run that a log was recorded from.
 
 use crate::job::mounted;
 use randt_config::{Config, Error, Selection};
 use randt_log::Robot;
 use randt_readers::Extrinsics;
 
-/// The configuration of a recorded run; where the log has none, the built-in one for the log's radar. Where the sensors
-/// sit is what the log says of them.
+/// The configuration of a recorded run; where the log has none, the built-in one for the log's radar. The mounting
+/// of the sensors is the log's.
 pub fn configuration(robot: Robot, recorded: Option<&str>) -> Result<Config, Error> {
     let loaded = Config::load(&Selection {
         recorded: recorded.map(str::to_owned),

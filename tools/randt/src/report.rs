@@ -6,19 +6,24 @@ use crate::{
     loops::Loops,
     pipeline::{Pipeline, Timing},
     results::{FrameSpan, TrustCount},
-    trust_spans,
+    trust_spans::TrustSpan,
 };
+use anyhow::Context;
 use randt_config::Config;
 use randt_readers::{Counter, InputInfo};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The report. Everything but `timing` is a function of input and configuration.
-#[derive(Debug, Serialize)]
-pub struct Report<'a> {
+/// The report, as it is written and read. Its fields are the keys of `report.json`. Everything but `timing` is a function of input and configuration.
+///
+/// What an older report lacks is empty, or `None` where a reader must know that it is missing.
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Report {
     /// Version and commit of the program.
-    pub randt: &'static str,
+    pub randt: String,
     /// What was read.
     pub input: Input,
     /// Scans with a pose.
@@ -32,31 +37,42 @@ pub struct Report<'a> {
     /// How far the poses can be trusted.
     pub trust: TrustCount,
     /// When that changed, in order.
-    pub trust_spans: Vec<trust_spans::Span>,
+    pub trust_spans: Option<Vec<TrustSpan>>,
     /// Loop candidates.
-    pub loops: Loops,
+    pub loops: Option<Loops>,
     /// Errors against the truth, where the log has it.
     pub accuracy: Option<Accuracy>,
     /// Everything that was dropped, repaired or assumed.
-    pub counters: BTreeMap<&'static str, Count>,
-    /// Configuration in force.
-    pub configuration: &'a Config,
+    pub counters: Counters,
+    /// Configuration in force. It is for people: what reads a report does not take it from there.
+    #[serde(skip_deserializing)]
+    pub configuration: Option<Config>,
     /// SHA-256 of `trajectory.tum`.
     pub trajectory_sha256: String,
     /// Cost per scan and stage, and of the whole.
-    pub timing: BTreeMap<&'static str, Cost>,
-    /// How it stands to what was published live, where that was asked.
+    pub timing: Costs,
+    /// Differences from the poses that were published live, where that was asked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub comparison: Option<Comparison>,
 }
 
+impl Report {
+    /// Reads the report of a run.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+        serde_json::from_slice(&bytes)
+            .with_context(|| format!("{}: no report of a run", path.display()))
+    }
+}
+
 /// What was read.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Input {
     /// File's or folder's name, without its path.
     pub name: String,
     /// Recognised format.
-    pub format: &'static str,
+    pub format: Cow<'static, str>,
     /// SHA-256 of the file; of a folder, of its files in order of their names.
     pub sha256: String,
     /// Whether the IMU was used.
@@ -66,20 +82,27 @@ pub struct Input {
 }
 
 /// Errors against the truth.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Accuracy {
-    /// Of `trajectory.tum`; see `randt eval`.
+    /// Of `trajectory.tum`; see `randt-lab eval`.
     pub ate_rmse_m: Option<f64>,
     /// Of `odometry.tum`.
     pub odometry_ate_rmse_m: Option<f64>,
-    /// Metres of `odometry.tum` that were wrong under good trust; see `randt eval --trust`.
+    /// Metres of `odometry.tum` that were wrong under good trust; see `randt-lab eval --trust`.
     pub silent_m: u64,
-    /// See `randt eval`.
+    /// See `randt-lab eval`.
     pub coverage: f64,
 }
 
+/// What was dropped, repaired or assumed, by name.
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Counters(BTreeMap<Cow<'static, str>, Count>);
+
 /// One counter.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Count {
     /// How often.
     pub count: u64,
@@ -90,19 +113,40 @@ pub struct Count {
     pub first: String,
 }
 
-impl Count {
-    /// Data that were lost, with the first case.
-    pub fn lost(count: u64, first: String) -> Self {
-        Self {
-            count,
-            loss: true,
-            first,
+impl Counters {
+    /// Adds a counter that is not zero.
+    pub fn add(&mut self, name: &'static str, count: Count) {
+        if count.count > 0 {
+            self.0.insert(name.into(), count);
         }
+    }
+
+    /// Adds data that were lost, with the first case, unless their count is zero.
+    pub fn add_lost(&mut self, name: &'static str, count: u64, first: impl Into<String>) {
+        let (loss, first) = (true, first.into());
+        self.add(name, Count { count, loss, first });
+    }
+
+    /// Adds those of another part of the pipeline.
+    pub fn append(&mut self, mut other: Self) {
+        self.0.append(&mut other.0);
+    }
+
+    /// Removes a counter that has turned out not to hold.
+    pub fn remove(&mut self, name: &str) {
+        self.0.remove(name);
+    }
+
+    /// Those by which data were lost, or those by which none were.
+    pub fn by_loss(&self, loss: bool) -> impl Iterator<Item = (&str, &Count)> {
+        let counters = self.0.iter().map(|(name, count)| (&**name, count));
+        counters.filter(move |(_, count)| count.loss == loss)
     }
 }
 
 /// What a stage cost, ms.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Cost {
     /// Number of scans.
     pub count: usize,
@@ -114,9 +158,12 @@ pub struct Cost {
     pub max_ms: f64,
 }
 
+/// Costs by stage.
+pub type Costs = BTreeMap<Cow<'static, str>, Cost>;
+
 impl Cost {
-    /// Of a list of times in ns.
-    pub fn of(times_ns: &[u64]) -> Self {
+    /// From a list of times in ns.
+    pub fn from_times(times_ns: &[u64]) -> Self {
         let mut sorted = times_ns.to_vec();
         sorted.sort_unstable();
         let at = |share: f64| {
@@ -134,24 +181,24 @@ impl Cost {
 }
 
 /// Per stage: what each scan cost.
-pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> BTreeMap<&'static str, Cost> {
-    BTreeMap::from([
-        ("filter", Cost::of(&timing.filter_ns)),
-        ("odometry", Cost::of(&timing.odometry_ns)),
-        (
-            "filter_and_odometry",
-            Cost::of(&timing.filter_and_odometry_ns()),
-        ),
-        ("mapper_per_keyframe", Cost::of(&timing.mapper_ns)),
-        ("read", Cost::of(read_ns)),
-        ("run", Cost::of(&[whole_ns])),
-    ])
+pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> Costs {
+    let both_ns = timing.filter_and_odometry_ns();
+    let costs: [(&str, &[u64]); 6] = [
+        ("filter", &timing.filter_ns),
+        ("odometry", &timing.odometry_ns),
+        ("filter_and_odometry", &both_ns),
+        ("mapper_per_keyframe", &timing.mapper_ns),
+        ("read", read_ns),
+        ("run", &[whole_ns]),
+    ];
+    let costs = costs.map(|(stage, times_ns)| (stage.into(), Cost::from_times(times_ns)));
+    BTreeMap::from(costs)
 }
 
 /// All counters of a reader that are not zero.
 ///
 /// Texts name the input without its path, so that a report does not depend on where things lie.
-pub fn of_reader(path: &Path, input: &[Counter]) -> BTreeMap<&'static str, Count> {
+pub fn reader_counters(path: &Path, input: &[Counter]) -> Counters {
     let folder = path
         .parent()
         .map(|p| format!("{}/", p.display()))
@@ -164,19 +211,20 @@ pub fn of_reader(path: &Path, input: &[Counter]) -> BTreeMap<&'static str, Count
             text.replace(&folder, "")
         }
     };
-    let count = |counter: &Counter| Count {
-        count: counter.count,
-        loss: counter.loss,
-        first: without_path(&counter.first),
-    };
-    let counted = input.iter().filter(|counter| counter.count > 0);
-    counted
-        .map(|counter| (counter.name, count(counter)))
-        .collect()
+    let mut counters = Counters::default();
+    for counter in input {
+        let count = Count {
+            count: counter.count,
+            loss: counter.loss,
+            first: without_path(&counter.first),
+        };
+        counters.add(counter.name, count);
+    }
+    counters
 }
 
 /// All counters of odometry and mapper that are not zero.
-pub fn of_pipeline(pipeline: &Pipeline) -> BTreeMap<&'static str, Count> {
+pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
     let (odometry, mapper) = (pipeline.counters(), pipeline.mapper().counters());
     let counts = [
         // Whether a scan lacks its pose, or only its best one.
@@ -211,18 +259,15 @@ pub fn of_pipeline(pipeline: &Pipeline) -> BTreeMap<&'static str, Count> {
             true,
         ),
     ];
-    let counted = counts.into_iter().filter(|(_, count, _)| *count > 0);
-    let count = |name, count, loss| Count {
-        count,
-        loss,
-        first: match name {
+    let mut counters = Counters::default();
+    for (name, count, loss) in counts {
+        let first = match name {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
             _ => String::new(),
-        },
-    };
-    counted
-        .map(|(name, number, loss)| (name, count(name, number, loss)))
-        .collect()
+        };
+        counters.add(name, Count { count, loss, first });
+    }
+    counters
 }
 
 /// The first scan whose IMU ended before its sweep did.
@@ -234,7 +279,7 @@ fn imu_late_text(odometry: &randt_odometry::Counters) -> String {
     )
 }
 
-/// What the input says of itself, for the report.
+/// The input as the report describes it.
 pub fn input(info: &InputInfo, path: &Path, imu: bool, imu_samples: u64) -> anyhow::Result<Input> {
     Ok(Input {
         name: path
@@ -242,9 +287,44 @@ pub fn input(info: &InputInfo, path: &Path, imu: bool, imu_samples: u64) -> anyh
             .unwrap_or(path.as_os_str())
             .to_string_lossy()
             .into_owned(),
-        format: info.format,
+        format: info.format.into(),
         sha256: digest::of_path(path)?,
         imu,
         imu_samples,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_and_what_an_older_report_lacks_is_empty() {
+        let mut report = Report {
+            randt: "0.1.0".to_owned(),
+            scans: 7,
+            trust_spans: Some(Vec::new()),
+            accuracy: Some(Accuracy {
+                ate_rmse_m: Some(0.25),
+                ..Accuracy::default()
+            }),
+            comparison: Some(Comparison::default()),
+            ..Report::default()
+        };
+        report.counters.add_lost("files_not_written", 2, "map.pgm");
+        report.counters.add_lost("keyframes_lost", 0, "none");
+        let run = Cost::from_times(&[2_000_000, 1_000_000]);
+        report.timing.insert("run".into(), run);
+        let json = serde_json::to_string(&report).unwrap();
+        let read: Report = serde_json::from_str(&json).unwrap();
+        assert_eq!(serde_json::to_string(&read).unwrap(), json);
+        assert_eq!(read.counters.by_loss(true).count(), 1);
+        report.configuration = Some(Config::default());
+        let json = serde_json::to_string(&report).unwrap();
+        assert!(json.contains(r#""configuration":{""#), "{json}");
+
+        let older: Report = serde_json::from_str(r#"{"scans": 3, "gone": [1]}"#).unwrap();
+        assert_eq!((older.scans, older.keyframes), (3, 0));
+        assert!(older.trust_spans.is_none() && older.loops.is_none());
+    }
 }

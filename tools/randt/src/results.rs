@@ -13,7 +13,7 @@ use std::path::Path;
 
 /// Most points of the map in the picture; more would only make the file larger.
 pub const PICTURE_POINTS_MAX: usize = 60_000;
-/// Of each keyframe every so many points go into the picture.
+/// Of each keyframe every fourth point goes into the picture.
 const PICTURE_STRIDE: usize = 4;
 
 /// A file's name and bytes, or why there are none.
@@ -48,7 +48,7 @@ impl Sink for Results {
 }
 
 /// Scans of one odometry frame.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
 pub struct FrameSpan {
     /// The frame's number.
     pub odom_frame_id: u64,
@@ -61,7 +61,7 @@ pub struct FrameSpan {
 }
 
 /// How many scans could be trusted how far.
-#[derive(Clone, Copy, Debug, Default, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub struct TrustCount {
     /// Fixed by the scan in every direction.
     pub good: u64,
@@ -143,7 +143,7 @@ impl Results {
         self.states.chunk_by(same).filter_map(span).collect()
     }
 
-    /// Length of the live path, m; frames are not joined.
+    /// Length of the live path, m; frames are not merged.
     pub fn path_m(&self) -> f64 {
         let step = |pair: &[OdometryState]| match pair {
             [a, b] if a.odom_frame_id == b.odom_frame_id => Pose2::from_array(a.pose)
@@ -187,7 +187,7 @@ impl Results {
         ]
     }
 
-    /// The picture: what stands in the map's largest part is drawn with its returns and loops, other parts as lines.
+    /// The picture: what stands in the map's largest component is drawn with its returns and loops, the others as lines.
     pub fn picture(
         &self,
         trajectory: &Trajectory,
@@ -222,10 +222,10 @@ fn too_wide(name: &str) -> anyhow::Error {
 
 /// The positions, one line for each frame.
 pub fn lines(trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
-    let parts = trajectory.poses().chunk_by(|a, b| a.frame == b.frame);
+    let lines = trajectory.poses().chunk_by(|a, b| a.frame == b.frame);
     let position = |pose: &TrajectoryPose| [pose.transform.x_m, pose.transform.y_m];
-    parts
-        .map(|part| part.iter().map(position).collect())
+    lines
+        .map(|line| line.iter().map(position).collect())
         .collect()
 }
 
@@ -248,7 +248,7 @@ fn keyframes(mapper: &Mapper) -> Trajectory {
     trajectory
 }
 
-/// Returns of the map's largest part, thinned out.
+/// Returns of the map's largest component, thinned out.
 fn returns(mapper: &Mapper) -> Vec<[f64; 2]> {
     let part = mapper.largest_part();
     let places = || {

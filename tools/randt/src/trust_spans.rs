@@ -1,28 +1,28 @@
-//! When trust changed in a run: in its `report.json`, and out of it for `randt eval`.
+//! When trust changed in a run: for its `report.json`, and from there for the evaluation.
 
+use crate::report::Report;
 use anyhow::Context;
-use randt_evaluation::TrustSpan;
 use randt_messages::{ImuUse, OdometryState, Trust};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Scans in a row of one trust.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Span {
+pub struct TrustSpan {
     /// Stamp of the first of them, ns.
     pub begin_ns: i64,
     /// How many there are.
     pub scans: u64,
     /// Their trust.
-    pub trust: Name,
+    pub trust: TrustLevel,
     /// Whether the IMU covered their sweeps.
     pub imu: bool,
 }
 
-/// A trust as the report has it.
+/// How far a pose can be trusted, as the report has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Name {
+pub enum TrustLevel {
     /// Fixed by the scan in every direction.
     Good,
     /// Held by gyro or motion model in some direction, or fitting poorly.
@@ -31,19 +31,13 @@ pub enum Name {
     Lost,
 }
 
-/// What is read of a report; it holds much else.
-#[derive(Deserialize)]
-struct Report {
-    trust_spans: Vec<Span>,
-}
-
 /// The spans of these states.
-pub fn of(states: &[OdometryState]) -> Vec<Span> {
+pub fn from_states(states: &[OdometryState]) -> Vec<TrustSpan> {
     let alike = |a: &OdometryState, b: &OdometryState| key(a) == key(b);
     let span = |states: &[OdometryState]| {
         let first = states.first()?;
         let (trust, imu) = key(first);
-        Some(Span {
+        Some(TrustSpan {
             begin_ns: first.header.stamp_ns,
             scans: states.len() as u64,
             trust,
@@ -53,35 +47,34 @@ pub fn of(states: &[OdometryState]) -> Vec<Span> {
     states.chunk_by(alike).filter_map(span).collect()
 }
 
-fn key(state: &OdometryState) -> (Name, bool) {
+fn key(state: &OdometryState) -> (TrustLevel, bool) {
     let trust = match state.trust() {
-        Trust::Good => Name::Good,
-        Trust::Degraded => Name::Degraded,
-        Trust::Lost => Name::Lost,
+        Trust::Good => TrustLevel::Good,
+        Trust::Degraded => TrustLevel::Degraded,
+        Trust::Lost => TrustLevel::Lost,
     };
     (trust, state.imu_use == ImuUse::Covered as u32)
 }
 
 /// The same for the evaluation.
-pub fn for_evaluation(spans: &[Span]) -> Vec<TrustSpan> {
-    let span = |span: &Span| TrustSpan {
+pub fn for_evaluation(spans: &[TrustSpan]) -> Vec<randt_evaluation::TrustSpan> {
+    let span = |span: &TrustSpan| randt_evaluation::TrustSpan {
         begin_ns: span.begin_ns,
-        good: span.trust == Name::Good,
+        good: span.trust == TrustLevel::Good,
         imu: span.imu,
     };
     spans.iter().map(span).collect()
 }
 
 /// Reads the spans of a report.
-pub fn read(path: &Path) -> anyhow::Result<Vec<TrustSpan>> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    let report: Report = serde_json::from_slice(&bytes).with_context(|| {
-        format!(
-            "{}: no report of a run that says how its trust went",
-            path.display()
-        )
+pub fn read(path: &Path) -> anyhow::Result<Vec<randt_evaluation::TrustSpan>> {
+    let spans = Report::read(path)?.trust_spans;
+    let spans = spans.context("missing field `trust_spans`");
+    let spans = spans.with_context(|| {
+        let file = path.display();
+        format!("{file}: no report of a run with its changes of trust")
     })?;
-    Ok(for_evaluation(&report.trust_spans))
+    Ok(for_evaluation(&spans))
 }
 
 #[cfg(test)]
@@ -97,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn a_report_gives_back_when_trust_changed() {
+    fn a_report_keeps_when_trust_changed() {
         let states = [
             state(1, Trust::Degraded, ImuUse::Covered),
             state(2, Trust::Good, ImuUse::Covered),
@@ -105,7 +98,7 @@ mod tests {
             state(4, Trust::Good, ImuUse::Late),
             state(5, Trust::Lost, ImuUse::None),
         ];
-        let spans = of(&states);
+        let spans = from_states(&states);
         let json = serde_json::json!({"scans": 5, "trust_spans": spans}).to_string();
         assert!(
             json.contains(r#"{"begin_ns":2,"imu":true,"scans":2,"trust":"good"}"#),

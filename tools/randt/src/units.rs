@@ -25,7 +25,7 @@ pub fn seconds(seconds: f64) -> String {
     }
 }
 
-/// So many of something.
+/// A number of something.
 pub fn count(count: u64, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
 }

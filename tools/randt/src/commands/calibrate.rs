@@ -27,14 +27,14 @@ pub struct Arguments {
 enum What {
     /// How late the radar's stamps are against the gyro's
     Time(time::Arguments),
-    /// Where the radar sits in base_link: its yaw from straights, its place from turns on the spot
+    /// Where the radar sits in base_link: its yaw from straights, its position from turns on the spot
     Extrinsics(extrinsics::Arguments),
 }
 
 /// What both read.
 #[derive(Debug, clap::Args)]
 pub struct Recording {
-    /// A log of a drive as docs/calibrate.md says: whatever `randt run` reads
+    /// A log of a drive as docs/calibrate.md describes it, in any format that `randt run` reads
     #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Print JSON

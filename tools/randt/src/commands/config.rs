@@ -1,4 +1,4 @@
-//! `randt config`: what is in force, and whether a file is good.
+//! `randt config`: which values are in force, and whether a file is good.
 
 use crate::exit::Outcome;
 use crate::output::print;
@@ -18,7 +18,7 @@ enum Action {
     ///
     /// The output is TOML and can be changed and given to --profile.
     Show(SelectionArguments),
-    /// Check files (profiles, sensors, robots) and tell every mistake
+    /// Check files (profiles, sensors, robots) and list every mistake
     Check {
         /// Files to check
         #[arg(required = true, value_name = "FILE")]

@@ -3,7 +3,7 @@
 use crate::{
     commands::{run, simulate},
     exit::Outcome,
-    output::print,
+    output::{prepare_folder, print},
 };
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ pub struct Arguments {
     /// Seed of the simulation
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Number of radar sweeps, five a second; as many as a lap takes that closes, and a little, where nothing is said
+    /// Number of radar sweeps, five a second; by default one lap that closes, and a little more
     #[arg(long, default_value_t = 1600)]
     scans: u64,
 }
@@ -27,7 +27,7 @@ pub struct Arguments {
 /// Simulates, computes, judges.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let Arguments { out, seed, scans } = arguments;
-    run::prepare_folder(&out)?;
+    prepare_folder(&out)?;
     let log = out.join("building.mcap");
     print("1. simulating a drive through a building (radar, gyro, accelerometer, truth)\n")?;
     simulate::run(simulate::Arguments::new(
@@ -47,13 +47,13 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         );
     }
     let ate_m = report.ate_rmse_m;
-    let (verdict, outcome) = match ate_m {
+    let (grade, outcome) = match ate_m {
         Some(ate_m) if ate_m <= ATE_MAX_M => ("good", Outcome::Good),
         _ => ("NOT good", Outcome::Failed),
     };
     let ate = ate_m.map_or("unknown".to_owned(), |ate_m| format!("{ate_m:.3} m"));
     text += &format!(
-        "   ATE {ate} over {:.1} m driven: {verdict} (at most {ATE_MAX_M} m)\n   look at {} and {}\n",
+        "   ATE {ate} over {:.1} m driven: {grade} (at most {ATE_MAX_M} m)\n   look at {} and {}\n",
         report.path_m,
         out.join("plot.svg").display(),
         out.join("map.pgm").display()

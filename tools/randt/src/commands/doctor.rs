@@ -1,31 +1,31 @@
-//! `randt doctor`: what is wrong with a pipeline, and what mends it.
+//! `randt doctor`: what is wrong with a pipeline, and what fixes it.
 
 mod clean;
 mod clock;
 mod exposed;
 mod finding;
+mod isolation;
 mod leftovers;
 mod memory;
 mod owner;
 mod processes;
-mod scene;
 mod sensors;
 mod shared_memory;
 mod slots;
+mod snapshot;
 mod stages;
-mod worlds;
 
 use crate::{exit::Outcome, identity::Identity, output::print};
 use finding::{Finding, Grade};
 use randt_stage::{Domain, DomainArguments};
-use scene::Scene;
+use snapshot::DomainSnapshot;
 
 /// Arguments of `randt doctor`.
 #[derive(Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true)]
 pub struct Arguments {
     #[command(subcommand)]
-    part: Option<Part>,
+    subject: Option<Subject>,
     /// Remove what dead stages left behind; while others live, only what nobody living holds
     #[arg(long)]
     clean: bool,
@@ -38,43 +38,43 @@ pub struct Arguments {
 
 /// What else there is to examine.
 #[derive(Debug, clap::Subcommand)]
-enum Part {
+enum Subject {
     /// Radar and IMU: reached, rate, stamps, gravity, sense of rotation
     Sensors(sensors::Arguments),
 }
 
 /// Examines or cleans. Ends with "failed" where something is bad.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    if let Some(Part::Sensors(arguments)) = arguments.part {
+    if let Some(Subject::Sensors(arguments)) = arguments.subject {
         return sensors::run(&arguments);
     }
     let domain = arguments.domain.domain()?;
     if let Some(finding) = owner::open_to_all(&domain) {
         // Nothing in it is opened: anybody may have made it.
-        return conclude(&title(&domain), &[finding]);
+        return print_findings(&title(&domain), &[finding]);
     }
-    // Root's looks and cleans with the rights of the domain's owner, who may have put links in it.
+    // Root.s process reads and cleans with the rights of the domain's owner, who may have put links in it.
     let owner = Identity::of_way_to(&domain.folder())?;
     owner.run(|| examine(domain, &arguments))
 }
 
 fn examine(domain: Domain, arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let scene = Scene::of(domain);
+    let snapshot = DomainSnapshot::take(domain);
     if arguments.clean {
-        return clean::run(&scene, arguments.state);
+        return clean::run(&snapshot, arguments.state);
     }
-    let mut findings = vec![owner::check(&scene), owner::check_rights(&scene)];
-    findings.push(exposed::check(&scene));
-    findings.push(worlds::check(&scene, arguments.domain.run.is_none()));
-    findings.push(memory::check(&scene));
-    findings.push(memory::check_run_folder(&scene));
-    findings.push(clock::check(&scene));
-    findings.push(stages::check(&scene));
-    findings.push(stages::check_builds(&scene));
-    findings.push(shared_memory::check(&scene));
-    findings.push(slots::check(&scene));
-    findings.push(leftovers::check(&scene));
-    conclude(&title(&scene.domain), &findings.concat())
+    let mut findings = vec![owner::check(&snapshot), owner::check_rights(&snapshot)];
+    findings.push(exposed::check(&snapshot));
+    findings.push(isolation::check(&snapshot, arguments.domain.run.is_none()));
+    findings.push(memory::check(&snapshot));
+    findings.push(memory::check_run_folder(&snapshot));
+    findings.push(clock::check(&snapshot));
+    findings.push(stages::check(&snapshot));
+    findings.push(stages::check_builds(&snapshot));
+    findings.push(shared_memory::check(&snapshot));
+    findings.push(slots::check(&snapshot));
+    findings.push(leftovers::check(&snapshot));
+    print_findings(&title(&snapshot.domain), &findings.concat())
 }
 
 fn title(domain: &Domain) -> String {
@@ -82,7 +82,7 @@ fn title(domain: &Domain) -> String {
 }
 
 /// Prints what was found.
-fn conclude(title: &str, findings: &[Finding]) -> anyhow::Result<Outcome> {
+fn print_findings(title: &str, findings: &[Finding]) -> anyhow::Result<Outcome> {
     let lines: String = findings.iter().map(ToString::to_string).collect();
     print(&format!("{title}\n{lines}"))?;
     let bad = findings.iter().any(|finding| finding.grade == Grade::Bad);

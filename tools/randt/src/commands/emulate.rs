@@ -23,7 +23,7 @@ enum Sensor {
     Imu(imu::Arguments),
 }
 
-/// What every emulator is told.
+/// The options of every emulator.
 #[derive(Debug, Args)]
 struct Common {
     /// Our log of a drive (`randt simulate`, or `randt import` of a recording)

@@ -1,4 +1,4 @@
-//! `randt log`: what can be done with a log, one file an action.
+//! `randt log`: what can be done with a log; one file for each action.
 
 mod check;
 mod cut;
@@ -23,7 +23,7 @@ pub struct Arguments {
 /// What to do.
 #[derive(Debug, clap::Subcommand)]
 enum Action {
-    /// Say what is in a log: topics, rates, span, what it says of itself; exit code 3 where something is missing
+    /// Summarise a log: topics, rates, span, metadata; exit code 3 where something is missing
     Info(info::Arguments),
     /// Read every byte and every checksum; exit code 3 where something is damaged or was not recorded
     Check(check::Arguments),
@@ -56,7 +56,7 @@ fn write_copy<R: Read + Seek>(
     may_write(to, force)?;
     let options = Options {
         compression: Compression::Zstd,
-        // Whoever does not know the layout looks for its program.
+        // A reader that does not know the layout needs the name of its program.
         written_by: reader.written_by().to_owned(),
         ..Options::default()
     };

@@ -1,4 +1,4 @@
-//! `randt mission`: drives of a robot, each with map, logs, configuration and report; one file an action.
+//! `randt mission`: drives of a robot, each with map, logs, configuration and report; one file for each action.
 
 mod boot;
 mod copy;
@@ -35,7 +35,7 @@ enum Action {
     New(new::Arguments),
     /// End the mission: the pipeline stops, the report is written, and the next start begins a new one
     Stop(stop::Arguments),
-    /// Say which missions there are
+    /// List the missions
     List(list::Arguments),
     /// Copy a mission somewhere else, with whole logs and its report
     Export(export::Arguments),
@@ -45,7 +45,7 @@ enum Action {
     Recover,
 }
 
-/// Does it, as root with the rights of whoever owns the missions.
+/// Does it, as root with the rights of no matter who owns the missions.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let owner = Identity::of_way_to(&arguments.root)?;
     owner.run(|| act(arguments))

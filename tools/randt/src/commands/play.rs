@@ -4,7 +4,7 @@ mod player;
 
 use crate::{exit::Outcome, input::InputOptions};
 use player::Player;
-use randt_stage::{DomainArguments, Stage};
+use randt_stage::DomainArguments;
 use std::path::PathBuf;
 
 /// Arguments of `randt play`.
@@ -38,8 +38,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     if let Some(parent) = arguments.parent {
         randt_stage::end_with(parent);
     }
-    let stage = Stage::open("play", &arguments.domain.domain()?)?;
-    let mut player = Player::open(stage, arguments.rate)?;
+    let mut player = Player::open(arguments.domain.domain()?, arguments.rate)?;
     loop {
         let ended = player.play(source.as_mut())?;
         if !ended {

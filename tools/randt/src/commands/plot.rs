@@ -5,9 +5,8 @@ mod path;
 mod recording;
 mod topics;
 
-use crate::commands::run::prepare_folder;
 use crate::exit::Outcome;
-use crate::output::{print, write_whole};
+use crate::output::{prepare_folder, print, write_whole};
 use crate::{job, results};
 use randt_evaluation::{Chart, Panel, plot_chart};
 use recording::Recording;
@@ -28,7 +27,7 @@ pub struct Arguments {
 /// A picture, or what the log lacks for it.
 type Picture = Result<String, &'static str>;
 
-/// Reads the log through, draws and says what was drawn.
+/// Reads the log through, draws and lists what was drawn.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     job::catch_interrupts();
     let recording = Recording::read(&arguments.log)?;

@@ -10,7 +10,7 @@ use std::process::Command;
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub struct Arguments {
-    /// Options of randt-recorder: --out DIR, --prefix NAME, --set KEY=VALUE ...; --help tells them all
+    /// Options of randt-recorder: --out DIR, --prefix NAME, --set KEY=VALUE ...; --help lists them all
     #[arg(
         value_name = "OPTIONS",
         trailing_var_arg = true,
@@ -21,7 +21,7 @@ pub struct Arguments {
 
 /// Becomes the recorder, which stands beside this program.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let this = std::env::current_exe().context("where this program is")?;
+    let this = std::env::current_exe().context("this program's own path")?;
     let path = this.with_file_name("randt-recorder");
     ensure!(
         path.is_file(),

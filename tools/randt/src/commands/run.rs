@@ -6,11 +6,11 @@ use crate::{
     finish_drive::{Drive, Shown, finish_drive},
     input::InputOptions,
     job,
-    output::write_whole,
+    output::prepare_folder,
     pipeline::Pipeline,
     progress, report,
 };
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use randt_config::SelectionArguments;
 use randt_messages::OdometryState;
 use randt_readers::Source;
@@ -90,8 +90,8 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     let done = job::run(source.as_mut(), &config, !arguments.no_imu, &bar)?;
     let input = arguments.input.as_path();
     let use_imu = !arguments.no_imu && done.imu_samples > 0;
-    let mut counters = report::of_reader(input, &source.counters());
-    counters.extend(done.counters());
+    let mut counters = report::reader_counters(input, &source.counters());
+    counters.append(done.counters());
     let drive = Drive {
         input: report::input(source.info(), input, use_imu, done.imu_samples)?,
         pipeline: done.pipeline,
@@ -109,15 +109,6 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
         done.first_misfit
             .map_or_else(|| no_scan(input, source.as_ref()), Into::into)
     })
-}
-
-/// The folder, made and tried out before the work begins.
-pub fn prepare_folder(folder: &Path) -> anyhow::Result<()> {
-    std::fs::create_dir_all(folder)
-        .with_context(|| format!("{}: cannot be made", folder.display()))?;
-    let trial = folder.join(".randt-trial");
-    write_whole(&trial, b"")?;
-    std::fs::remove_file(&trial).with_context(|| trial.display().to_string())
 }
 
 fn no_scan(input: &Path, source: &dyn Source) -> anyhow::Error {

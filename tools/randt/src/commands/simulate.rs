@@ -19,7 +19,7 @@ const CLEARANCE_MIN_M: f64 = 0.15;
 
 /// Arguments of `randt simulate`.
 #[derive(Debug, clap::Args)]
-#[command(group(clap::ArgGroup::new("place").required(true).args(["world", "file"])))]
+#[command(group(clap::ArgGroup::new("drive").required(true).args(["world", "file"])))]
 pub struct Arguments {
     /// The world to drive through: building, yard (sloping ground) or tunnel
     world: Option<String>,
@@ -32,8 +32,8 @@ pub struct Arguments {
     /// Seed of everything random: the same seed gives the same bytes
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Number of radar sweeps, five a second; the route is driven again and again. Where nothing
-    /// is said, two laps and a little: building 2850, yard 1500, tunnel 1500
+    /// Number of radar sweeps, five a second; the route is driven again and again. By
+    /// default two laps and a little more: building 2850, yard 1500, tunnel 1500
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     scans: Option<u64>,
     /// Also write the true poses at the sweeps' ends, as TUM rows
@@ -189,7 +189,7 @@ fn robot(world: &World, arguments: &Arguments) -> Robot {
     robot
 }
 
-/// A place on a robot.
+/// A pose on a robot.
 fn mounting(text: &str) -> Result<Pose2, String> {
     let numbers: Vec<f64> = text
         .split(',')
@@ -211,7 +211,7 @@ fn lateness(text: &str) -> Result<f64, String> {
     }
 }
 
-/// What the log says of its robot.
+/// The robot as the log has it.
 fn metadata(robot: &Robot) -> randt_log::Robot {
     randt_log::Robot {
         sensor: robot.sensor(),

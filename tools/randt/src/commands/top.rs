@@ -1,4 +1,4 @@
-//! `randt top`: what the pipeline does, as it does it.
+//! `randt top`: the running pipeline in tables.
 
 mod facts;
 mod feed;
@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 use watch::Watch;
 
 /// How often what has come is taken: well before a buffer is full, however seldom the screen is drawn.
-const LOOK: Duration = Duration::from_millis(100);
-/// A single look takes so long: four or five words of every stage's health.
+const POLL_PERIOD: Duration = Duration::from_millis(100);
+/// A single look takes this time: four or five words of every stage's health.
 const ONCE: Duration = Duration::from_millis(2200);
 
 /// Arguments of `randt top`.
@@ -53,7 +53,7 @@ fn once(mut watch: Watch, json: bool) -> anyhow::Result<Outcome> {
     let end = Instant::now() + ONCE;
     watch.refresh()?;
     while watch.is_connected() && Instant::now() < end {
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_PERIOD);
         watch.read();
     }
     let snapshot = watch.refresh()?;
@@ -66,7 +66,7 @@ fn once(mut watch: Watch, json: bool) -> anyhow::Result<Outcome> {
     print(&if json {
         format!("{}\n", serde_json::to_string_pretty(&snapshot)?)
     } else {
-        text::of(&snapshot)
+        text::plain(&snapshot)
     })?;
     Ok(Outcome::Good)
 }
@@ -76,7 +76,7 @@ fn live(mut watch: Watch, interval: Duration) -> anyhow::Result<Outcome> {
         std::io::stdout().is_terminal(),
         "standard output is no terminal; --once prints a table"
     );
-    // Before the terminal is taken: whoever may not look is told so in a line.
+    // Before the terminal is taken: without the right to look there is a line that names the reason.
     let mut snapshot = watch.refresh()?;
     let mut screen = Screen::open()?;
     let mut next = Instant::now() + interval;
@@ -94,7 +94,7 @@ fn live(mut watch: Watch, interval: Duration) -> anyhow::Result<Outcome> {
         // Until something is to be drawn: the end of the interval, a key, another size.
         loop {
             let left = next.saturating_duration_since(Instant::now());
-            let asked = screen.wait(left.min(LOOK))?;
+            let asked = screen.wait(left.min(POLL_PERIOD))?;
             if asked == screen::Asked::End || randt_stage::stop_requested() {
                 return Ok(Outcome::Good);
             }

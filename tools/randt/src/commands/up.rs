@@ -8,7 +8,7 @@ mod processes;
 mod program;
 mod watch;
 
-use crate::{earlier, exit::Outcome, input::InputOptions, job};
+use crate::{earlier, exit::Outcome, input::InputOptions, job, output};
 use anyhow::bail;
 use ending::Ending;
 use processes::Processes;
@@ -90,7 +90,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     if arguments.play.is_none() && !arguments.no_drivers {
         check_drivers(&loaded, arguments.no_imu)?;
     }
-    crate::commands::run::prepare_folder(&arguments.out)?;
+    output::prepare_folder(&arguments.out)?;
     let domain = arguments.domain.domain()?;
     if randt_stage::wipe(&domain, true)?.is_none() {
         bail!(
@@ -114,7 +114,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     ending.finish(processes, journal, end)
 }
 
-/// What is in force, with the mounting that the log says.
+/// What is in force, with the mounting that the log has.
 fn configuration(
     selection: &SelectionArguments,
     source: Option<&dyn Source>,

@@ -15,7 +15,7 @@ pub fn counted(name: &str, counter: &Count) -> String {
 }
 
 /// The summary of a run, as it is printed.
-pub fn text(report: &Report<'_>, out: &Path) -> String {
+pub fn text(report: &Report, out: &Path) -> String {
     let mut text = String::new();
     // Writing to a String cannot fail.
     let seconds: f64 = report
@@ -44,23 +44,26 @@ pub fn text(report: &Report<'_>, out: &Path) -> String {
     if let Some(comparison) = &report.comparison {
         let _ = writeln!(text, "compared: {comparison}");
     }
+    let (closed, candidates, components) = match &report.loops {
+        Some(loops) => {
+            let closed = loops.fates.get("accepted").copied();
+            (closed.unwrap_or(0), loops.candidates.len(), loops.parts)
+        }
+        None => (0, 0, 1),
+    };
     if report.frames.len() > 1 {
         let frames = report.frames.len();
-        let _ = match report.loops.parts {
-            1 => writeln!(text, "{frames} odometry frames, joined by verified loops"),
-            parts => writeln!(
+        let _ = match components {
+            1 => writeln!(text, "{frames} odometry frames, merged by verified loops"),
+            components => writeln!(
                 text,
-                "{frames} odometry frames in {parts} parts, each with its own origin: nothing says where they are to one another"
+                "{frames} odometry frames in {components} components of the map, each with its own origin: no loop connects them"
             ),
         };
     }
-    if report.configuration.loops.enabled {
-        let _ = writeln!(
-            text,
-            "loops: {} closed, of {} candidates",
-            report.loops.fates.get("accepted").unwrap_or(&0),
-            report.loops.candidates.len()
-        );
+    let configuration = report.configuration.as_ref();
+    if configuration.is_some_and(|it| it.loops.enabled) {
+        let _ = writeln!(text, "loops: {closed} closed, of {candidates} candidates");
     }
     let trust = &report.trust;
     let _ = writeln!(
@@ -87,7 +90,7 @@ pub fn text(report: &Report<'_>, out: &Path) -> String {
             cost.median_ms, cost.p99_ms
         );
     }
-    for (name, counter) in report.counters.iter().filter(|(_, c)| !c.loss) {
+    for (name, counter) in report.counters.by_loss(false) {
         let _ = writeln!(text, "note: {}", counted(name, counter));
     }
     let _ = writeln!(

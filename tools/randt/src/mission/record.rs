@@ -1,4 +1,4 @@
-//! What a mission says of itself: `mission.json`.
+//! A mission's record: `mission.json`.
 
 use crate::date::BootTime;
 use crate::plain_file;
@@ -12,12 +12,12 @@ use std::path::Path;
 /// Its name.
 pub const FILE: &str = "mission.json";
 
-/// What `mission.json` says.
+/// The contents of `mission.json`.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq, Eq)]
 pub struct Record {
     /// Version of the program that began it.
     pub randt: String,
-    /// Its place among the robot's missions, from 1 on; 0 where an older version began it. Dates may be wrong, this is not.
+    /// Its number among the robot's missions, from 1 on; 0 where an older version began it. Dates may be wrong, this is not.
     #[serde(default)]
     pub number: u64,
     /// When it began, ns since 1970 of the system's clock.

@@ -5,7 +5,7 @@ use crate::date::BootTime;
 
 const MINUTE_NS: i64 = 60_000_000_000;
 
-/// So long after the last sign of life, by a date that is known or not, in a boot, so long after its beginning.
+/// A time after the last sign of life, by a date that is known or not; in a boot, at a time after its beginning.
 fn after(mission: &Mission, ns: i64, is_date_known: bool, boot: (&str, i64)) -> Now {
     Now {
         date_ns: mission.last_sign_ns() + ns,
@@ -41,7 +41,7 @@ fn it_goes_on_after_a_short_interruption_only() {
 }
 
 #[test]
-fn a_date_that_nothing_stands_behind_tells_no_age() {
+fn a_date_without_a_source_gives_no_age() {
     let folder = tempfile::tempdir().unwrap();
     let mission = begun(folder.path(), ("one", MINUTE_NS));
     let rebooted = ("two", 20_000_000_000);
@@ -55,7 +55,7 @@ fn a_date_that_nothing_stands_behind_tells_no_age() {
 }
 
 #[test]
-fn within_a_boot_the_time_since_its_beginning_tells_the_age() {
+fn within_a_boot_the_time_since_its_beginning_gives_the_age() {
     let folder = tempfile::tempdir().unwrap();
     let mission = begun(folder.path(), ("one", MINUTE_NS));
     let years_ns = mission.last_sign_ns();
@@ -129,7 +129,7 @@ fn what_another_version_wrote_is_kept() {
 }
 
 #[test]
-fn what_is_no_mission_is_told() {
+fn what_is_no_mission_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let text = format!("{:#}", Mission::open(folder.path()).unwrap_err());
     assert!(text.contains("is no mission"), "{text}");

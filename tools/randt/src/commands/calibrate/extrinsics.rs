@@ -15,7 +15,7 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     recording: Recording,
-    /// Write the section [robot] for --robot: the radar's place as found here, the IMU's as it was
+    /// Write the section [robot] for --robot: the radar's position as found here, the IMU's as it was
     #[arg(long, value_name = "ROBOT.toml")]
     write: Option<PathBuf>,
     /// Overwrite a file that exists
@@ -37,7 +37,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     } else {
         as_text(&path, &found)
     })?;
-    let (Ok(heading), Ok(lever)) = (&found.yaw, &found.lever_arm) else {
+    let (Ok(heading), Ok(lever_arm)) = (&found.yaw, &found.lever_arm) else {
         for (name, why) in [
             ("yaw", found.yaw.as_ref().err()),
             ("lever arm", found.lever_arm.as_ref().err()),
@@ -49,7 +49,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Failed);
     };
     if let Some(file) = &arguments.write {
-        write_whole(file, robot_toml(&path, heading, lever).as_bytes())?;
+        write_whole(file, robot_toml(&path, heading, lever_arm).as_bytes())?;
     }
     Ok(if path.lost {
         Outcome::DataLost
@@ -70,17 +70,17 @@ fn as_json(log: &str, path: &Path, found: &Mounting) -> anyhow::Result<String> {
             "shown_by": { "spans_s": seconds(&heading.spans), "driven_m": heading.path_m },
         })
     });
-    let lever = found.lever_arm.as_ref().map_or_else(refused, |lever| -> Value {
-        let [left, right] = lever.pivot.turned_rad.map(f64::to_degrees);
+    let lever_arm = found.lever_arm.as_ref().map_or_else(refused, |lever_arm| -> Value {
+        let [left, right] = lever_arm.pivot.turned_rad.map(f64::to_degrees);
         json!({
-            "x_m": lever.x_m.value,
-            "x_sigma_m": lever.x_m.sigma,
-            "y_m": lever.y_m.value,
-            "y_sigma_m": lever.y_m.sigma,
-            "shown_by": { "spans_s": seconds(&lever.pivot.spans), "left_deg": left, "right_deg": right },
+            "x_m": lever_arm.x_m.value,
+            "x_sigma_m": lever_arm.x_m.sigma,
+            "y_m": lever_arm.y_m.value,
+            "y_sigma_m": lever_arm.y_m.sigma,
+            "shown_by": { "spans_s": seconds(&lever_arm.pivot.spans), "left_deg": left, "right_deg": right },
         })
     });
-    let value = json!({ "input": log, "yaw": yaw, "lever": lever });
+    let value = json!({ "input": log, "yaw": yaw, "lever_arm": lever_arm });
     Ok(serde_json::to_string_pretty(&value)? + "\n")
 }
 
@@ -98,28 +98,28 @@ fn as_text(path: &Path, found: &Mounting) -> String {
         }
         Err(why) => format!("yaw          refused: {why}\n"),
     };
-    let lever = match &found.lever_arm {
-        Ok(lever) => {
-            let [left, right] = lever.pivot.turned_rad.map(f64::to_degrees);
+    let lever_arm = match &found.lever_arm {
+        Ok(lever_arm) => {
+            let [left, right] = lever_arm.pivot.turned_rad.map(f64::to_degrees);
             format!(
                 "x            {:+.4} ± {:.4} m\ny            {:+.4} ± {:.4} m\n  \
                  shown by   {}: {left:.0} deg in place to the left, {right:.0} to the right\n",
-                lever.x_m.value,
-                lever.x_m.sigma,
-                lever.y_m.value,
-                lever.y_m.sigma,
-                super::spans(path, &lever.pivot.spans),
+                lever_arm.x_m.value,
+                lever_arm.x_m.sigma,
+                lever_arm.y_m.value,
+                lever_arm.y_m.sigma,
+                super::spans(path, &lever_arm.pivot.spans),
             )
         }
         Err(why) => format!("x, y         refused: {why}\n"),
     };
-    format!("radar in base_link\n{yaw}{lever}")
+    format!("radar in base_link\n{yaw}{lever_arm}")
 }
 
-fn robot_toml(path: &Path, heading: &MountingYaw, lever: &LeverArm) -> String {
+fn robot_toml(path: &Path, heading: &MountingYaw, lever_arm: &LeverArm) -> String {
     let robot = &path.robot;
     format!(
-        "# Where the sensors sit on the robot. The radar's place: randt calibrate extrinsics.\n\
+        "# Where the sensors sit on the robot. The radar's position: randt calibrate extrinsics.\n\
          [robot]\n\
          radar_x_m = {:.4} # sigma {:.4}\n\
          radar_y_m = {:.4} # sigma {:.4}\n\
@@ -127,10 +127,10 @@ fn robot_toml(path: &Path, heading: &MountingYaw, lever: &LeverArm) -> String {
          imu_roll_rad = {:?}\n\
          imu_pitch_rad = {:?}\n\
          imu_yaw_rad = {:?}\n",
-        lever.x_m.value,
-        lever.x_m.sigma,
-        lever.y_m.value,
-        lever.y_m.sigma,
+        lever_arm.x_m.value,
+        lever_arm.x_m.sigma,
+        lever_arm.y_m.value,
+        lever_arm.y_m.sigma,
         heading.yaw_rad.value,
         heading.yaw_rad.sigma,
         robot.imu_roll_rad,

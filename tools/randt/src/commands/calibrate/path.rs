@@ -17,10 +17,10 @@ use std::collections::BTreeMap;
 /// follows late.
 const LOOSE_ACCELERATION_M_S2: f64 = 3.0;
 const LOOSE_ANGULAR_ACCELERATION_RAD_S2: f64 = 2.0;
-/// Noise of a gyro that has no say in the yaw, rad/s per square root of Hz: it de-skews the sweeps and shows where to
+/// Noise of a gyro that does not count for the yaw, rad/s per square root of Hz: it de-skews the sweeps and shows where to
 /// begin to search, and the scan decides.
 const LOOSE_GYRO_NOISE: f64 = 0.05;
-/// Cells at most so large, m: a calibration drive stays near its walls (a sensor that sees less has its own least).
+/// Largest cells, m: a calibration drive stays near its walls (a sensor that sees less has its own least).
 const CELL_SIZE_MAX_M: f64 = 0.5;
 /// Least share of gravity along the robot's vertical (25 degrees): slopes are less, an IMU on its side is more.
 const UPRIGHT_MIN: f64 = 0.9;
@@ -32,7 +32,7 @@ pub enum Mode {
     RadarOnly,
     /// The robot as configured, without its gyro.
     WithoutGyro,
-    /// The gyro, its stamps made later by so much, ns, de-skews the sweeps.
+    /// The gyro, its stamps made later by this, ns, de-skews the sweeps.
     DeskewedByGyro(i64),
 }
 
@@ -42,7 +42,7 @@ pub struct Path {
     pub poses: Vec<RadarPose>,
     /// The gyro's yaw rates by its own stamps.
     pub rates: Vec<YawRate>,
-    /// The robot as configured or as the log says.
+    /// The robot as configured or as in the log.
     pub robot: Robot,
     /// Whether data were lost on the way.
     pub lost: bool,
@@ -62,8 +62,8 @@ impl Sink for States {
     fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
 }
 
-/// The heading's rate from the IMU's samples: tilt taken out, bias left in.
-struct Heading {
+/// The rate of the heading from the IMU's samples: tilt taken out, bias left in.
+struct YawRateEstimator {
     mounting: Quaternion,
     attitude: AttitudeFilter,
     force: Vector3<f64>,
@@ -79,7 +79,7 @@ impl Path {
         let loaded = recording.selection.load(source.info().sensor.name())?;
         let mut config = job::with_mounting(loaded, source.as_ref()).config;
         let robot = config.robot.clone();
-        let mut heading = Heading::new(&robot, &config.attitude);
+        let mut yaw_rates = YawRateEstimator::new(&robot, &config.attitude);
         mode.prepare(&mut config);
         let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
         let mut points = Message::<RadarPoints>::default();
@@ -103,7 +103,7 @@ impl Path {
                     odometry.push_points(points.as_ref(), &mut states);
                 }
                 Event::Imu(mut sample) => {
-                    heading.push(&sample);
+                    yaw_rates.push(&sample);
                     if let Mode::DeskewedByGyro(late_ns) = mode {
                         sample.header.stamp_ns += late_ns;
                         odometry.push_imu(&sample, &mut states);
@@ -133,7 +133,7 @@ impl Path {
         Ok(Self {
             begin_ns: first.header.stamp_ns,
             poses: poses(&states.0),
-            rates: heading.rates(&recording.log)?,
+            rates: yaw_rates.rates(&recording.log)?,
             robot,
             lost: misfits > 0 || counters.iter().any(|counter| counter.loss),
         })
@@ -170,7 +170,7 @@ impl Mode {
     }
 }
 
-impl Heading {
+impl YawRateEstimator {
     fn new(robot: &Robot, attitude: &Attitude) -> Self {
         let (roll, pitch, yaw) = (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
         Self {
@@ -202,7 +202,7 @@ impl Heading {
         let up = self.force.try_normalize(1e-9);
         if up.is_some_and(|up| up.z < UPRIGHT_MIN) {
             bail!(
-                "{}: gravity is not along the robot's vertical: set [robot] imu_roll_rad and imu_pitch_rad, which `randt imu` finds",
+                "{}: gravity is not along the robot's vertical: set [robot] imu_roll_rad and imu_pitch_rad, which `randt-lab imu` finds",
                 log.display()
             );
         }

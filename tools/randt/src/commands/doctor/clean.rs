@@ -1,18 +1,18 @@
 //! `randt doctor --clean`: takes away what dead stages left: everything when no stage lives, else what nobody living holds.
 
 use super::processes::Process;
-use super::scene::{Scene, program};
+use super::snapshot::{DomainSnapshot, program};
 use crate::exit::Outcome;
 use crate::output::print;
 use crate::units::{bytes, count};
 use anyhow::{bail, ensure};
 use randt_stage::{CleanUp, Registry, clean_up, leftovers, slots_of_nobody, wipe};
 
-/// Cleans, or says who lives.
-pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
-    let domain = &scene.domain;
+/// Cleans, or names who lives.
+pub fn run(snapshot: &DomainSnapshot, state: bool) -> anyhow::Result<Outcome> {
+    let domain = &snapshot.domain;
     let here = format!("domain {} in {}", domain.prefix(), domain.run().display());
-    let living = living(scene);
+    let living = living(snapshot);
     if !living.is_empty() {
         if state {
             bail!(
@@ -20,9 +20,9 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
                 living.join(", ")
             );
         }
-        return beside_the_living(scene, &here);
+        return beside_the_living(snapshot, &here);
     }
-    if scene.owner.is_none() && leftovers(domain).is_empty() {
+    if snapshot.owner.is_none() && leftovers(domain).is_empty() {
         print(&format!("{here}: not there, nothing to remove\n"))?;
         return Ok(Outcome::Good);
     }
@@ -32,7 +32,7 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
         );
     };
     if !state {
-        // Whoever cleans knows that they are dead.
+        // The user that cleans knows that they are dead.
         Registry::settle(domain)?;
     }
     let sum = bytes(removed.iter().map(|file| file.bytes).sum());
@@ -47,19 +47,19 @@ pub fn run(scene: &Scene, state: bool) -> anyhow::Result<Outcome> {
 }
 
 /// Takes away what nobody living holds.
-fn beside_the_living(scene: &Scene, here: &str) -> anyhow::Result<Outcome> {
+fn beside_the_living(snapshot: &DomainSnapshot, here: &str) -> anyhow::Result<Outcome> {
     let CleanUp {
         slots,
         nodes,
         services,
-    } = clean_up(&scene.domain)?;
+    } = clean_up(&snapshot.domain)?;
     let freed = count(slots as u64, "slot", "slots");
     let nodes = count(nodes as u64, "dead node", "dead nodes");
     let services = count(services as u64, "broken service", "broken services");
     print(&format!(
         "{here}: freed {freed}, removed {nodes} and {services}; the living were left alone\n"
     ))?;
-    let left: usize = slots_of_nobody(&scene.domain).values().sum();
+    let left: usize = slots_of_nobody(&snapshot.domain).values().sum();
     ensure!(
         left == 0,
         "{here}: {left} slots are still held by nobody: stop all stages, then clean once more"
@@ -68,12 +68,12 @@ fn beside_the_living(scene: &Scene, here: &str) -> anyhow::Result<Outcome> {
 }
 
 /// Everybody in this domain.
-fn living(scene: &Scene) -> Vec<String> {
-    let mut living: Vec<String> = scene.inside().map(ToString::to_string).collect();
+fn living(snapshot: &DomainSnapshot) -> Vec<String> {
+    let mut living: Vec<String> = snapshot.inside().map(ToString::to_string).collect();
     // What the register knows and this process may not look at.
-    let unseen = scene.living().filter(|entry| {
+    let unseen = snapshot.living().filter(|entry| {
         let is = |process: &Process| u64::from(process.pid) == entry.pid;
-        !scene.processes.iter().any(is)
+        !snapshot.processes.iter().any(is)
     });
     living.extend(unseen.map(|entry| format!("{} (process {})", program(&entry.name), entry.pid)));
     living

@@ -1,7 +1,7 @@
 //! The anchor of the one clock: it must be there while stages live, and be of this boot.
 
 use super::finding::Finding;
-use super::scene::Scene;
+use super::snapshot::DomainSnapshot;
 use crate::units::seconds;
 use rustix::time::{ClockId, clock_gettime};
 use std::fs;
@@ -10,11 +10,11 @@ use std::fs;
 const SET_S: f64 = 1.0;
 
 /// Whether the anchor is there and good.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "clock";
-    let path = scene.domain.run().join("clock-anchor");
+    let path = snapshot.domain.run().join("clock-anchor");
     let shown = path.display();
-    let lives = scene.living().next().is_some();
+    let lives = snapshot.living().next().is_some();
     let anew = format!("stop all stages, rm -f {shown}, start them again");
     let anchor_ns = match fs::read_to_string(&path) {
         Ok(text) => text.trim().parse::<i64>().ok(),

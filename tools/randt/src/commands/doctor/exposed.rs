@@ -1,7 +1,7 @@
 //! Whether somebody else may touch what stages share: memory, sockets, locks, checkpoints.
 
 use super::finding::Finding;
-use super::scene::Scene;
+use super::snapshot::DomainSnapshot;
 use crate::units::count;
 use randt_stage::exposed;
 
@@ -9,12 +9,12 @@ use randt_stage::exposed;
 const OTHERS: u32 = 0o077;
 
 /// Every file of the domain is its owner's and nobody else's to read or write.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "exposed";
-    let Some(owner) = scene.owner else {
+    let Some(owner) = snapshot.owner else {
         return Vec::new();
     };
-    let files = exposed(&scene.domain);
+    let files = exposed(&snapshot.domain);
     let mut open = files
         .iter()
         .filter(|file| file.owner == owner && file.mode & OTHERS != 0);
@@ -26,10 +26,10 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
             first.path.display(),
             first.mode
         );
-        let mend = format!("randt doctor --clean {}", scene.options());
-        found.push(Finding::bad(ABOUT, text, mend));
+        let fix = format!("randt doctor --clean {}", snapshot.options());
+        found.push(Finding::bad(ABOUT, text, fix));
     }
-    // Files of another user's are told beside that (owner).
+    // Files of another user's are reported beside that (owner).
     if found.is_empty() && files.iter().all(|file| file.owner == owner) {
         let text = "memory, sockets and files are for their owner alone";
         found.push(Finding::ok(ABOUT, text));

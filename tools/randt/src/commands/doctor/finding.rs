@@ -13,13 +13,13 @@ pub enum Grade {
     Bad,
 }
 
-/// A sentence, and the command that mends what it says.
+/// A sentence, and the command that fixes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Finding {
     pub grade: Grade,
     about: &'static str,
     text: String,
-    mend: Option<String>,
+    fix: Option<String>,
 }
 
 impl Finding {
@@ -28,22 +28,22 @@ impl Finding {
         Self::new(Grade::Ok, about, text.into(), None)
     }
 
-    /// Something should be mended.
-    pub fn warn(about: &'static str, text: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(Grade::Warn, about, text.into(), Some(mend.into()))
+    /// Something should be fixed.
+    pub fn warn(about: &'static str, text: impl Into<String>, fix: impl Into<String>) -> Self {
+        Self::new(Grade::Warn, about, text.into(), Some(fix.into()))
     }
 
-    /// Something must be mended.
-    pub fn bad(about: &'static str, text: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(Grade::Bad, about, text.into(), Some(mend.into()))
+    /// Something must be fixed.
+    pub fn bad(about: &'static str, text: impl Into<String>, fix: impl Into<String>) -> Self {
+        Self::new(Grade::Bad, about, text.into(), Some(fix.into()))
     }
 
-    fn new(grade: Grade, about: &'static str, text: String, mend: Option<String>) -> Self {
+    fn new(grade: Grade, about: &'static str, text: String, fix: Option<String>) -> Self {
         Self {
             grade,
             about,
             text,
-            mend,
+            fix,
         }
     }
 }
@@ -56,8 +56,8 @@ impl fmt::Display for Finding {
             Grade::Bad => "BAD",
         };
         writeln!(f, "{grade:<4}  {:<10} {}", self.about, self.text)?;
-        match &self.mend {
-            Some(mend) => writeln!(f, "      mend it:   {mend}"),
+        match &self.fix {
+            Some(fix) => writeln!(f, "      fix it:    {fix}"),
             None => Ok(()),
         }
     }
@@ -68,11 +68,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_mends_stands_below_what_is_wrong() {
+    fn the_fix_stands_below_what_is_wrong() {
         let text = Finding::bad("rights", "too wide", "chmod 700 x").to_string();
         assert_eq!(
             text,
-            "BAD   rights     too wide\n      mend it:   chmod 700 x\n"
+            "BAD   rights     too wide\n      fix it:    chmod 700 x\n"
         );
         assert_eq!(
             Finding::ok("rights", "good").to_string(),

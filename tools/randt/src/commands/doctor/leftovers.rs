@@ -2,7 +2,7 @@
 
 use super::finding::Finding;
 use super::processes::{FileId, id};
-use super::scene::Scene;
+use super::snapshot::DomainSnapshot;
 use crate::units::{bytes, count};
 use randt_stage::{Leftover, leftovers};
 use std::collections::BTreeSet;
@@ -17,10 +17,12 @@ const SHARED_BY_ALL: &str = ".global_mgmt";
 const NODE: &str = ".node_monitor";
 
 /// No node and no segment is left of a stage that is dead.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "leftovers";
-    let lives = scene.inside().next().is_some();
-    let unseen = scene.inside().filter(|process| process.presence.is_none());
+    let lives = snapshot.inside().next().is_some();
+    let unseen = snapshot
+        .inside()
+        .filter(|process| process.presence.is_none());
     if let unseen @ 1.. = unseen.count() {
         let text = format!(
             "not looked for: what {} hold open is not shown to this user; the next stage that starts clears away what is left",
@@ -29,9 +31,9 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
         return vec![Finding::ok(ABOUT, text)];
     }
     let left = if lives {
-        unheld(scene)
+        unheld(snapshot)
     } else {
-        everything(scene)
+        everything(snapshot)
     };
     if left.is_empty() {
         return vec![Finding::ok(ABOUT, "nothing is left of dead stages")];
@@ -52,38 +54,38 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
         Finding::warn(
             ABOUT,
             text,
-            format!("randt doctor --clean {}", scene.options()),
+            format!("randt doctor --clean {}", snapshot.options()),
         )
     }]
 }
 
-fn everything(scene: &Scene) -> Vec<Leftover> {
-    let mut left = leftovers(&scene.domain);
+fn everything(snapshot: &DomainSnapshot) -> Vec<Leftover> {
+    let mut left = leftovers(&snapshot.domain);
     left.retain(|file| !file.path.to_string_lossy().ends_with(SHARED_BY_ALL));
     left
 }
 
 /// Segments and nodes that no living process has open, now and a moment later.
-fn unheld(scene: &Scene) -> Vec<Leftover> {
-    let before = unheld_now(scene);
+fn unheld(snapshot: &DomainSnapshot) -> Vec<Leftover> {
+    let before = unheld_now(snapshot);
     if before.is_empty() {
         return before;
     }
     std::thread::sleep(AGAIN);
-    let mut still = unheld_now(&Scene::of(scene.domain.clone()));
+    let mut still = unheld_now(&DomainSnapshot::take(snapshot.domain.clone()));
     still.retain(|file| before.contains(file));
     still
 }
 
-fn unheld_now(scene: &Scene) -> Vec<Leftover> {
-    let held: BTreeSet<FileId> = scene
+fn unheld_now(snapshot: &DomainSnapshot) -> Vec<Leftover> {
+    let held: BTreeSet<FileId> = snapshot
         .inside()
         .flat_map(|process| process.open.clone())
         .collect();
-    let mut left = everything(scene);
+    let mut left = everything(snapshot);
     left.retain(|file| {
         let matters = file.path.starts_with("/dev/shm")
-            && !file.path.starts_with(scene.domain.root())
+            && !file.path.starts_with(snapshot.domain.root())
             || file.path.to_string_lossy().ends_with(NODE);
         matters && fs::metadata(&file.path).is_ok_and(|found| !held.contains(&id(&found)))
     });

@@ -1,7 +1,7 @@
 //! Whether there is memory for every topic and for what outlives a stage. Where it runs out a store is a stage's end.
 
 use super::finding::Finding;
-use super::scene::Scene;
+use super::snapshot::DomainSnapshot;
 use crate::units::bytes;
 use randt_stage::{KeyframeRing, TOPICS, leftovers};
 use std::fs;
@@ -15,17 +15,17 @@ const TMPFS: u64 = 0x0102_1994;
 const CHECKPOINTS: usize = 16 << 20;
 
 /// /dev/shm holds all topics.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "memory";
     let Ok(found) = rustix::fs::statvfs(SHARED_MEMORY) else {
-        let mend = "mount -t tmpfs tmpfs /dev/shm";
-        return vec![Finding::bad(ABOUT, "/dev/shm is not there", mend)];
+        let fix = "mount -t tmpfs tmpfs /dev/shm";
+        return vec![Finding::bad(ABOUT, "/dev/shm is not there", fix)];
     };
     let (free, size) = (
         found.f_bavail * found.f_frsize,
         found.f_blocks * found.f_frsize,
     );
-    let used: u64 = leftovers(&scene.domain)
+    let used: u64 = leftovers(&snapshot.domain)
         .iter()
         .filter(|file| file.path.starts_with(SHARED_MEMORY))
         .map(|file| file.bytes)
@@ -33,17 +33,17 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
     // What this domain has already is there for it.
     let there = free + used;
     let topics = |navtech| -> usize { TOPICS.iter().map(|qos| qos.bytes_in_use(navtech)).sum() };
-    let state = if on_shared_memory(scene) {
+    let state = if on_shared_memory(snapshot) {
         state_bytes()
     } else {
         0
     };
     let needed = [false, true].map(|navtech| (topics(navtech) + state) as u64);
-    vec![judge(there, size, needed)]
+    vec![grade(there, size, needed)]
 }
 
 /// `needed`: with an iSDR-C, with a Navtech.
-fn judge(there: u64, size: u64, needed: [u64; 2]) -> Finding {
+fn grade(there: u64, size: u64, needed: [u64; 2]) -> Finding {
     const ABOUT: &str = "memory";
     let [isdr_c, navtech] = needed;
     let text = format!(
@@ -53,25 +53,25 @@ fn judge(there: u64, size: u64, needed: [u64; 2]) -> Finding {
         bytes(isdr_c),
         bytes(navtech)
     );
-    let mend = if size < navtech {
+    let fix = if size < navtech {
         let enough = navtech.next_multiple_of(64 << 20) >> 20;
         format!("mount -o remount,size={enough}M /dev/shm (docker run --shm-size={enough}m)")
     } else {
         "du -a /dev/shm | sort -n | tail (remove what takes it)".to_owned()
     };
     if there < isdr_c {
-        Finding::bad(ABOUT, text, mend)
+        Finding::bad(ABOUT, text, fix)
     } else if there < navtech {
-        Finding::warn(ABOUT, text, mend)
+        Finding::warn(ABOUT, text, fix)
     } else {
         Finding::ok(ABOUT, text)
     }
 }
 
 /// The run folder is in memory and has room for what outlives a stage.
-pub fn check_run_folder(scene: &Scene) -> Vec<Finding> {
+pub fn check_run_folder(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "run folder";
-    let run = scene.domain.run();
+    let run = snapshot.domain.run();
     let shown = run.display();
     let (Ok(kind), Ok(found)) = (rustix::fs::statfs(run), rustix::fs::statvfs(run)) else {
         // The first stage makes it.
@@ -86,7 +86,7 @@ pub fn check_run_folder(scene: &Scene) -> Vec<Finding> {
             "leave --run away, or name a folder on a tmpfs (/run, /dev/shm)",
         )];
     }
-    let free = found.f_bavail * found.f_frsize + state_on_disk(scene);
+    let free = found.f_bavail * found.f_frsize + state_on_disk(snapshot);
     let needed = state_bytes() as u64;
     let text = format!(
         "{shown} is in memory and has {} for checkpoints, which need {}",
@@ -108,8 +108,8 @@ fn state_bytes() -> usize {
     KeyframeRing::BYTES + CHECKPOINTS
 }
 
-fn state_on_disk(scene: &Scene) -> u64 {
-    let files = fs::read_dir(scene.domain.state())
+fn state_on_disk(snapshot: &DomainSnapshot) -> u64 {
+    let files = fs::read_dir(snapshot.domain.state())
         .into_iter()
         .flatten()
         .flatten();
@@ -118,9 +118,9 @@ fn state_on_disk(scene: &Scene) -> u64 {
         .sum()
 }
 
-fn on_shared_memory(scene: &Scene) -> bool {
+fn on_shared_memory(snapshot: &DomainSnapshot) -> bool {
     let device = |path: &Path| fs::metadata(path).ok().map(|found| found.dev());
-    device(scene.domain.run()) == device(Path::new(SHARED_MEMORY))
+    device(snapshot.domain.run()) == device(Path::new(SHARED_MEMORY))
 }
 
 #[cfg(test)]
@@ -129,14 +129,14 @@ mod tests {
     use crate::commands::doctor::finding::Grade;
 
     #[test]
-    fn memory_is_judged_by_what_the_sensors_need() {
-        let judge = |there, size| judge(there, size, [10_600_000, 24_500_000]);
-        assert_eq!(judge(64_000_000, 64_000_000).grade, Grade::Ok);
-        let small = judge(20_000_000, 20_000_000);
+    fn memory_is_graded_by_what_the_sensors_need() {
+        let grade = |there, size| grade(there, size, [10_600_000, 24_500_000]);
+        assert_eq!(grade(64_000_000, 64_000_000).grade, Grade::Ok);
+        let small = grade(20_000_000, 20_000_000);
         assert_eq!(small.grade, Grade::Warn);
         assert!(small.to_string().contains("remount,size=64M"), "{small}");
         // Large enough, but somebody has filled it.
-        let full = judge(1_000_000, 64_000_000);
+        let full = grade(1_000_000, 64_000_000);
         assert_eq!(full.grade, Grade::Bad);
         assert!(full.to_string().contains("remove what takes it"), "{full}");
     }

@@ -1,7 +1,7 @@
 //! Whose the domain is, and what others may do in it. All stages must be one user's: shared memory is.
 
 use super::finding::Finding;
-use super::scene::Scene;
+use super::snapshot::DomainSnapshot;
 use randt_stage::{Domain, leftovers};
 use rustix::fs::Access;
 use std::fs;
@@ -9,11 +9,11 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// The domain, its shared memory, its stages and this process are one user's.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "user";
-    let folder = scene.domain.folder();
-    let (user, options) = (scene.user, scene.options());
-    let Some(owner) = scene.owner else {
+    let folder = snapshot.domain.folder();
+    let (user, options) = (snapshot.user, snapshot.options());
+    let Some(owner) = snapshot.owner else {
         let text = format!("{}: not there, no stage ever ran here", folder.display());
         return vec![Finding::ok(ABOUT, text)];
     };
@@ -28,7 +28,7 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
             format!("sudo -u '#{owner}' randt doctor {options}"),
         ));
     }
-    for process in scene.inside().filter(|process| process.user != owner) {
+    for process in snapshot.inside().filter(|process| process.user != owner) {
         let theirs = process.user;
         found.push(Finding::bad(
             ABOUT,
@@ -36,7 +36,7 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
             format!("kill {}, and start it with sudo -u '#{owner}'", process.pid),
         ));
     }
-    let foreign = leftovers(&scene.domain).into_iter().filter_map(|file| {
+    let foreign = leftovers(&snapshot.domain).into_iter().filter_map(|file| {
         let theirs = fs::metadata(&file.path).ok()?.uid();
         (theirs != owner).then_some((theirs, file.path))
     });
@@ -51,7 +51,7 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
             ),
             format!(
                 "end that user's stages, then sudo rm /dev/shm/{}*",
-                scene.domain.segment_prefix()
+                snapshot.domain.segment_prefix()
             ),
         ));
     }
@@ -80,25 +80,25 @@ fn written_by_others(folder: &Path, mode: u32) -> Finding {
 }
 
 /// The folder is its owner's alone, and can be written.
-pub fn check_rights(scene: &Scene) -> Vec<Finding> {
+pub fn check_rights(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "rights";
-    let folder = scene.domain.folder();
+    let folder = snapshot.domain.folder();
     let shown = folder.display();
     let Ok(metadata) = fs::metadata(&folder) else {
         return Vec::new();
     };
     let mode = metadata.mode() & 0o777;
-    let mend = format!("chmod 700 {shown}");
+    let fix = format!("chmod 700 {shown}");
     if mode & 0o022 != 0 {
         return vec![written_by_others(&folder, mode)];
     }
     if mode & 0o700 != 0o700 {
         let text = format!("{shown} has mode {mode:03o}: its owner cannot use it");
-        return vec![Finding::bad(ABOUT, text, mend)];
+        return vec![Finding::bad(ABOUT, text, fix)];
     }
     let writable = rustix::fs::access(&folder, Access::WRITE_OK | Access::EXEC_OK);
     if let Err(cause) = writable
-        && scene.owner == Some(scene.user)
+        && snapshot.owner == Some(snapshot.user)
     {
         return vec![Finding::bad(
             ABOUT,
@@ -110,7 +110,7 @@ pub fn check_rights(scene: &Scene) -> Vec<Finding> {
     }
     if mode != 0o700 {
         let text = format!("{shown} has mode {mode:03o}: others may look into it");
-        return vec![Finding::warn(ABOUT, text, mend)];
+        return vec![Finding::warn(ABOUT, text, fix)];
     }
     vec![Finding::ok(ABOUT, format!("{shown} has mode 700"))]
 }

@@ -13,7 +13,7 @@ const DELETED: &str = " (deleted)";
 /// Commands of randt itself that enter a domain.
 const COMMANDS: [&str; 3] = ["up", "play", "top"];
 
-/// A file, whatever name it is reached by.
+/// A file, by whichever name it is reached.
 pub type FileId = (u64, u64);
 
 /// A process in a domain.
@@ -44,7 +44,7 @@ pub fn all() -> Vec<Process> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
     pids.filter(|pid| *pid != std::process::id())
-        .filter_map(Process::of)
+        .filter_map(Process::read)
         .collect()
 }
 
@@ -54,7 +54,7 @@ pub fn id(metadata: &Metadata) -> FileId {
 }
 
 impl Process {
-    fn of(pid: u32) -> Option<Self> {
+    fn read(pid: u32) -> Option<Self> {
         let proc = PathBuf::from(format!("/proc/{pid}"));
         let arguments = arguments(&proc);
         let mut process = Self {
@@ -71,11 +71,13 @@ impl Process {
             open: BTreeSet::new(),
         };
         // Another user's, or one that systemd keeps in a user namespace of its own (PrivateUsers), lists its files to
-        // nobody or shows none of them: what it was told is all that is known.
+        // nobody or shows none of them: its command line is all that is known.
         let may_look = fs::read_link(proc.join("exe")).is_ok();
         match fs::read_dir(proc.join("fd")) {
             Ok(files) if may_look => files.flatten().for_each(|file| process.add(&file.path())),
-            _ if is_stage(&arguments) => process.folder = told(&proc, &arguments, process.user)?,
+            _ if is_stage(&arguments) => {
+                process.folder = domain_folder(&proc, &arguments, process.user)?
+            }
             _ => {}
         }
         (!process.folder.as_os_str().is_empty()).then_some(process)
@@ -138,8 +140,8 @@ fn is_stage(arguments: &[String]) -> bool {
     name.starts_with("randt-") || command.is_some_and(|command| COMMANDS.contains(&command))
 }
 
-/// The domain that a process was told to be in.
-fn told(proc: &Path, arguments: &[String], user: u32) -> Option<PathBuf> {
+/// The domain that the command line of a process names.
+fn domain_folder(proc: &Path, arguments: &[String], user: u32) -> Option<PathBuf> {
     let option = |name: &str| {
         let with_value = format!("{name}=");
         let given = arguments.iter().enumerate().find_map(|(i, argument)| {
@@ -169,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn stages_and_the_tools_that_enter_a_domain_are_told_from_others() {
+    fn stages_and_the_tools_that_enter_a_domain_are_recognised() {
         for stage in [
             "/opt/randt-filter --run /r",
             "randt play x.mcap",
@@ -191,8 +193,15 @@ mod tests {
 
     #[test]
     fn a_domain_is_read_from_the_command_line_where_nothing_else_is_known() {
-        let told = |text: &str| told(Path::new("/proc/no-such"), &words(text), 7).unwrap();
-        assert_eq!(told("randt-filter --run /r --prefix p"), Path::new("/r/p"));
-        assert_eq!(told("randt-filter --prefix=q --run=/s"), Path::new("/s/q"));
+        let domain_folder =
+            |text: &str| domain_folder(Path::new("/proc/no-such"), &words(text), 7).unwrap();
+        assert_eq!(
+            domain_folder("randt-filter --run /r --prefix p"),
+            Path::new("/r/p")
+        );
+        assert_eq!(
+            domain_folder("randt-filter --prefix=q --run=/s"),
+            Path::new("/s/q")
+        );
     }
 }

@@ -1,11 +1,11 @@
 //! `randt doctor sensors`: whether radar and IMU answer, and make sense.
 
+mod capture;
 mod imu;
-mod look;
 mod radar;
 mod turning;
 
-use super::conclude;
+use super::print_findings;
 use crate::commands::up::check_drivers;
 use crate::exit::Outcome;
 use randt_config::SelectionArguments;
@@ -15,10 +15,10 @@ use std::time::Duration;
 /// Arguments of `randt doctor sensors`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// How long to look, s; turn the robot meanwhile to see whether radar and gyro turn the same way
+    /// How long to read them, s; turn the robot meanwhile to see whether radar and gyro turn the same way
     #[arg(long, value_name = "S", default_value = "5", value_parser = clap::value_parser!(u32).range(2..=3600))]
     seconds: u32,
-    /// Do not look at the IMU
+    /// Do not check the IMU
     #[arg(long)]
     no_imu: bool,
     #[command(flatten)]
@@ -27,17 +27,17 @@ pub struct Arguments {
     domain: DomainArguments,
 }
 
-/// Looks at both sensors at once: through their drivers where these run, else itself.
+/// Reads both sensors at once: through their drivers where these run, else by drivers of its own.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let loaded = arguments.selection.load(None)?;
     check_drivers(&loaded, arguments.no_imu)?;
     let mut config = loaded.config;
-    // A look leaves nothing behind.
+    // The check leaves nothing behind.
     config.record.dense.clear();
     let domain = arguments.domain.domain()?;
     let time = Duration::from_secs(u64::from(arguments.seconds));
     eprintln!("looking for {} s", arguments.seconds);
-    let seen = look::look(&config, &domain, time, !arguments.no_imu)?;
+    let seen = capture::capture(&config, &domain, time, !arguments.no_imu)?;
     let mut findings = radar::check(&config, &seen.radar);
     if let Some(of_imu) = &seen.imu {
         findings.extend(imu::check(&config, of_imu));
@@ -48,7 +48,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     } else {
         format!(", IMU: {}", config.imu.source.name())
     };
-    conclude(
+    print_findings(
         &format!("radar: {}{imu}", config.radar.source.name()),
         &findings,
     )

@@ -1,7 +1,7 @@
 //! Whether the memory that stages share is still there: one that goes on in removed memory reaches nobody.
 
 use super::finding::Finding;
-use super::scene::{Scene, program};
+use super::snapshot::{DomainSnapshot, program};
 use randt_stage::memory_gone;
 use std::time::Duration;
 
@@ -9,32 +9,32 @@ use std::time::Duration;
 const AGAIN: Duration = Duration::from_millis(200);
 
 /// No file that a living stage shares with others was removed or cut.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "shared";
-    let gone = gone(scene);
+    let gone = gone(snapshot);
     if gone.is_empty() {
         return Vec::new();
     }
     std::thread::sleep(AGAIN);
-    let still = self::gone(&Scene::of(scene.domain.clone()));
+    let still = self::gone(&DomainSnapshot::take(snapshot.domain.clone()));
     let still: Vec<_> = still.iter().filter(|one| gone.contains(one)).collect();
     let found = still.iter().map(|(name, pid, files, first)| {
         let text = format!(
             "shared memory of living stages is gone: {} (process {pid}) uses {files} files that were removed or cut, {first} among them",
             program(name)
         );
-        let mend = format!(
+        let fix = format!(
             "kill {pid} and start it again, if its supervisor does not; if this comes at every logout: RemoveIPC=no in /etc/systemd/logind.conf"
         );
-        Finding::bad(ABOUT, text, mend)
+        Finding::bad(ABOUT, text, fix)
     });
     found.collect()
 }
 
 /// Living stages whose memory is gone: name, process, how many files, the first of them.
-fn gone(scene: &Scene) -> Vec<(String, u64, usize, String)> {
-    let stages = scene.living().filter_map(|entry| {
-        let gone = memory_gone(&scene.domain, entry);
+fn gone(snapshot: &DomainSnapshot) -> Vec<(String, u64, usize, String)> {
+    let stages = snapshot.living().filter_map(|entry| {
+        let gone = memory_gone(&snapshot.domain, entry);
         let first = gone.first()?.display().to_string();
         Some((entry.name.clone(), entry.pid, gone.len(), first))
     });

@@ -1,23 +1,23 @@
 //! Slots of the bus's services that nobody living holds: when all are taken, no stage can start.
 
 use super::finding::Finding;
-use super::scene::Scene;
+use super::snapshot::DomainSnapshot;
 use crate::units::count;
 use randt_stage::slots_of_nobody;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-/// Whoever starts just now is freeing them: looked at again after this time.
+/// A stage that starts just now is freeing them: they are read again after this time.
 const AGAIN: Duration = Duration::from_millis(200);
 
 /// Every slot is held by a living stage or tool.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "slots";
-    if scene.living().next().is_none() {
+    if snapshot.living().next().is_none() {
         // The next stage that starts makes all services anew.
         return Vec::new();
     }
-    let held = held_by_nobody(scene);
+    let held = held_by_nobody(snapshot);
     let slots: usize = held.values().sum();
     vec![if slots == 0 {
         Finding::ok(ABOUT, "every slot of a service is held by somebody living")
@@ -28,19 +28,19 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
             count(held.len() as u64, "service", "services"),
             held.into_keys().collect::<Vec<_>>().join(", ")
         );
-        let mend = format!("randt doctor --clean {}", scene.options());
-        Finding::warn(ABOUT, text, mend)
+        let fix = format!("randt doctor --clean {}", snapshot.options());
+        Finding::warn(ABOUT, text, fix)
     }]
 }
 
 /// Those that are nobody's now and a moment later.
-fn held_by_nobody(scene: &Scene) -> BTreeMap<String, usize> {
-    let before = slots_of_nobody(&scene.domain);
+fn held_by_nobody(snapshot: &DomainSnapshot) -> BTreeMap<String, usize> {
+    let before = slots_of_nobody(&snapshot.domain);
     if before.is_empty() {
         return before;
     }
     std::thread::sleep(AGAIN);
-    let mut still = slots_of_nobody(&scene.domain);
+    let mut still = slots_of_nobody(&snapshot.domain);
     still.retain(|service, _| before.contains_key(service));
     still
 }

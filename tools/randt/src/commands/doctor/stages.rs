@@ -1,16 +1,16 @@
 //! Whether the stages that should run do, and are of one build.
 
 use super::finding::Finding;
-use super::scene::{Scene, program, start};
+use super::snapshot::{DomainSnapshot, program, start};
 use crate::process::Sample;
 use randt_stage::{Entry, TOPICS};
 use randt_version::VERSION;
 
-/// Whoever has not ended in order lives, and is not stopped.
-pub fn check(scene: &Scene) -> Vec<Finding> {
+/// Every stage that has not ended in order lives, and is not stopped.
+pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "stages";
     let mut found = Vec::new();
-    for (entry, lives) in &scene.register {
+    for (entry, lives) in &snapshot.register {
         let Entry { name, pid, .. } = entry;
         if !lives && !entry.ended {
             found.push(Finding::bad(
@@ -22,13 +22,13 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
                 start(entry),
             ));
         }
-        if *lives && Sample::of(*pid).is_some_and(|sample| sample.stopped) {
+        if *lives && Sample::read(*pid).is_some_and(|sample| sample.stopped) {
             let text = format!("{} (process {pid}) is stopped by a signal", program(name));
             found.push(Finding::warn(ABOUT, text, format!("kill -CONT {pid}")));
         }
     }
     if found.is_empty() {
-        let names: Vec<&str> = scene.living().map(|entry| entry.name.as_str()).collect();
+        let names: Vec<&str> = snapshot.living().map(|entry| entry.name.as_str()).collect();
         found.push(Finding::ok(
             ABOUT,
             match names.as_slice() {
@@ -41,10 +41,10 @@ pub fn check(scene: &Scene) -> Vec<Finding> {
 }
 
 /// The living stages have this build's layouts, and their programs are still on disk.
-pub fn check_builds(scene: &Scene) -> Vec<Finding> {
+pub fn check_builds(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "builds";
     let mut found = Vec::new();
-    for entry in scene.living() {
+    for entry in snapshot.living() {
         let Entry { name, pid, .. } = entry;
         let stage = format!("{} (process {pid})", program(name));
         let restart = format!(
@@ -60,13 +60,13 @@ pub fn check_builds(scene: &Scene) -> Vec<Finding> {
         } else if entry.version != VERSION {
             let text = format!("{stage} is of version {}, this is {VERSION}", entry.version);
             found.push(Finding::warn(ABOUT, text, restart));
-        } else if replaced(scene, *pid) {
+        } else if replaced(snapshot, *pid) {
             let text = format!("the program of {stage} was replaced on disk since it started");
             found.push(Finding::warn(ABOUT, text, restart));
         }
     }
     if found.is_empty() {
-        let count = scene.living().count();
+        let count = snapshot.living().count();
         found.push(Finding::ok(
             ABOUT,
             match count {
@@ -86,8 +86,8 @@ fn other_layout(entry: &Entry) -> Option<(&'static str, &str, &'static str)> {
     })
 }
 
-fn replaced(scene: &Scene, pid: u64) -> bool {
-    scene
+fn replaced(snapshot: &DomainSnapshot, pid: u64) -> bool {
+    snapshot
         .inside()
         .any(|process| u64::from(process.pid) == pid && process.replaced)
 }

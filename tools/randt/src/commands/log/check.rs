@@ -18,7 +18,7 @@ pub struct Arguments {
     files: Vec<PathBuf>,
 }
 
-/// Checks all, and says of each whether it is good.
+/// Checks all, and prints for each whether it is good.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Good;
     for file in &arguments.files {

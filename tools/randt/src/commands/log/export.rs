@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(outcome(reader.damage()))
 }
 
-/// Whether both are one file, whatever they are called; one that is not there is none.
+/// Whether both are one file, by whichever names; one that is not there is none.
 fn is_same(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
@@ -96,7 +96,7 @@ fn folder(path: &Path) -> anyhow::Result<PathBuf> {
     Ok(path.to_owned())
 }
 
-/// Tells the damage.
+/// Prints the damage.
 fn outcome(damage: &[Damage]) -> Outcome {
     for damage in damage {
         eprintln!("  stepped over: {}", damage.first);

@@ -41,7 +41,7 @@ struct Missing {
     end_ns: i64,
 }
 
-/// All of it.
+/// Everything that is printed.
 #[derive(Debug, Default, Serialize)]
 struct Info {
     written_by: String,
@@ -133,12 +133,12 @@ fn text(info: &Info, name: &str) -> String {
             topic.r#type
         );
     }
-    for (name, says) in &info.metadata {
+    for (name, values) in &info.metadata {
         let _ = writeln!(text, "  {name}");
-        for (key, value) in says.iter().filter(|(_, value)| !value.contains('\n')) {
+        for (key, value) in values.iter().filter(|(_, value)| !value.contains('\n')) {
             let _ = writeln!(text, "    {key}: {value}");
         }
-        for (key, value) in says.iter().filter(|(_, value)| value.contains('\n')) {
+        for (key, value) in values.iter().filter(|(_, value)| value.contains('\n')) {
             let _ = writeln!(text, "    {key}: {} lines", value.lines().count());
         }
     }

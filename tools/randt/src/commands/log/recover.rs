@@ -28,7 +28,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-/// Does it; gives what there is to say.
+/// Does it; gives the text to print.
 pub fn recover(file: &Path, out: &Path, force: bool) -> anyhow::Result<String> {
     let mut reader = LogReader::open(file)?;
     reader.whole_chunks_only();

@@ -32,7 +32,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     let (mission, how) = match missions.current_or_none() {
         Some(mut mission) => {
             mission.repair()?;
-            recover::set_aside(&mission)?;
+            recover::mark_cut_logs(&mission)?;
             if mission.goes_on(&now) {
                 mission.resume(&now, owner::owns(&mission, &domain))?;
                 (mission, "goes on".to_owned())
@@ -44,7 +44,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
         None => (missions.begin(None, &now)?, "begins".to_owned()),
     };
     owner::hand_to(&mission, missions, &domain)?;
-    // A wrong configuration is told by each stage that it stops.
+    // Each stage that a wrong configuration stops reports it.
     if let Ok(loaded) = arguments.selection.load(None) {
         let path = mission.folder().join(CONFIGURATION);
         write_whole(&path, loaded.to_toml().as_bytes())?;
@@ -60,7 +60,7 @@ fn why_not(mission: &Mission, now: &Now) -> String {
         (Some(_), _) => format!("{name} was stopped"),
         (None, Some(ns)) => format!("{name} was interrupted {} ago", seconds(ns as f64 * 1e-9)),
         (None, None) => {
-            format!("{name} was interrupted, and without a date nobody knows how long ago")
+            format!("{name} was interrupted, and without a date the time since then is unknown")
         }
     }
 }

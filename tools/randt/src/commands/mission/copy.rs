@@ -1,7 +1,7 @@
 //! Copying a mission out of a folder that somebody else may change meanwhile.
 //!
 //! Every file is opened below a folder that is open already, no link is followed, and what has been
-//! opened is looked at: a plain file of the mission's owner is copied and nothing else is.
+//! opened is inspected: a plain file of the mission's owner is copied and nothing else is.
 
 use crate::identity::Identity;
 use crate::output::warn;
@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 
 /// A mission has two levels of folders; nobody needs more.
 const DEPTH_MAX: usize = 8;
-/// Locks say nothing to who has a copy.
+/// Locks mean nothing in a copy.
 const LOCK: &str = "lock";
 /// What is read and executed of a file by whom.
 const MODE_BITS: u32 = 0o777;
@@ -47,13 +47,13 @@ enum Found {
 /// Copies a folder into another one that is there. `reader`: with whose rights it is read; it is written with those in
 /// force.
 pub fn copy(reader: Identity, from: &Path, to: &Path) -> anyhow::Result<Copied> {
-    let said = || format!("{}: cannot be read", from.display());
+    let context = || format!("{}: cannot be read", from.display());
     let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
     let folder = reader.run(|| {
         let folder = openat(rustix::fs::CWD, from, flags, Mode::empty());
-        folder.with_context(said)
+        folder.with_context(context)
     })?;
-    let owner = fstat(&folder).with_context(said)?.st_uid;
+    let owner = fstat(&folder).with_context(context)?.st_uid;
     let mut copied = Copied::default();
     let mut total = 0;
     let tree = Tree { reader, owner };
@@ -129,7 +129,7 @@ impl Tree {
         Ok(())
     }
 
-    /// Opens what is there without waiting for anybody, and looks at what it has got.
+    /// Opens what is there without waiting for anybody, and inspects what it has got.
     fn open(&self, folder: impl AsFd, entry: &CStr, name: &Path) -> anyhow::Result<Found> {
         let flags =
             OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
@@ -211,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn files_of_others_are_left_out_whatever_name_they_have() {
+    fn files_of_others_are_left_out_under_any_name() {
         if !rustix::process::geteuid().is_root() {
             assert!(std::env::var_os("CI").is_none(), "CI runs this as root");
             return println!("not run: this user is not root");

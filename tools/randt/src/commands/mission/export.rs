@@ -24,7 +24,7 @@ pub struct Arguments {
     out: PathBuf,
 }
 
-/// Copies it under a temporary name, mends the copy, writes its report, and renames it: whole or not at all.
+/// Copies it under a temporary name, repairs the copy, writes its report, and renames it: whole or not at all.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mission = match &arguments.name {
         Some(name) => missions.get(name)?,
@@ -63,11 +63,11 @@ fn export(mission: &Mission, reader: Identity, out: &Path) -> anyhow::Result<Out
 
 /// Copies a mission into a folder that was just made.
 fn fill(mission: &Mission, reader: Identity, part: &Path) -> anyhow::Result<(Copied, Outcome)> {
-    let said = || part.display().to_string();
-    // By its descriptor: whatever stands in its place later, nothing is written there.
+    let context = || part.display().to_string();
+    // By its descriptor: nothing is written to what may stand in its place later.
     let flags = OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-    let folder = rustix::fs::open(part, flags, Mode::empty()).with_context(said)?;
-    let found = rustix::fs::fstat(&folder).with_context(said)?;
+    let folder = rustix::fs::open(part, flags, Mode::empty()).with_context(context)?;
+    let found = rustix::fs::fstat(&folder).with_context(context)?;
     ensure!(
         found.st_uid == rustix::process::geteuid().as_raw(),
         "{}: somebody else has made it",
@@ -81,8 +81,8 @@ fn fill(mission: &Mission, reader: Identity, part: &Path) -> anyhow::Result<(Cop
     };
     let mut copy = Mission::open(&part)?;
     copy.repair()?;
-    recover::set_aside(&copy)?;
-    recover::mend(&copy)?;
+    recover::mark_cut_logs(&copy)?;
+    recover::repair_logs(&copy)?;
     // One that was stopped has its report: nothing that was known then is there to make a better one.
     if !copy.has_report() {
         let state = copy.kept_state();

@@ -25,7 +25,7 @@ struct Row {
     name: String,
     /// `current`, `stopped`, `interrupted` (a power cut, and it did not go on), or `broken`.
     state: &'static str,
-    /// Why its record cannot be read; what the other fields say is then guessed from its files.
+    /// Why its record cannot be read; the other fields are then guessed from its files.
     #[serde(skip_serializing_if = "Option::is_none")]
     broken: Option<String>,
     begun_ns: i64,
@@ -37,7 +37,7 @@ struct Row {
 }
 
 impl Row {
-    fn of(mission: &Mission, is_current: bool) -> anyhow::Result<Self> {
+    fn from_mission(mission: &Mission, is_current: bool) -> anyhow::Result<Self> {
         let size = |path: &Path| fs::metadata(path).map_or(0, |found| found.len());
         let files = mission.log_files()?;
         Ok(Self {
@@ -66,7 +66,7 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     let current = missions.current_or_none().map(|mission| mission.name());
     let all = missions.all()?.into_iter();
     let rows: anyhow::Result<Vec<Row>> = all
-        .map(|mission| Row::of(&mission, current.as_ref() == Some(&mission.name())))
+        .map(|mission| Row::from_mission(&mission, current.as_ref() == Some(&mission.name())))
         .collect();
     let rows = rows?;
     if arguments.json {

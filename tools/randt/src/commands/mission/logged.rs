@@ -5,8 +5,7 @@
 //! makes its last keyframe once more, bit for bit.
 
 use crate::output::warn;
-use crate::remains::Remains;
-use crate::report::Count;
+use crate::recovered_drive::RecoveredDrive;
 use crate::results::Results;
 use randt_config::Config;
 use randt_filter::check_sweep;
@@ -19,7 +18,7 @@ use randt_odometry::{MessageId, Sink};
 use randt_readers::Event;
 use std::path::{Path, PathBuf};
 
-/// Where a log says how its stamps become dates; the anchor is taken anew at each boot.
+/// Where a log has the offset from its stamps to dates; the anchor is taken anew at each boot.
 const CLOCK: &str = "randt/clock";
 const ANCHOR: &str = "anchor_ns";
 
@@ -28,7 +27,7 @@ pub struct Logged {
     /// The state of every scan, in order.
     pub results: Results,
     /// What the stages left behind, with what the logs have beyond that.
-    pub remains: Remains,
+    pub recovered: RecoveredDrive,
     /// Messages that the recorder could not record.
     pub not_recorded: u64,
     /// Files that could not be read to their end, and why not the first of them.
@@ -51,17 +50,17 @@ impl Sink for Computed {
 
 impl Logged {
     /// Reads files in the order of time.
-    pub fn read(files: &[PathBuf], config: &Config, remains: Remains) -> Self {
+    pub fn read(files: &[PathBuf], config: &Config, recovered: RecoveredDrive) -> Self {
         let mut logged = Self {
             results: Results::merged(),
-            remains,
+            recovered,
             not_recorded: 0,
             unreadable: 0,
             first_unreadable: String::new(),
             imu_samples: 0,
         };
         let boot = files.iter().rev().find_map(|file| boot_of(file));
-        if !logged.remains.has_odometry {
+        if !logged.recovered.has_odometry {
             let of_boot = |file: &&PathBuf| boot_of(file) == boot;
             logged.number_on(files.iter().filter(of_boot));
         }
@@ -86,7 +85,7 @@ impl Logged {
             return;
         };
         if let Some(before) = first.odom_frame_id.checked_sub(1) {
-            self.remains.pipeline.continue_after(before);
+            self.recovered.pipeline.continue_after(before);
         }
     }
 
@@ -110,13 +109,13 @@ impl Logged {
                 let is_new = is_after(header.epoch, header.sequence, self.odometry().last_imu());
                 if goes_on && is_new {
                     let event = Event::Imu(*sample.head);
-                    self.remains.pipeline.push(&event, computed);
+                    self.recovered.pipeline.push(&event, computed);
                 }
             } else if let Some(scan) = entry.decode::<RadarScan>()? {
                 let header = &scan.head.header;
                 let is_new = is_after(header.epoch, header.sequence, self.odometry().last_scan());
                 if goes_on && is_new && check_sweep(&scan.head.sweep, config).is_ok() {
-                    self.remains.pipeline.push(&Event::Scan(scan), computed);
+                    self.recovered.pipeline.push(&Event::Scan(scan), computed);
                 }
             }
         }
@@ -125,26 +124,25 @@ impl Logged {
     }
 
     fn odometry(&self) -> &randt_odometry::Odometry {
-        self.remains.pipeline.odometry()
+        self.recovered.pipeline.odometry()
     }
 
     /// Takes what was computed now, where it is of the mission's drive.
     fn take(&mut self, computed: Computed, config: &Config) {
-        let remains = &mut self.remains;
-        if !remains.has_odometry {
-            if computed.0.is_empty() || !remains.pipeline.is_one_drive() {
+        let recovered = &mut self.recovered;
+        if !recovered.has_odometry {
+            if computed.0.is_empty() || !recovered.pipeline.is_one_drive() {
                 if !computed.0.is_empty() {
                     let first = "the logs end before the map's last keyframe, or give another one";
-                    let lost = Count::lost(1, first.to_owned());
-                    remains.counters.insert("window_lost", lost);
+                    recovered.counters.add_lost("window_lost", 1, first);
                 }
-                remains.pipeline.forget_odometry(config);
+                recovered.pipeline.forget_odometry(config);
                 return;
             }
-            remains.counters.remove("window_lost");
+            recovered.counters.remove("window_lost");
         }
-        remains.states.extend(computed.0);
-        remains
+        recovered.states.extend(computed.0);
+        recovered
             .states
             .iter()
             .for_each(|state| self.results.state(state));

@@ -1,6 +1,6 @@
 //! `randt mission recover`: whole logs of those that were cut, and records of missions that cannot be read.
 //!
-//! A cut log is set aside before the recorder begins, and mended while the pipeline runs: that takes seconds.
+//! A cut log is renamed before the recorder begins, and repaired while the pipeline runs: that takes seconds.
 
 use crate::commands::log::recover as log;
 use crate::exit::Outcome;
@@ -15,7 +15,7 @@ const CUT: &str = "cut";
 /// The same while the recorder writes it.
 const ACTIVE: &str = "active";
 
-/// Mends the missions, each as far as it can be mended.
+/// Repairs the missions, each as far as it can be repaired.
 pub fn run(missions: &Missions) -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Good;
     for mut mission in missions.all()? {
@@ -23,7 +23,7 @@ pub fn run(missions: &Missions) -> anyhow::Result<Outcome> {
             let _lock = missions.lock()?;
             mission.repair()
         };
-        let repaired = repaired.and_then(|()| mend(&mission));
+        let repaired = repaired.and_then(|()| repair_logs(&mission));
         if let Err(error) = repaired {
             warn(&format!("{}: {error:#}", mission.name()));
             outcome = Outcome::Failed;
@@ -33,7 +33,7 @@ pub fn run(missions: &Missions) -> anyhow::Result<Outcome> {
 }
 
 /// Gives a mission's unfinished logs another name. Only where no recorder runs.
-pub fn set_aside(mission: &Mission) -> anyhow::Result<()> {
+pub fn mark_cut_logs(mission: &Mission) -> anyhow::Result<()> {
     for active in mission.log_files()? {
         if active.extension().is_some_and(|ending| ending == ACTIVE) {
             let cut = active.with_extension(CUT);
@@ -43,14 +43,14 @@ pub fn set_aside(mission: &Mission) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Makes whole logs of those that were set aside. One that holds nothing whole stays as it is, and is told of.
-pub fn mend(mission: &Mission) -> anyhow::Result<()> {
+/// Makes whole logs of the cut ones. One that holds nothing whole stays as it is, with a warning.
+pub fn repair_logs(mission: &Mission) -> anyhow::Result<()> {
     let logs = mission.logs();
     // A mission that never recorded has no such folder.
     let Ok(folder) = fs::File::open(&logs) else {
         return Ok(());
     };
-    // Two who mend the same log would write over each other.
+    // Two that repair the same log would write over each other.
     folder.lock().with_context(|| logs.display().to_string())?;
     for cut in mission.log_files()? {
         if cut.extension().is_none_or(|ending| ending != CUT) {

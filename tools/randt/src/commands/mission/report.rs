@@ -7,14 +7,13 @@ use crate::mission::{CONFIGURATION, Mission};
 use crate::pipeline::Pipeline;
 use crate::plain_file;
 use crate::recorded::configuration;
-use crate::remains::Remains;
-use crate::report::{Cost, Count, Input};
+use crate::recovered_drive::RecoveredDrive;
+use crate::report::{Cost, Costs, Input};
 use anyhow::Context;
 use randt_config::Config;
 use randt_log::Robot;
 use randt_messages::OdometryState;
 use randt_odometry::runtime::CheckpointStore;
-use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Writes it into a folder; gives whether data were lost. `name`: what it is called there, also while it is being copied;
@@ -27,9 +26,9 @@ pub fn write(
 ) -> anyhow::Result<bool> {
     let config = configuration_of(mission)?;
     let use_imu = state.is_none_or(|state| uses_imu(&config, state));
-    let remains = Remains::read(&config, use_imu, mission.folder(), state);
-    let logged = Logged::read(&mission.log_files()?, &config, remains);
-    let mut counters = logged.remains.counters;
+    let recovered = RecoveredDrive::read(&config, use_imu, mission.folder(), state);
+    let logged = Logged::read(&mission.log_files()?, &config, recovered);
+    let mut counters = logged.recovered.counters;
     for (name, count, first) in [
         (
             "messages_not_recorded",
@@ -48,20 +47,18 @@ pub fn write(
                 .to_owned(),
         ),
     ] {
-        if count > 0 {
-            counters.insert(name, Count::lost(count, first));
-        }
+        counters.add_lost(name, count, first);
     }
     let states = &logged.results.states;
     let drive = Drive {
         input: Input {
             name: name.to_owned(),
-            format: "mission",
+            format: "mission".into(),
             sha256: String::new(),
             imu: states.iter().any(|state| state.imu_epoch != 0),
             imu_samples: logged.imu_samples,
         },
-        pipeline: logged.remains.pipeline,
+        pipeline: logged.recovered.pipeline,
         results: logged.results,
         config: &config,
         counters,
@@ -71,10 +68,10 @@ pub fn write(
     Ok(shown.context("no scan has a pose")?.lost)
 }
 
-fn timing(_: &Pipeline, states: &[OdometryState]) -> BTreeMap<&'static str, Cost> {
-    let compute = states.iter().filter_map(Latency::of);
+fn timing(_: &Pipeline, states: &[OdometryState]) -> Costs {
+    let compute = states.iter().filter_map(Latency::from_state);
     let compute_ns: Vec<u64> = compute.map(|l| (l.compute_ms * 1e6) as u64).collect();
-    BTreeMap::from([("compute", Cost::of(&compute_ns))])
+    Costs::from([("compute".into(), Cost::from_times(&compute_ns))])
 }
 
 /// The one in force when the mission began.

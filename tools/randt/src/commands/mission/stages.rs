@@ -1,4 +1,4 @@
-//! Ending the stages that write into a mission, whoever has started them.
+//! Ending the stages that write into a mission, no matter who has started them.
 
 use super::{owner, target};
 use crate::mission::Mission;
@@ -17,9 +17,9 @@ const END_MAX: Duration = Duration::from_secs(5);
 const LONG_END_MAX: Duration = Duration::from_secs(40);
 /// A signal that comes while iceoryx2 looks at another one is forgotten: a stage is asked again.
 const ASK_EVERY: Duration = Duration::from_millis(500);
-const LOOK: Duration = Duration::from_millis(10);
+const POLL_PERIOD: Duration = Duration::from_millis(10);
 
-/// Ends them; gives whether systemd has to start them again. An error says what still writes into the mission.
+/// Ends them; gives whether systemd has to start them again. An error names what still writes into the mission.
 pub fn stop(mission: &Mission, domain: &Domain) -> anyhow::Result<bool> {
     let is_under_systemd = target::stop()?;
     if !is_under_systemd && owner::owns(mission, domain) {
@@ -63,9 +63,9 @@ fn living(domain: &Domain) -> Vec<Entry> {
 
 /// Asks a stage to end, and waits for it.
 fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
-    let said = || format!("randt-{} (process {})", stage.name, stage.pid);
+    let context = || format!("randt-{} (process {})", stage.name, stage.pid);
     let pid = i32::try_from(stage.pid).ok().and_then(Pid::from_raw);
-    let pid = pid.with_context(|| format!("{}: no process has that number", said()))?;
+    let pid = pid.with_context(|| format!("{}: no process has that number", context()))?;
     let is_there = || living(domain).iter().any(|it| it.pid == stage.pid);
     let end_max = match stage.name.as_str() {
         "recorder" | "up" => LONG_END_MAX,
@@ -75,7 +75,7 @@ fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
     let mut asked: Option<Instant> = None;
     while is_there() {
         if asked.is_none_or(|asked| asked.elapsed() > ASK_EVERY) {
-            // One that is stopped hears nothing until it goes on. That comes first, because iceoryx2 remembers only the
+            // A stopped one gets no signal until it goes on. That comes first, because iceoryx2 remembers only the
             // last signal.
             let _ = kill_process(pid, Signal::CONT);
             if let Err(error) = kill_process(pid, Signal::TERM)
@@ -83,7 +83,7 @@ fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
             {
                 bail!(
                     "{}: cannot be ended: {error}: do it as the user that runs it; the mission goes on",
-                    said()
+                    context()
                 );
             }
             asked = Some(Instant::now());
@@ -91,9 +91,9 @@ fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
         ensure!(
             begin.elapsed() < end_max,
             "{}: does not end (kill -9 {pid:?} does it); the mission goes on",
-            said()
+            context()
         );
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_PERIOD);
     }
     Ok(())
 }

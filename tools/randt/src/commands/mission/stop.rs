@@ -30,15 +30,15 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     end(missions, mission, &domain)
 }
 
-/// Ends a mission whose stages have ended: whole logs, report, a note. One that has nothing to report is no failure.
+/// Ends a mission whose stages have ended: whole logs, report, its record. One that has nothing to report is no failure.
 pub fn end(missions: &Missions, mut mission: Mission, domain: &Domain) -> anyhow::Result<Outcome> {
     if mission.record.stopped_ns.is_some() {
         return Ok(Outcome::Good);
     }
-    // First, so that it does not go on whatever comes.
+    // First, so that it does not go on, even if what follows fails.
     mission.stop(missions.date_ns(&Now::read())?)?;
-    recover::set_aside(&mission)?;
-    recover::mend(&mission)?;
+    recover::mark_cut_logs(&mission)?;
+    recover::repair_logs(&mission)?;
     let state = owner::state_of(&mission, domain);
     let folder = mission.folder().join(REPORT);
     let written = report::write(&mission, &mission.name(), state.as_deref(), &folder);

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 /// What all stages belong to.
 const UNIT: &str = "randt.target";
-/// Where it is said that systemd runs this machine.
+/// What is there where systemd runs this machine.
 const RUNNING: &str = "/run/systemd/system";
 
 /// Stops the pipeline if it runs; gives whether it did.
@@ -33,7 +33,7 @@ pub fn start() -> anyhow::Result<()> {
     systemctl(&["start", UNIT])
 }
 
-/// Units are root's to start and stop, whoever owns the missions.
+/// Units are root's to start and stop, no matter who owns the missions.
 fn as_caller<T>(run: impl FnOnce() -> io::Result<T>) -> anyhow::Result<T> {
     Identity::of_caller().run(|| run().context("systemctl cannot be started"))
 }

@@ -2,17 +2,17 @@
 
 use randt_messages::{ImuSampleTopic, MessageRef, RadarScan};
 use randt_readers::{Event, Source};
-use randt_stage::{Error, Publisher, Stage, WakeReason};
+use randt_stage::{Domain, Error, Publisher, Stage, WakeReason};
 use std::time::{Duration, Instant};
 
 /// A log that begins again does so after this pause, so that odometry opens a new frame: the robot has jumped.
 const PAUSE_NS: i64 = 2_000_000_000;
 
-/// Publishes as drivers do: each event when its stamp says, with the log's own stamps.
+/// Publishes as drivers do: each event when its stamp is due, with the log's own stamps.
 pub struct Player {
-    stage: Stage,
-    scans: Publisher<RadarScan>,
-    samples: Publisher<ImuSampleTopic>,
+    domain: Domain,
+    /// `None` where the shared memory is gone, until they are used again.
+    ports: Option<Ports>,
     rate: f64,
     /// What is added to the log's stamps, and the newest stamp sent.
     shift_ns: i64,
@@ -20,16 +20,33 @@ pub struct Player {
     begin: Option<(i64, Instant)>,
 }
 
-impl Player {
-    /// Opens both topics.
-    pub fn open(mut stage: Stage, rate: f64) -> anyhow::Result<Self> {
+/// The player's place in the pipeline, and what it publishes.
+struct Ports {
+    scans: Publisher<RadarScan>,
+    samples: Publisher<ImuSampleTopic>,
+    stage: Stage,
+}
+
+impl Ports {
+    fn open(domain: &Domain) -> Result<Self, Error> {
+        let mut stage = Stage::open("play", domain)?;
         let scans = stage.publisher()?;
         let samples = stage.publisher()?;
         stage.running()?;
         Ok(Self {
-            stage,
             scans,
             samples,
+            stage,
+        })
+    }
+}
+
+impl Player {
+    /// Opens both topics.
+    pub fn open(domain: Domain, rate: f64) -> anyhow::Result<Self> {
+        Ok(Self {
+            ports: Some(Ports::open(&domain)?),
+            domain,
             rate,
             shift_ns: 0,
             newest_ns: i64::MIN,
@@ -63,32 +80,43 @@ impl Player {
 
     /// The log is at its end. With `stay` what was sent last stays in reach until the end is asked for.
     pub fn finish(&mut self, stay: bool) -> anyhow::Result<()> {
-        self.stage.finished()?;
+        self.ports()?.stage.finished()?;
         while stay && self.wait(None)? != WakeReason::Stop {
             // Where it has entered anew.
-            self.stage.finished()?;
+            self.ports()?.stage.finished()?;
         }
         Ok(())
     }
 
-    /// Sleeps for a time, or for ever. Where the shared memory is gone the player goes on in new memory at the same place.
+    /// The ports, opened anew where they were lost.
+    fn ports(&mut self) -> Result<&mut Ports, Error> {
+        let ports = match self.ports.take() {
+            Some(ports) => ports,
+            None => Ports::open(&self.domain)?,
+        };
+        Ok(self.ports.insert(ports))
+    }
+
+    /// Sleeps for a time, or without end. Where the shared memory is gone the player goes on in new memory, at the same
+    /// event.
     fn wait(&mut self, pause: Option<Duration>) -> anyhow::Result<WakeReason> {
-        match self.stage.wait(&[], pause) {
+        match self.ports()?.stage.wait(&[], pause) {
             Err(error @ Error::MemoryGone { .. }) => {
                 eprintln!("randt play: {error}");
-                self.stage.renew()?;
-                self.scans = self.stage.publisher()?;
-                self.samples = self.stage.publisher()?;
-                self.stage.running()?;
+                // Before it enters again: two of one name are refused.
+                self.ports = None;
                 Ok(WakeReason::Event)
             }
-            woken => Ok(woken?),
+            reason => Ok(reason?),
         }
     }
 
     /// Leaves the pipeline.
     pub fn close(self) -> anyhow::Result<()> {
-        Ok(self.stage.close()?)
+        match self.ports {
+            Some(ports) => Ok(ports.stage.close()?),
+            None => Ok(()),
+        }
     }
 
     /// Sleeps until an event is due; `false` where the end was asked for.
@@ -120,13 +148,13 @@ impl Player {
                 for beam in sweep.beams.iter_mut().take(count) {
                     beam.stamp_ns += shift_ns;
                 }
-                self.scans.publish(scan.as_ref())?;
+                self.ports()?.scans.publish(scan.as_ref())?;
             }
             Event::Imu(mut sample) => {
                 sample.header.stamp_ns += shift_ns;
                 sample.arrival_ns += shift_ns;
                 let (head, items) = (&sample, &[]);
-                self.samples.publish(MessageRef { head, items })?;
+                self.ports()?.samples.publish(MessageRef { head, items })?;
             }
             // The robot does not know it either.
             Event::Truth(_) => {}

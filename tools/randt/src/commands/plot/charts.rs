@@ -127,7 +127,7 @@ pub fn latency(recording: &Recording) -> Panels {
         of_states(recording, move |state| {
             // A file that was computed, not run, has no time of publishing.
             let is_live = state.header.published_ns != 0;
-            let latency = Latency::of(state).filter(|_| is_live);
+            let latency = Latency::from_state(state).filter(|_| is_live);
             latency.map(|latency| part(&latency))
         })
     };
@@ -160,7 +160,7 @@ pub fn biases(recording: &Recording) -> Panels {
     }
     let bias = |axis: usize| {
         of_states(recording, move |s| {
-            // All zero is what nobody has learned yet.
+            // All zero is before it has learned any.
             let is_known = uses_imu(s) && s.gyro_bias_rad_s != [0.0; 3];
             let bias_rad_s = s.gyro_bias_rad_s.get(axis).filter(|_| is_known);
             bias_rad_s.map(|bias_rad_s| bias_rad_s.to_degrees())

@@ -3,7 +3,7 @@
 
 use super::Picture;
 use super::recording::{Recording, Sketch};
-use crate::final_poses::{Knot, hang};
+use crate::final_poses::{Knot, carry_into_map};
 use crate::results::{PICTURE_POINTS_MAX, lines};
 use randt_evaluation::{Plot, Trajectory, plot_trajectories, truth_on_estimate};
 use randt_geometry::Pose2;
@@ -16,11 +16,11 @@ pub fn draw(recording: &Recording, title: &str) -> anyhow::Result<Picture> {
     if recording.states.is_empty() && truth.poses().is_empty() {
         return Ok(Err("odometry/state"));
     }
-    let places = places(recording);
-    let mut knots: Vec<Knot> = places.iter().map(Place::knot).collect();
+    let keyframes = keyframes(recording);
+    let mut knots: Vec<Knot> = keyframes.iter().map(MapKeyframe::knot).collect();
     knots.sort_by_key(|knot| knot.key);
     let states: Vec<OdometryState> = recording.states.iter().map(|(_, state)| *state).collect();
-    let trajectory = hang(&states, &knots);
+    let trajectory = carry_into_map(&states, &knots);
     let loops: Vec<[[f64; 2]; 2]> = recording
         .graph
         .loops()
@@ -40,23 +40,23 @@ pub fn draw(recording: &Recording, title: &str) -> anyhow::Result<Picture> {
         estimate: &lines(&trajectory),
         live: &live(&recording.live, &trajectory),
         truth: &truth,
-        map: &returns(&places),
+        map: &returns(&keyframes),
         loops: &loops,
     })?))
 }
 
 /// A keyframe, and where it stands.
-struct Place<'a> {
+struct MapKeyframe<'a> {
     sketch: &'a Sketch,
-    part: u64,
+    component: u64,
     map: Pose2,
 }
 
-impl Place<'_> {
+impl MapKeyframe<'_> {
     fn knot(&self) -> Knot {
         Knot {
             key: (self.sketch.odom_frame_id, self.sketch.stamp_ns),
-            part: self.part,
+            component: self.component,
             odom: self.sketch.pose,
             map: self.map,
         }
@@ -64,25 +64,25 @@ impl Place<'_> {
 }
 
 /// The keyframes that the newest graph has; all of them where odometry has them, when there is no graph.
-fn places(recording: &Recording) -> Vec<Place<'_>> {
+fn keyframes(recording: &Recording) -> Vec<MapKeyframe<'_>> {
     let has_graph = recording.graph.nodes().next().is_some();
-    let place = |(id, sketch): (&u64, _)| match recording.graph.node(*id) {
-        Some(node) => Some(Place {
+    let keyframe = |(id, sketch): (&u64, _)| match recording.graph.node(*id) {
+        Some(node) => Some(MapKeyframe {
             sketch,
-            part: node.b,
+            component: node.b,
             map: Pose2::from_array(node.pose),
         }),
         None if has_graph => None,
-        None => Some(Place {
+        None => Some(MapKeyframe {
             sketch,
-            part: sketch.odom_frame_id,
+            component: sketch.odom_frame_id,
             map: sketch.pose,
         }),
     };
-    recording.keyframes.iter().filter_map(place).collect()
+    recording.keyframes.iter().filter_map(keyframe).collect()
 }
 
-/// The live path, where it says anything beside the other.
+/// The live path, where there is a final one to compare it with.
 fn live(live: &Trajectory, trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
     match trajectory.poses() {
         [] => Vec::new(),
@@ -90,22 +90,26 @@ fn live(live: &Trajectory, trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
     }
 }
 
-/// Returns of the largest part, thinned out: parts have nothing in common.
-fn returns(places: &[Place<'_>]) -> Vec<[f64; 2]> {
+/// Returns of the largest component, thinned out: components share no frame.
+fn returns(keyframes: &[MapKeyframe<'_>]) -> Vec<[f64; 2]> {
     let mut sizes: BTreeMap<u64, usize> = BTreeMap::new();
-    for place in places {
-        *sizes.entry(place.part).or_default() += 1;
+    for keyframe in keyframes {
+        *sizes.entry(keyframe.component).or_default() += 1;
     }
     let largest = sizes.iter().max_by_key(|(_, size)| **size);
-    let largest = largest.map(|(part, _)| *part);
-    let chosen = || places.iter().filter(|place| Some(place.part) == largest);
-    let total: usize = chosen().map(|place| place.sketch.points.len()).sum();
+    let largest = largest.map(|(component, _)| *component);
+    let chosen = || {
+        keyframes
+            .iter()
+            .filter(|keyframe| Some(keyframe.component) == largest)
+    };
+    let total: usize = chosen().map(|keyframe| keyframe.sketch.points.len()).sum();
     let stride = (total / PICTURE_POINTS_MAX).max(1);
-    let points = chosen().flat_map(|place| {
-        let points = place.sketch.points.iter().step_by(stride);
+    let points = chosen().flat_map(|keyframe| {
+        let points = keyframe.sketch.points.iter().step_by(stride);
         points.map(|[x_m, y_m]| {
             let point = [f64::from(*x_m), f64::from(*y_m)];
-            let at = place.map.transform(point.into());
+            let at = keyframe.map.transform(point.into());
             [at.x, at.y]
         })
     });

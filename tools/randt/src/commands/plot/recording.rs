@@ -15,7 +15,7 @@ use randt_messages::{
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Of each keyframe every so many points are kept: the picture of a run shows no more.
+/// Of each keyframe every fourth point is kept: the picture of a run shows no more.
 const STRIDE: usize = 4;
 
 /// A keyframe.
@@ -28,7 +28,8 @@ pub struct Sketch {
     pub points: Vec<[f32; 2]>,
 }
 
-/// Everything, by the log's time: when it was published.
+/// Everything, by the log's time: when it was published. Its fields are the series that the pictures draw, gathered in
+/// one pass.
 #[derive(Default)]
 pub struct Recording {
     /// Every state once, with the log's time, ns.
@@ -97,7 +98,7 @@ impl Recording {
     fn take(&mut self, entry: &Entry<'_>, imu: &Quaternion) -> anyhow::Result<()> {
         let time_ns = entry.time_ns;
         if let Some(drop) = entry.decode::<LogDropTopic>()? {
-            // It speaks of others' time: its own is when the disk was back.
+            // Its times are those of other messages: its own is when the disk was back.
             self.drops.push(*drop.head);
             return Ok(());
         }

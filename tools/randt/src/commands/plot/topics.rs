@@ -8,9 +8,9 @@ use randt_messages::{LogDrop, health::text_of};
 
 /// A rate is counted over this long, s, ...
 const BIN_S: f64 = 1.0;
-/// ... or over as long as makes so many of them in a long log, ...
+/// ... or over the span that makes this number of them in a long log, ...
 const BINS_MAX: f64 = 500.0;
-/// ... or, of a topic that is slower, over so many messages.
+/// ... or, of a topic that is slower, over this number of messages.
 const BIN_MESSAGES: f64 = 5.0;
 
 /// How many messages a second each topic had, the longest pause, and what was not recorded.
@@ -20,8 +20,8 @@ pub fn panels(recording: &Recording) -> Panels {
     names.extend(dropped);
     // In the order of the data's way.
     let order = randt_log::channels();
-    let place = |name: &str| order.iter().position(|channel| channel.topic == name);
-    names.sort_by_key(|name| (place(name).unwrap_or(usize::MAX), *name));
+    let index = |name: &str| order.iter().position(|channel| channel.topic == name);
+    names.sort_by_key(|name| (index(name).unwrap_or(usize::MAX), *name));
     names.dedup();
     Ok(names
         .into_iter()

@@ -3,7 +3,7 @@
 use super::snapshot::{Pose, Robot, Snapshot};
 use crate::units::{count, or_dash, seconds};
 
-/// What is older is said to be.
+/// What is older is shown with its age.
 const OLD_S: f64 = 1.5;
 
 /// A name and its value.
@@ -61,7 +61,11 @@ pub fn map(snapshot: &Snapshot) -> Vec<Fact> {
         (
             "loops",
             or_dash(map, |map| {
-                format!("{}, {}", map.loops, count(map.parts, "part", "parts"))
+                format!(
+                    "{}, {}",
+                    map.loops,
+                    count(map.components, "component", "components")
+                )
             }),
         ),
         (
@@ -132,7 +136,7 @@ mod tests {
             keyframes: 12_345,
             on_disk: 12_345,
             loops: 12_345,
-            parts: 12,
+            components: 12,
             path_m: 12_345.678,
             tiles: 1234,
             version: 0,
@@ -155,7 +159,7 @@ mod tests {
             ("position", "-1234.57, -1234.57 m map".to_owned())
         );
         assert_eq!(known[4].1, "-0.57 -1.15 1.72 deg/s");
-        assert_eq!(known[9].1, "12345, 12 parts");
+        assert_eq!(known[9].1, "12345, 12 components");
         assert_eq!(known[5].1, "degraded, 99 s ago");
         assert_eq!(known.len(), 11);
     }

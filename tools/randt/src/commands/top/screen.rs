@@ -27,7 +27,7 @@ RESTARTS  starts of the stage before this one
 CPU       of one processor, over the last interval
 LOST      stage: data lost in itself; topic: messages
           that its readers missed
-AGE       since the last message, as its stage said
+AGE       since the last message, as its stage reports
 wait      end of the sweep until the IMU covers it
 compute   from then until the pose is published;
           median and p99 of the last 200 scans
@@ -149,8 +149,8 @@ fn draw(frame: &mut Frame, snapshot: &Snapshot, help: bool) {
             .iter()
             .map(|note| Line::raw(format!(" {note}")))
             .collect();
-        let told = Paragraph::new(text).wrap(Wrap { trim: false });
-        frame.render_widget(told.block(rule("notes")), notes);
+        let paragraph = Paragraph::new(text).wrap(Wrap { trim: false });
+        frame.render_widget(paragraph.block(rule("notes")), notes);
     }
     if help {
         draw_help(frame);
@@ -222,7 +222,7 @@ fn rule(title: &'static str) -> Block<'static> {
         .title(format!(" {title} "))
 }
 
-/// Colour of a word for a state, which says the same.
+/// Colour of the name of a state.
 fn color(state: &str) -> Style {
     match state.split(',').next().unwrap_or_default() {
         "running" | "good" => Style::new().fg(Color::Green),

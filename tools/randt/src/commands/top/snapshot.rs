@@ -18,9 +18,9 @@ pub struct Snapshot {
     pub topics: Vec<TopicRow>,
     /// Of the last states.
     pub latency_ms: LatencyFigures,
-    /// Where the robot is; null until odometry has said so.
+    /// Where the robot is; null before odometry's first state.
     pub robot: Option<Robot>,
-    /// The map; null until the mapper has said so.
+    /// The map; null before the mapper's first graph.
     pub map: Option<Map>,
     /// What a person should read.
     pub notes: Vec<String>,
@@ -103,8 +103,8 @@ pub struct Map {
     pub on_disk: u64,
     /// Loops in force.
     pub loops: u64,
-    /// Parts that nothing joins.
-    pub parts: u64,
+    /// Connected components.
+    pub components: u64,
     /// Path over all keyframes, m.
     pub path_m: f64,
     /// Tiles of the occupancy grid.
@@ -115,13 +115,13 @@ pub struct Map {
 
 impl Robot {
     /// Of a state, placed in the map by the last correction.
-    pub fn of(state: &OdometryState, correction: Option<&Correction>, now_ns: i64) -> Self {
+    pub fn from_state(state: &OdometryState, correction: Option<&Correction>, now_ns: i64) -> Self {
         let pose = Pose2::from_array(state.pose);
         let placed = correction.filter(|to| to.odom_frame_id == state.odom_frame_id);
         let map_pose = placed.map(|to| Pose2::from_array(to.map_from_odom).compose(&pose));
         Self {
-            pose: Pose::of(&pose),
-            map_pose: map_pose.map(|pose| Pose::of(&pose)),
+            pose: Pose::from_pose2(&pose),
+            map_pose: map_pose.map(|pose| Pose::from_pose2(&pose)),
             velocity: state.velocity,
             trust: state.trust().as_str(),
             age_s: (now_ns - state.header.published_ns) as f64 * 1e-9,
@@ -133,7 +133,7 @@ impl Robot {
 }
 
 impl Pose {
-    fn of(pose: &Pose2) -> Self {
+    fn from_pose2(pose: &Pose2) -> Self {
         let [x_m, y_m, yaw_rad] = pose.to_array();
         Self { x_m, y_m, yaw_rad }
     }
@@ -145,7 +145,7 @@ impl From<&GraphHead> for Map {
             keyframes: head.keyframes,
             on_disk: head.on_disk,
             loops: head.loops,
-            parts: head.components,
+            components: head.components,
             path_m: head.path_m,
             tiles: head.tiles,
             version: head.graph_version,

@@ -1,4 +1,4 @@
-//! The stages: what the register, their own words and the kernel say of them together.
+//! The stages, by the register, their own reports and the kernel together.
 
 use super::snapshot::StageRow;
 use crate::process::Sample;
@@ -6,38 +6,38 @@ use randt_messages::{StageHealth, StageState, health::text_of};
 use randt_stage::Entry;
 use std::collections::BTreeMap;
 
-/// A stage speaks twice a second; one that is silent for so long hangs.
+/// A stage reports twice a second; one that is silent for this time hangs.
 const HANGS_NS: i64 = 1_000_000_000;
 
-/// The last words and samples of all stages.
+/// The last reports and samples of all stages.
 #[derive(Debug, Default)]
 pub struct Stages {
     /// By name and epoch.
-    words: BTreeMap<(String, u64), StageHealth>,
+    health: BTreeMap<(String, u64), StageHealth>,
     /// By process.
     samples: BTreeMap<u64, Sample>,
 }
 
 impl Stages {
-    /// Takes the word of a stage.
+    /// Takes the report of a stage.
     pub fn push(&mut self, health: &StageHealth) {
         let key = (text_of(&health.name).to_owned(), health.header.epoch);
-        self.words.insert(key, *health);
+        self.health.insert(key, *health);
     }
 
     /// The rows of the register. `now_ns`: of the domain's clock, where there is a connection to it.
     pub fn rows(&mut self, register: &[(Entry, bool)], now_ns: Option<i64>) -> Vec<StageRow> {
         let epoch = |entry: &Entry| entry.started_ns.unsigned_abs();
-        self.words.retain(|(name, of), _| {
-            let current = |entry: &Entry| entry.name == *name && epoch(entry) == *of;
+        self.health.retain(|(name, of_epoch), _| {
+            let current = |entry: &Entry| entry.name == *name && epoch(entry) == *of_epoch;
             register.iter().any(|(entry, _)| current(entry))
         });
         let mut samples = BTreeMap::new();
         let rows = register
             .iter()
             .map(|(entry, lives)| {
-                let word = self.words.get(&(entry.name.clone(), epoch(entry)));
-                let sample = lives.then(|| Sample::of(entry.pid)).flatten();
+                let word = self.health.get(&(entry.name.clone(), epoch(entry)));
+                let sample = lives.then(|| Sample::read(entry.pid)).flatten();
                 let earlier = self.samples.get(&entry.pid);
                 let silent_ns = word
                     .zip(now_ns)
@@ -90,7 +90,7 @@ fn state(
             let silent_s = silent_ns as f64 * 1e-9;
             (
                 StageState::Degraded.as_str(),
-                format!("has said nothing for {silent_s:.1} s"),
+                format!("has reported nothing for {silent_s:.1} s"),
             )
         }
         _ => (state.as_str(), message),
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stage_is_what_it_says_unless_it_can_say_nothing() {
+    fn a_stage_is_what_it_reports_unless_it_cannot_report() {
         let mut stages = Stages::default();
         let mut row = |register: (Entry, bool), now_ns| {
             let mut rows = stages.rows(&[register], now_ns);
@@ -147,7 +147,7 @@ mod tests {
         let now = row(1_000_000_000);
         assert_eq!((now.state, now.restarts, now.epoch), ("degraded", 2, 7));
         assert_eq!(now.message, "scans that do not fit");
-        assert_eq!(row(5_000_000_000).message, "has said nothing for 5.0 s");
+        assert_eq!(row(5_000_000_000).message, "has reported nothing for 5.0 s");
         assert!(row(6_000_000_000).cpu_percent.is_some());
     }
 }

@@ -5,7 +5,7 @@ use super::snapshot::Snapshot;
 use super::table::{self, Table};
 
 /// Everything, one part below the other.
-pub fn of(snapshot: &Snapshot) -> String {
+pub fn plain(snapshot: &Snapshot) -> String {
     let mut parts = vec![
         format!("domain {} in {}\n", snapshot.prefix, snapshot.run),
         rows(&table::stages(snapshot)),

@@ -1,15 +1,15 @@
-//! Rate, age and losses of every topic, from what the stages say of their ports.
+//! Rate, age and losses of every topic, from what the stages report of their ports.
 //!
-//! No topic has to be read for that: a reader of its own would take a place and memory from the pipeline.
+//! No topic has to be read for that: a reader of its own would take a slot and memory from the pipeline.
 
 use super::snapshot::TopicRow;
 use randt_messages::{PortHealth, StageHealth, StageHealthTopic, Topic, health::text_of};
 use randt_stage::TOPICS;
 use std::collections::{BTreeMap, VecDeque};
 
-/// Rates are those of so long a time.
+/// Rates are those of this time.
 const WINDOW_NS: i64 = 3_000_000_000;
-/// A stage that has said nothing for so long will not be asked what it has sent since.
+/// A stage that has been silent for this time will not be asked what it has sent since.
 pub const SILENT_NS: i64 = 1_500_000_000;
 
 /// All ports of all stages.
@@ -26,19 +26,19 @@ struct Port {
     counts: VecDeque<Count>,
 }
 
-/// What a port had sent or received when its stage spoke of it.
+/// What a port had sent or received when its stage reported it.
 #[derive(Clone, Copy, Debug)]
 struct Count {
-    said_ns: i64,
+    reported_ns: i64,
     messages: u64,
     published_ns: i64,
 }
 
 impl Traffic {
-    /// Takes the word of a stage.
+    /// Takes the report of a stage.
     pub fn push(&mut self, health: &StageHealth) {
         let header = &health.header;
-        // What it does not say of itself: that it says something.
+        // The health messages themselves are not in its list of ports.
         let own = PortHealth {
             topic: randt_messages::health::fixed_text(StageHealthTopic::NAME),
             messages: header.sequence + 1,
@@ -82,14 +82,14 @@ impl Traffic {
                 (a, b) => a.or(b),
             };
         }
-        let place = |row: &TopicRow| TOPICS.iter().position(|qos| qos.topic == row.name);
-        rows.sort_by_key(|row| place(row).unwrap_or(usize::MAX));
+        let index = |row: &TopicRow| TOPICS.iter().position(|qos| qos.topic == row.name);
+        rows.sort_by_key(|row| index(row).unwrap_or(usize::MAX));
         rows
     }
 }
 
 impl Port {
-    fn push(&mut self, epoch: u64, said_ns: i64, port: &PortHealth) {
+    fn push(&mut self, epoch: u64, reported_ns: i64, port: &PortHealth) {
         if self.epoch != epoch {
             *self = Self {
                 epoch,
@@ -98,14 +98,14 @@ impl Port {
         }
         self.lost = port.lost;
         self.counts.push_back(Count {
-            said_ns,
+            reported_ns,
             messages: port.messages,
             published_ns: port.last_published_ns,
         });
         while self
             .counts
             .front()
-            .is_some_and(|count| said_ns - count.said_ns > WINDOW_NS)
+            .is_some_and(|count| reported_ns - count.reported_ns > WINDOW_NS)
         {
             self.counts.pop_front();
         }
@@ -114,12 +114,12 @@ impl Port {
     /// Until when it is known what went through.
     fn known_ns(&self, now_ns: i64) -> i64 {
         match self.counts.back() {
-            Some(last) if now_ns - last.said_ns < SILENT_NS => last.said_ns,
+            Some(last) if now_ns - last.reported_ns < SILENT_NS => last.reported_ns,
             _ => now_ns,
         }
     }
 
-    /// Messages over the time that they took: counting them over the time between two words of the stage would be off
+    /// Messages over the time that they took: counting them over the time between two reports of the stage would be off
     /// by one either way.
     fn rate_hz(&self, now_ns: i64) -> f64 {
         let (Some(first), Some(last)) = (self.counts.front(), self.counts.back()) else {
@@ -131,7 +131,7 @@ impl Port {
             return 0.0;
         }
         let from_ns = match first.messages {
-            0 => first.said_ns,
+            0 => first.reported_ns,
             _ => first.published_ns,
         };
         let span_ns = (last.published_ns - from_ns).max(1) as f64;
@@ -211,7 +211,7 @@ mod tests {
             traffic.push(&word("play", at_ms, 100, true, 0));
         }
         assert!((scan(&traffic, 2100).rate_hz - 10.0).abs() < 1e-9);
-        // The stage hangs: nobody says any more what it sends.
+        // The stage hangs: what it sends is not reported any more.
         let row = scan(&traffic, 4000);
         assert!(row.rate_hz < 5.0 && row.rate_hz > 0.0, "{row:?}");
         assert!((row.age_s.unwrap() - 2.0).abs() < 1e-9);
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn a_topic_that_nobody_writes_is_as_old_as_its_readers_say() {
+    fn a_topic_that_nobody_writes_is_as_old_as_its_readers_report() {
         let mut traffic = Traffic::default();
         let mut waiting = word("filter", 500, 1000, false, 0);
         traffic.push(&waiting);

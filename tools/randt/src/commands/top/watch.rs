@@ -1,4 +1,4 @@
-//! Collects what a pipeline says, across its stages' coming and going.
+//! Collects what a pipeline publishes, while its stages come and go.
 
 use super::feed::Feed;
 use super::snapshot::{Map, Robot, Snapshot};
@@ -15,7 +15,7 @@ use randt_stage::{Clock, Domain, Entry, Observer, Registry, memory_gone};
 pub struct Watch {
     domain: Domain,
     connection: Option<Connection>,
-    /// Of the last connection: what was seen grows old when everybody is gone.
+    /// Of the last connection: what was seen ages when all stages are gone.
     clock: Option<Clock>,
     stages: Stages,
     traffic: Traffic,
@@ -35,7 +35,7 @@ struct Connection {
 }
 
 impl Watch {
-    /// Of a domain in which there may be nobody yet.
+    /// Of a domain that may still be empty.
     pub fn new(domain: Domain) -> Self {
         Self {
             domain,
@@ -60,7 +60,7 @@ impl Watch {
         self.connection.is_some()
     }
 
-    /// Looks who is there, reads, and says what is known now.
+    /// Reads the register and the topics, and gives what is known now.
     pub fn refresh(&mut self) -> anyhow::Result<Snapshot> {
         // Before anything in it is opened: another user may have put links there.
         self.domain.check_owner()?;
@@ -79,7 +79,7 @@ impl Watch {
         if let Some(connection) = &self.connection
             && connection.observer.check_memory().is_err()
         {
-            // Stages come back in memory that is made anew; those that do not are told below.
+            // Stages come back in memory that is made anew; those that do not are listed below.
             self.connection = None;
             self.connection = Observer::enter(&self.domain)?.map(Connection::new);
         }
@@ -116,12 +116,12 @@ impl Watch {
     fn snapshot(&mut self, register: &[(Entry, bool)]) -> Snapshot {
         let now_ns = self.clock.map(|clock| clock.now_ns());
         let stages = self.stages.rows(register, now_ns);
-        let told = stages.iter().filter(|stage| !stage.message.is_empty());
-        let mut notes: Vec<String> = told
+        let with_message = stages.iter().filter(|stage| !stage.message.is_empty());
+        let mut notes: Vec<String> = with_message
             .map(|stage| format!("{}: {}", stage.name, stage.message))
             .collect();
         let living = register.iter().filter(|(_, lives)| *lives);
-        notes.extend(living.filter_map(|(entry, _)| memory_note(&self.domain, entry)));
+        notes.extend(living.filter_map(|(entry, _)| memory_text(&self.domain, entry)));
         match &self.connection {
             Some(connection) => notes.extend(connection.troubles()),
             None => notes.push(format!(
@@ -139,21 +139,21 @@ impl Watch {
                 .state
                 .as_ref()
                 .zip(now_ns)
-                .map(|(state, now_ns)| Robot::of(state, self.correction.as_ref(), now_ns)),
+                .map(|(state, now_ns)| Robot::from_state(state, self.correction.as_ref(), now_ns)),
             map: self.graph.as_ref().map(Map::from),
             notes,
         }
     }
 }
 
-/// What is to be said of a stage whose shared memory was removed or cut.
-fn memory_note(domain: &Domain, entry: &Entry) -> Option<String> {
+/// The text about a stage whose shared memory was removed or cut.
+fn memory_text(domain: &Domain, entry: &Entry) -> Option<String> {
     let gone = memory_gone(domain, entry);
     let first = gone.first()?.display();
     let files = gone.len();
     let name = &entry.name;
     Some(format!(
-        "{name}: its shared memory is gone ({files} files, {first} among them): randt doctor tells more"
+        "{name}: its shared memory is gone ({files} files, {first} among them): randt doctor has the details"
     ))
 }
 

@@ -13,14 +13,14 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A stage that ends by itself so often in a row, each time this soon, lacks something.
+/// A stage that ends by itself this often in a row, each time this soon, lacks something.
 const FAILURES_MAX: u32 = 5;
 const SOON: Duration = Duration::from_secs(3);
 /// Between two such ends, so that what it waits for can come about; after more of them twice as long each time ...
 const BACK_OFF: Duration = Duration::from_millis(100);
 /// ... up to this: a stage whose memory or disk is there again is back within it.
 const BACK_OFF_MAX: Duration = Duration::from_secs(5);
-/// Exit codes of a wrong option and a wrong configuration, which trying again does not mend.
+/// Exit codes of a wrong option and a wrong configuration, which trying again does not fix.
 const REFUSALS: [i32; 2] = [2, BAD_CONFIGURATION];
 /// A child that does not end on SIGTERM within this time is killed ...
 const END_MAX: Duration = Duration::from_secs(5);
@@ -30,7 +30,7 @@ const RECORDED_MAX: Duration = Duration::from_secs(30);
 const FAULTS: [i32; 5] = [4, 6, 7, 8, 11];
 /// A signal that comes while iceoryx2 looks at another one is forgotten: a child is asked again.
 const ASK_EVERY: Duration = Duration::from_millis(500);
-const LOOK: Duration = Duration::from_millis(5);
+const POLL_PERIOD: Duration = Duration::from_millis(5);
 
 /// A program that is kept running by a thread of its own: a dead stage is back before anybody has noticed.
 pub struct Child {
@@ -65,7 +65,7 @@ struct Trouble {
 }
 
 impl Child {
-    /// Starts it; what it says on standard error goes over the bar.
+    /// Starts it; its standard error goes over the bar.
     pub fn start(program: Program, bar: ProgressBar) -> Self {
         let shared = Arc::new(Shared::default());
         let name = program.name.clone();
@@ -132,14 +132,14 @@ impl Child {
                     let _ = kill_process(pid, Signal::KILL);
                     self.shared.change(|trouble| trouble.was_killed = true);
                 } else {
-                    // One that is stopped hears nothing until it goes on. That comes first, because iceoryx2 remembers
+                    // A stopped one gets no signal until it goes on. That comes first, because iceoryx2 remembers
                     // only the last signal.
                     let _ = kill_process(pid, Signal::CONT);
                     let _ = kill_process(pid, Signal::TERM);
                 }
                 asked = Some(Instant::now());
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_PERIOD);
         }
         // A keeper does not panic; if it did, its child is gone all the same.
         let _ = keeper.join();
@@ -148,7 +148,7 @@ impl Child {
 
 impl Shared {
     fn trouble(&self) -> Trouble {
-        // A keeper that panicked has said so.
+        // A keeper that panicked has printed why.
         self.trouble
             .lock()
             .map_or_else(|_| Trouble::default(), |it| it.clone())
@@ -164,12 +164,12 @@ impl Shared {
     fn pause(&self, pause: Duration) {
         let end = Instant::now() + pause;
         while !self.stopping.load(Ordering::SeqCst) && Instant::now() < end {
-            std::thread::sleep(LOOK.min(pause));
+            std::thread::sleep(POLL_PERIOD.min(pause));
         }
     }
 }
 
-/// Starts a program again and again until it is to stop. One that fails in a row is tried ever less often, and never
+/// Starts a program again and again until it is to stop. One that fails in a row is tried less and less often, and never
 /// given up: what it lacks may come back, and the others go on meanwhile.
 fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
     let mut failures = 0;
@@ -213,7 +213,7 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
             if is_first && !program.once {
                 let then = match is_over {
                     true => "it is not started again",
-                    false => "it is tried again, ever less often",
+                    false => "it is tried again, less and less often",
                 };
                 bar.suspend(|| warn(&format!("randt-{}: fails: {why}; {then}", program.name)));
             }
@@ -241,7 +241,7 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
     }
 }
 
-/// How long to wait after so many failures in a row.
+/// How long to wait after this many failures in a row.
 fn back_off(failures: u32) -> Duration {
     let doublings = failures.saturating_sub(FAILURES_MAX - 1).min(16);
     BACK_OFF.saturating_mul(1 << doublings).min(BACK_OFF_MAX)

@@ -8,8 +8,8 @@ use crate::{
     latency::Latency,
     output::warn,
     pipeline::Pipeline,
-    remains::Remains,
-    report::{self, Cost, Count, Input},
+    recovered_drive::RecoveredDrive,
+    report::{self, Cost, Costs, Counters, Input},
     results::Results,
 };
 use anyhow::bail;
@@ -18,7 +18,6 @@ use randt_messages::OdometryState;
 use randt_odometry::Sink;
 use randt_readers::{Event, Options};
 use randt_stage::Domain;
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Instant;
 
@@ -44,27 +43,29 @@ impl Ending<'_> {
     ) -> anyhow::Result<Outcome> {
         let mut counters = processes.counters();
         if end != End::Computed && self.log.is_some() {
-            let first = "the log was not played to its end".to_owned();
-            counters.insert("interrupted", Count::lost(1, first));
+            counters.add_lost("interrupted", 1, "the log was not played to its end");
         }
         if let Err(error) = journal.put_back() {
             warn(&format!("{error:#}"));
         }
         let mut results = processes.watch.take_states();
         let input = self.read_log(&mut results, &mut counters);
-        let remains = Remains::read(
+        let recovered = RecoveredDrive::read(
             self.config,
             self.use_imu,
             self.out,
             Some(&self.domain.state()),
         );
-        counters.extend(remains.counters);
+        counters.append(recovered.counters);
         // Those that odometry has sent, and that nobody has received.
-        remains.states.iter().for_each(|state| results.state(state));
+        recovered
+            .states
+            .iter()
+            .for_each(|state| results.state(state));
         let begin = processes.begin;
         let drive = Drive {
             input,
-            pipeline: remains.pipeline,
+            pipeline: recovered.pipeline,
             results,
             config: self.config,
             counters,
@@ -81,19 +82,15 @@ impl Ending<'_> {
         }
     }
 
-    /// A second look at the log gives the truth, which the stages never see, and what its reader says.
-    fn read_log(
-        &self,
-        results: &mut Results,
-        counters: &mut BTreeMap<&'static str, Count>,
-    ) -> Input {
+    /// A second pass over the log gives the truth, which the stages never see, and what its reader counts.
+    fn read_log(&self, results: &mut Results, counters: &mut Counters) -> Input {
         let Some(path) = self.log else {
             return input("live", "live", self.use_imu);
         };
         self.try_read_log(path, results, counters)
             .unwrap_or_else(|error| {
                 let first = format!("its truth and its reader's counters are missing: {error:#}");
-                counters.insert("log_gone", Count::lost(1, first));
+                counters.add_lost("log_gone", 1, first);
                 let name = path.file_name().unwrap_or(path.as_os_str());
                 input(&name.to_string_lossy(), "gone", self.use_imu)
             })
@@ -103,7 +100,7 @@ impl Ending<'_> {
         &self,
         path: &Path,
         results: &mut Results,
-        counters: &mut BTreeMap<&'static str, Count>,
+        counters: &mut Counters,
     ) -> anyhow::Result<Input> {
         let mut imu_samples = 0;
         let mut source = randt_readers::open(path, &self.options)?;
@@ -114,7 +111,7 @@ impl Ending<'_> {
                 Event::Scan(_) => {}
             }
         }
-        counters.extend(report::of_reader(path, &source.counters()));
+        counters.append(report::reader_counters(path, &source.counters()));
         let use_imu = self.use_imu && imu_samples > 0;
         report::input(source.info(), path, use_imu, imu_samples)
     }
@@ -123,7 +120,7 @@ impl Ending<'_> {
 fn input(name: &str, format: &'static str, imu: bool) -> Input {
     Input {
         name: name.to_owned(),
-        format,
+        format: format.into(),
         sha256: String::new(),
         imu,
         imu_samples: 0,
@@ -131,15 +128,18 @@ fn input(name: &str, format: &'static str, imu: bool) -> Input {
 }
 
 /// Times of every scan on the bus, and of the whole.
-fn timing(states: &[OdometryState], begin: Instant) -> BTreeMap<&'static str, Cost> {
-    let latencies: Vec<Latency> = states.iter().filter_map(Latency::of).collect();
+fn timing(states: &[OdometryState], begin: Instant) -> Costs {
+    let latencies: Vec<Latency> = states.iter().filter_map(Latency::from_state).collect();
     let cost = |part: fn(&Latency) -> f64| {
         let times_ns = latencies.iter().map(|latency| (part(latency) * 1e6) as u64);
-        Cost::of(&times_ns.collect::<Vec<_>>())
+        Cost::from_times(&times_ns.collect::<Vec<_>>())
     };
-    BTreeMap::from([
-        ("wait", cost(|latency| latency.wait_ms)),
-        ("compute", cost(|latency| latency.compute_ms)),
-        ("run", Cost::of(&[begin.elapsed().as_nanos() as u64])),
+    Costs::from([
+        ("wait".into(), cost(|latency| latency.wait_ms)),
+        ("compute".into(), cost(|latency| latency.compute_ms)),
+        (
+            "run".into(),
+            Cost::from_times(&[begin.elapsed().as_nanos() as u64]),
+        ),
     ])
 }

@@ -29,27 +29,27 @@ impl HeldJournal {
         if !is_removed {
             return Ok(());
         }
-        let said = || {
+        let context = || {
             format!(
                 "{}: was removed and cannot be written again",
                 self.path.display()
             )
         };
         if let Some(folder) = self.path.parent() {
-            fs::create_dir_all(folder).with_context(said)?;
+            fs::create_dir_all(folder).with_context(context)?;
         }
         if self.path.exists() {
             let free = (1..).map(|n| self.path.with_file_name(format!("{JOURNAL}.aside-{n}")));
-            let free = { free }.find(|aside| !aside.exists());
-            let free = free.with_context(said)?;
-            fs::rename(&self.path, free).with_context(said)?;
+            let free = { free }.find(|path| !path.exists());
+            let free = free.with_context(context)?;
+            fs::rename(&self.path, free).with_context(context)?;
         }
-        self.file.seek(SeekFrom::Start(0)).with_context(said)?;
+        self.file.seek(SeekFrom::Start(0)).with_context(context)?;
         let written = File::create_new(&self.path).and_then(|mut to| {
             io::copy(&mut self.file, &mut to)?;
             to.sync_all()
         });
-        written.with_context(said)?;
+        written.with_context(context)?;
         let path = self.path.display();
         warn(&format!(
             "{path}: was removed while the drive ran; it is written again"
@@ -82,8 +82,8 @@ mod tests {
         fs::write(&path, b"another").unwrap();
         held.put_back().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"one two");
-        let aside = out.join("map.journal.aside-1");
-        assert_eq!(fs::read(aside).unwrap(), b"another");
+        let quarantined = out.join("map.journal.aside-1");
+        assert_eq!(fs::read(quarantined).unwrap(), b"another");
 
         let held = HeldJournal::open(&path).unwrap();
         held.put_back().unwrap();

@@ -8,20 +8,20 @@ use super::program::Program;
 use super::watch::{STAGES, Watch};
 use crate::exit::Refused;
 use crate::output::{warn, write_private};
-use crate::report::Count;
+use crate::report::Counters;
 use crate::{job, progress};
 use anyhow::{bail, ensure};
 use indicatif::ProgressBar;
 use randt_config::Loaded;
 use randt_readers::Source;
 use randt_stage::{Domain, Error, Stage, WakeReason, stop_requested};
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// How often children and the end are looked for where nothing else happens.
-const LOOK: Duration = Duration::from_millis(100);
-/// After the end of the log nothing more is to be expected when nothing has come for so long.
+const POLL_PERIOD: Duration = Duration::from_millis(100);
+/// After the end of the log nothing more is to be expected when nothing has come for this time.
 const QUIET: Duration = Duration::from_secs(2);
 /// A stage that does not run after this time will not: a start takes a few hundredths of a second.
 const START_MAX: Duration = Duration::from_secs(10);
@@ -106,7 +106,7 @@ impl Processes {
         self.children.insert(0, child);
     }
 
-    /// Waits until every stage says that it runs. Recorder and view may fail: nobody waits for them.
+    /// Waits until every stage reports that it runs. Recorder and view may fail: nobody waits for them.
     fn wait_until_running(&mut self) -> anyhow::Result<()> {
         let give_up = Instant::now() + START_MAX;
         loop {
@@ -174,14 +174,14 @@ impl Processes {
     }
 
     /// Sleeps until something comes, and takes it. A pipeline that cannot be seen, because something has happened to its
-    /// memory, is looked for again: the stages go on meanwhile.
+    /// memory, is entered again: the stages go on meanwhile.
     fn wait(&mut self) -> WakeReason {
         // A terminal that was closed; Ctrl-C before the first stage was there.
         if job::interrupted() {
             return WakeReason::Stop;
         }
         let Some(stage) = &mut self.stage else {
-            std::thread::sleep(LOOK);
+            std::thread::sleep(POLL_PERIOD);
             if stop_requested() {
                 return WakeReason::Stop;
             }
@@ -190,18 +190,18 @@ impl Processes {
             }
             return WakeReason::Timeout;
         };
-        let woken = stage.wait(&self.watch.wakes(), Some(LOOK));
+        let reason = stage.wait(&self.watch.wakes(), Some(POLL_PERIOD));
         let received = self.watch.receive();
-        match (woken.map_err(anyhow::Error::from), received) {
-            (Ok(woken), Ok(())) => woken,
+        match (reason.map_err(anyhow::Error::from), received) {
+            (Ok(reason), Ok(())) => reason,
             (Err(error), _) | (_, Err(error)) => {
-                self.lose_sight(&error);
+                self.lose_pipeline(&error);
                 WakeReason::Timeout
             }
         }
     }
 
-    fn lose_sight(&mut self, error: &anyhow::Error) {
+    fn lose_pipeline(&mut self, error: &anyhow::Error) {
         let is_memory_gone = matches!(error.downcast_ref(), Some(Error::MemoryGone { .. }));
         let (count, first) = if is_memory_gone {
             &mut self.memory_gone
@@ -232,7 +232,7 @@ impl Processes {
             write_private(profile, text.as_bytes())?;
             Ok(stage)
         });
-        // Why not was said when it began.
+        // Why not was printed when it began.
         self.stage = opened.ok();
     }
 
@@ -256,13 +256,13 @@ impl Processes {
         }
         self.bar.finish_and_clear();
         if let Some(Err(error)) = self.stage.take().map(Stage::close) {
-            // It has said all that it had to say.
+            // It has logged all that it had to.
             warn(&format!("randt up: {error}"));
         }
     }
 
     /// What was lost on the way, and what came back.
-    pub fn counters(&self) -> BTreeMap<&'static str, Count> {
+    pub fn counters(&self) -> Counters {
         let mut counters = self.watch.counters();
         let stages = self.children.iter().filter(|child| child.name() != PLAY);
         let failures: Vec<_> = stages
@@ -271,21 +271,19 @@ impl Processes {
             .collect();
         if let Some((_, first)) = failures.first() {
             let count = failures.iter().map(|(count, _)| count).sum();
-            counters.insert("stage_failures", Count::lost(count, first.clone()));
+            counters.add_lost("stage_failures", count, first);
         }
         let killed = self.children.iter().filter(|child| child.was_killed());
         let killed: Vec<&str> = killed.map(Child::name).collect();
         if !killed.is_empty() {
             let first = format!("{} did not end when asked to", killed.join(", "));
-            counters.insert("stages_killed", Count::lost(killed.len() as u64, first));
+            counters.add_lost("stages_killed", killed.len() as u64, first);
         }
         for (name, (count, first)) in [
             ("memory_gone", &self.memory_gone),
             ("pipeline_unseen", &self.unseen),
         ] {
-            if *count > 0 {
-                counters.insert(name, Count::lost(*count, first.clone()));
-            }
+            counters.add_lost(name, *count, first);
         }
         counters
     }

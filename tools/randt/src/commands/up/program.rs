@@ -19,14 +19,14 @@ pub struct Program {
 impl Program {
     /// A stage's own program, which stands beside this one.
     pub fn stage(name: &str, domain: &Domain) -> anyhow::Result<Self> {
-        let this = std::env::current_exe().context("where this program is")?;
+        let this = std::env::current_exe().context("this program's own path")?;
         let path = this.with_file_name(format!("randt-{name}"));
         Ok(Self::new(name, path, domain))
     }
 
     /// A command of this program.
     pub fn command(name: &str, domain: &Domain) -> anyhow::Result<Self> {
-        let this = std::env::current_exe().context("where this program is")?;
+        let this = std::env::current_exe().context("this program's own path")?;
         let mut program = Self::new(name, this, domain);
         program.arguments.insert(0, name.into());
         program.once = true;

@@ -1,6 +1,6 @@
 //! What the supervisor sees of the pipeline.
 
-use crate::report::Count;
+use crate::report::{Count, Counters};
 use crate::results::Results;
 use randt_messages::{
     MapperGraph, OdometryStateTopic, RadarScan, StageHealth, StageHealthTopic, StageState, Topic,
@@ -11,7 +11,7 @@ use randt_stage::{Stage, Subscriber, Waitable};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
-/// A stage that has said nothing for so long is dead or stopped: twice a second it would.
+/// A stage that has reported nothing for this time is dead or stopped: twice a second it would.
 const SILENT: Duration = Duration::from_millis(1500);
 /// Stages between the log and the map.
 pub const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
@@ -165,8 +165,8 @@ impl Watch {
     }
 
     /// What was lost and how often stages came back, where that is not never.
-    pub fn counters(&self) -> BTreeMap<&'static str, Count> {
-        let mut counters = BTreeMap::new();
+    pub fn counters(&self) -> Counters {
+        let mut counters = Counters::default();
         let (mut lost, mut first) = (0, String::new());
         for ((name, _), health) in &self.health {
             for port in health.ports().iter().filter(|port| port.lost > 0) {
@@ -182,29 +182,24 @@ impl Watch {
                 }
             }
         }
-        if lost > 0 {
-            counters.insert("messages_lost", Count::lost(lost, first));
-        }
+        counters.add_lost("messages_lost", lost, first);
         // Its last words stay until what they are about is over.
         let trouble = self
             .newest("recorder")
             .map(|health| text_of(&health.message));
         if let Some(trouble) = trouble.filter(|trouble| !trouble.is_empty()) {
             let first = format!("recorder: {trouble}");
-            counters.insert("recording_incomplete", Count::lost(1, first));
+            counters.add_lost("recording_incomplete", 1, first);
         }
         let restarts: u64 = STAGES
             .iter()
             .filter_map(|name| Some(self.newest(name)?.restarts))
             .sum();
-        if restarts > 0 {
-            let count = Count {
-                count: restarts,
-                loss: false,
-                first: String::new(),
-            };
-            counters.insert("stage_restarts", count);
-        }
+        let restarts = Count {
+            count: restarts,
+            ..Count::default()
+        };
+        counters.add("stage_restarts", restarts);
         counters
     }
 

@@ -1,18 +1,18 @@
 //! Whether the IMU's samples make sense.
 
-use super::look::Seen;
+use super::capture::Seen;
 use crate::commands::doctor::finding::Finding;
 use randt_config::{Config, ImuSource};
 use randt_filter::{Mounting, MountingCheck};
 use randt_messages::ImuSample;
 
 const ABOUT: &str = "imu";
-/// The rate may be off by so much of what is asked for.
+/// The rate may be off by this share of what is asked for.
 const RATE_TOLERANCE: f64 = 0.05;
-/// So many periods without a sample are a gap.
+/// This many periods without a sample are a gap.
 const GAP: i64 = 3;
 
-/// All that can be said of it alone.
+/// What it shows by itself.
 pub fn check(config: &Config, seen: &Seen<ImuSample>) -> Vec<Finding> {
     let mut found = vec![reached(config, seen)];
     if seen.came.len() < 2 {
@@ -31,7 +31,7 @@ fn reached(config: &Config, seen: &Seen<ImuSample>) -> Finding {
         ImuSource::Phidget22 => "USB".to_owned(),
         _ => imu.device.clone(),
     };
-    let mend = match imu.source {
+    let fix = match imu.source {
         ImuSource::Phidget22 => {
             "is it plugged in? lsusb -d 06c2: shows it; rights: a udev rule for 06c2"
         }
@@ -39,7 +39,7 @@ fn reached(config: &Config, seen: &Seen<ImuSample>) -> Finding {
             "ls -l /dev/serial/by-id/ shows what is plugged in; imu.device names it; rights: group dialout"
         }
     };
-    seen.reached(ABOUT, &format!("samples come from {place}"), mend)
+    seen.reached(ABOUT, &format!("samples come from {place}"), fix)
 }
 
 fn rate(config: &Config, seen: &Seen<ImuSample>) -> Finding {
@@ -80,9 +80,11 @@ fn stamps(config: &Config, seen: &Seen<ImuSample>) -> Finding {
         "stamps rise, longest step {longest_ms:.1} ms, arrival {delay_ms:.1} ms later in the middle"
     );
     match gaps {
-        _ if steps.clone().any(|step| step <= 0) => {
-            Finding::bad(ABOUT, "stamps do not rise", "tell the makers of randt")
-        }
+        _ if steps.clone().any(|step| step <= 0) => Finding::bad(
+            ABOUT,
+            "stamps do not rise",
+            "report it to the makers of randt",
+        ),
         0 => Finding::ok(ABOUT, text),
         gaps => Finding::warn(
             ABOUT,
@@ -95,23 +97,23 @@ fn stamps(config: &Config, seen: &Seen<ImuSample>) -> Finding {
 fn gravity(seen: &Seen<ImuSample>) -> Finding {
     const ABOUT: &str = "gravity";
     let mut check = MountingCheck::default();
-    let verdict = seen.came.iter().find_map(|(_, sample)| {
+    let found = seen.came.iter().find_map(|(_, sample)| {
         check.push(sample.header.stamp_ns, sample.acceleration_m_s2.into())
     });
-    let mend = "stand the robot level; then set imu.acceleration_axes (sign) or robot.imu_roll_rad (mounting)";
-    match verdict {
+    let fix = "stand the robot level; then set imu.acceleration_axes (sign) or robot.imu_roll_rad (mounting)";
+    match found {
         None => Finding::bad(
             ABOUT,
             "there is none: no acceleration between 5 and 15 m/s^2",
-            mend,
+            fix,
         ),
-        Some(verdict) if verdict.mounting == Mounting::Upright => {
-            Finding::ok(ABOUT, format!("up is {}", verdict.up_axis()))
+        Some(found) if found.mounting == Mounting::Upright => {
+            Finding::ok(ABOUT, format!("up is {}", found.up_axis()))
         }
-        Some(verdict) => Finding::warn(
+        Some(found) => Finding::warn(
             ABOUT,
-            format!("up is {} in the IMU's axes", verdict.up_axis()),
-            mend,
+            format!("up is {} in the IMU's axes", found.up_axis()),
+            fix,
         ),
     }
 }

@@ -1,6 +1,6 @@
 //! Whether the radar's sweeps make sense.
 
-use super::look::{Seen, Sweep};
+use super::capture::{Seen, Sweep};
 use super::turning::{Panorama, Sense, sense};
 use crate::commands::doctor::finding::Finding;
 use randt_config::{Config, RadarSource};
@@ -8,20 +8,20 @@ use randt_filter::check_sweep;
 use randt_messages::ImuSample;
 
 const ABOUT: &str = "radar";
-/// The rate may be off by so much of what the sensor file says.
+/// The rate may be off by this share of the sensor file's.
 const RATE_TOLERANCE: f64 = 0.1;
 /// A sweep is published within this time after its end, ns: the last beams' way, and a moment of a busy machine.
 const DELAY_MAX_NS: i64 = 200_000_000;
 /// A sweep ends half a beam after its last beam was measured, which may be on its way then: 0.5 ms of an iSDR-C's.
 const EARLY_MAX_NS: i64 = 2_000_000;
 
-/// All that can be said of it alone.
+/// What it shows by itself.
 pub fn check(config: &Config, seen: &Seen<Sweep>) -> Vec<Finding> {
     let mut found = vec![reached(config, seen)];
     if seen.came.len() < 2 {
-        let mend = "wait, or see what the radar is set to; `randt doctor sensors --seconds 20` looks longer";
+        let fix = "wait, or see what the radar is set to; `randt doctor sensors --seconds 20` looks longer";
         if seen.link.streams() {
-            found.push(Finding::bad(ABOUT, "no whole sweep came", mend));
+            found.push(Finding::bad(ABOUT, "no whole sweep came", fix));
         }
         return found;
     }
@@ -34,10 +34,10 @@ pub fn check(config: &Config, seen: &Seen<Sweep>) -> Vec<Finding> {
 
 fn reached(config: &Config, seen: &Seen<Sweep>) -> Finding {
     let address = &config.radar.address;
-    seen.reached(ABOUT, &format!("beams come from {address}"), &mend(config))
+    seen.reached(ABOUT, &format!("beams come from {address}"), &fix(config))
 }
 
-fn mend(config: &Config) -> String {
+fn fix(config: &Config) -> String {
     let address = &config.radar.address;
     match config.radar.source {
         RadarSource::Navtech => format!(
@@ -116,11 +116,11 @@ fn stamps(seen: &Seen<Sweep>) -> Finding {
         least as f64 * 1e-6,
         most as f64 * 1e-6
     );
-    let mend = "randt top shows what the driver says; a radar with a clock of its own should get its time by PTP or NTP";
+    let fix = "randt top shows the driver's message; a radar with a clock of its own should get its time by PTP or NTP";
     if !rising {
-        Finding::bad(ABOUT, "stamps do not rise", mend)
+        Finding::bad(ABOUT, "stamps do not rise", fix)
     } else if least < -EARLY_MAX_NS || most > DELAY_MAX_NS {
-        Finding::warn(ABOUT, text, mend)
+        Finding::warn(ABOUT, text, fix)
     } else {
         Finding::ok(ABOUT, text)
     }
@@ -156,7 +156,7 @@ fn losses(seen: &Seen<Sweep>) -> Finding {
             format!(
                 "{missing} whole sweeps are missing between those that came, and {lost} beams in these"
             ),
-            "does the radar's link hold? randt top and the driver's journal say when it was interrupted",
+            "does the radar's link hold? randt top and the driver's journal show when it was interrupted",
         ),
         0 => Finding::ok(ABOUT, format!("no beam of {beams} is missing")),
         lost => Finding::warn(

@@ -7,9 +7,9 @@ use randt_messages::{MessageRef, RadarScan};
 
 /// Sectors of a sweep: of two degrees, about a beam's width.
 const SECTORS: usize = 180;
-/// A turn from one sweep to the next is looked for up to so many sectors: 60 degrees in a fifth of a second.
+/// A turn from one sweep to the next is looked for up to this many sectors: 60 degrees in a fifth of a second.
 const TURN_MAX: i32 = 30;
-/// The robot must have turned so far in all before anything is said, rad: 20 degrees.
+/// The robot must have turned this far in all before there is an answer, rad: 20 degrees.
 const TURN_MIN_RAD: f64 = 0.35;
 /// The shares of the gyro's turn within which the radar's agrees.
 const AGREES: std::ops::Range<f64> = 0.5..1.5;
@@ -24,7 +24,7 @@ pub struct Panorama {
 
 impl Panorama {
     /// Of one sweep.
-    pub fn of(scan: MessageRef<'_, RadarScan>) -> Self {
+    pub fn from_scan(scan: MessageRef<'_, RadarScan>) -> Self {
         let sweep = &scan.head.sweep;
         let (mut sums, mut counts) = ([0.0_f32; SECTORS], [0.0_f32; SECTORS]);
         for (index, beam) in sweep.beams().iter().enumerate() {
@@ -84,7 +84,7 @@ impl Panorama {
 /// What was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sense {
-    /// The robot has not turned enough to say anything: gyro's turns added up without sign, rad.
+    /// The robot has not turned enough for an answer: gyro's turns added up without sign, rad.
     TooLittle(f64),
     /// Radar and gyro agree: the radar's share of the gyro's turn.
     Agrees(f64),
@@ -121,7 +121,7 @@ mod tests {
     use randt_simulator::{Event, Robot, Simulation, World};
 
     /// Sweeps of a drive, mirrored or not, with the true heading.
-    fn verdict(mirrored: bool, scans: usize) -> Sense {
+    fn sense_of_drive(mirrored: bool, scans: usize) -> Sense {
         let (mut sweeps, mut headings, mut unwrapped) = (Vec::new(), Vec::new(), 0.0);
         for event in Simulation::new(&World::building(), Robot::default(), scans as u64, 5) {
             match event {
@@ -130,7 +130,7 @@ mod tests {
                     for beam in scan.head.sweep.beams.iter_mut().take(count) {
                         beam.azimuth_rad *= if mirrored { -1.0 } else { 1.0 };
                     }
-                    sweeps.push(Panorama::of(scan.as_ref()));
+                    sweeps.push(Panorama::from_scan(scan.as_ref()));
                 }
                 Event::Truth(truth) => {
                     unwrapped += wrap(truth.pose[2] - unwrapped);
@@ -146,17 +146,17 @@ mod tests {
     }
 
     #[test]
-    fn a_mirrored_radar_is_told_from_a_true_one() {
+    fn a_mirrored_radar_is_detected() {
         assert!(
-            matches!(verdict(false, 300), Sense::Agrees(_)),
+            matches!(sense_of_drive(false, 300), Sense::Agrees(_)),
             "{:?}",
-            verdict(false, 300)
+            sense_of_drive(false, 300)
         );
         assert!(
-            matches!(verdict(true, 300), Sense::Opposed(_)),
+            matches!(sense_of_drive(true, 300), Sense::Opposed(_)),
             "{:?}",
-            verdict(true, 300)
+            sense_of_drive(true, 300)
         );
-        assert!(matches!(verdict(false, 5), Sense::TooLittle(_)));
+        assert!(matches!(sense_of_drive(false, 5), Sense::TooLittle(_)));
     }
 }

@@ -22,15 +22,15 @@ pub fn export<R: Read + Seek>(
         }
         let name = &entry.channel.topic;
         let found = tables.iter().position(|table| table.topic == *name);
-        let place = match found {
-            Some(place) => place,
+        let index = match found {
+            Some(index) => index,
             None => {
                 let table = Table::begin(folder, &entry, items);
                 tables.push(table.with_context(|| format!("topic {name}"))?);
                 tables.len() - 1
             }
         };
-        if let Some(table) = tables.get_mut(place) {
+        if let Some(table) = tables.get_mut(index) {
             table.add(&entry).with_context(|| format!("topic {name}"))?;
             rows += 1;
         }

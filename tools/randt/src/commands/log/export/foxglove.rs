@@ -13,32 +13,32 @@ use std::io::{Read, Seek};
 use std::path::Path;
 use translator::{Shown, TOPICS, Translator};
 
-/// Writes one file. What the log lacks for a view is said, and the others are written.
+/// Writes one file. What the log lacks for a view is a warning, and the others are written.
 pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, out: &Path) -> anyhow::Result<String> {
     let config = recorded::configuration(reader.robot()?, reader.configuration())?;
     job::catch_interrupts();
     let options = Options {
         compression: Compression::Zstd,
-        // No profile: what stands in it follows nobody's conventions but the schemas'.
+        // No profile: the file follows the schemas' conventions and no others.
         profile: "",
         written_by: format!("randt {}", randt_version::VERSION),
         ..Options::default()
     };
     let mut file = LogFile::create_copy(out, options)?;
-    for (name, says) in reader.all_metadata().clone() {
-        file.write_metadata(&name, says)?;
+    for (name, values) in reader.all_metadata().clone() {
+        file.write_metadata(&name, values)?;
     }
     // A view's channel begins with its first message, so that viewers list no empty ones.
     let mut channels = TOPICS.map(|_| None::<ChannelId>);
     let mut written = TOPICS.map(|_| 0_u64);
     let mut write = |shown: &mut Vec<Shown>| -> anyhow::Result<()> {
         for Shown { view, label, bytes } in shown.drain(..) {
-            let place = TOPICS.iter().position(|topic| topic.view == view);
-            let Some(place) = place else { continue };
+            let index = TOPICS.iter().position(|topic| topic.view == view);
+            let Some(index) = index else { continue };
             let (Some(topic), Some(id), Some(written)) = (
-                TOPICS.get(place),
-                channels.get_mut(place),
-                written.get_mut(place),
+                TOPICS.get(index),
+                channels.get_mut(index),
+                written.get_mut(index),
             ) else {
                 continue;
             };

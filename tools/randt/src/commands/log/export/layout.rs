@@ -19,7 +19,7 @@ enum Cell {
     Number(Number),
     /// A code, shown as its name where the log has one.
     Code(Field),
-    /// That many bytes, filled with zeros.
+    /// This number of bytes, filled with zeros.
     Text(usize),
 }
 

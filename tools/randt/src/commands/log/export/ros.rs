@@ -213,9 +213,9 @@ impl Translator {
         pen.u32(1);
         pen.u32((data.len() / 16) as u32);
         pen.u32(4);
-        for (name, place) in ["x", "y", "z", "intensity"].iter().zip(0..) {
+        for (name, index) in ["x", "y", "z", "intensity"].iter().zip(0..) {
             pen.string(name);
-            pen.u32(4 * place);
+            pen.u32(4 * index);
             pen.u8(7); // FLOAT32
             pen.u32(1);
         }
@@ -231,7 +231,7 @@ impl Translator {
         let stamp_ns = sample.header.stamp_ns;
         let mut pen = self.pen();
         pen.header(sample.header.sequence, stamp_ns, IMU);
-        // No orientation: its first covariance says so.
+        // A first covariance of -1 means that there is no orientation.
         pen.f64s(&[0.0; 4]);
         pen.f64s(&[-1.0]);
         pen.f64s(&[0.0; 8]);
@@ -296,10 +296,10 @@ fn about_z(yaw_rad: f64) -> [f64; 4] {
 
 /// A covariance of x, y, yaw as ROS has it: x, y, z and three rotations.
 fn in_six(covariance: &[f64; 9]) -> [f64; 36] {
-    const PLACES: [usize; 3] = [0, 1, 5];
+    const INDICES: [usize; 3] = [0, 1, 5];
     let mut six = [0.0; 36];
-    for (row, to_row) in PLACES.iter().enumerate() {
-        for (column, to_column) in PLACES.iter().enumerate() {
+    for (row, to_row) in INDICES.iter().enumerate() {
+        for (column, to_column) in INDICES.iter().enumerate() {
             let from = covariance.get(3 * row + column);
             if let (Some(to), Some(from)) = (six.get_mut(6 * to_row + to_column), from) {
                 *to = *from;
@@ -326,7 +326,7 @@ impl Pen {
     }
 
     fn put<const N: usize>(&mut self, bytes: [u8; N]) {
-        // Alignment counts from behind the four bytes that say which CDR it is.
+        // Alignment counts from behind the four bytes that name the kind of CDR.
         while self.style == Style::Cdr && !(self.bytes.len() - 4).is_multiple_of(N) {
             self.bytes.push(0);
         }

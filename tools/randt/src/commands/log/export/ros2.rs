@@ -1,4 +1,4 @@
-//! A ROS 2 bag: a folder with an MCAP file of CDR messages, and what rosbag2 wants to know of it.
+//! A ROS 2 bag: a folder with an MCAP file of CDR messages, and the metadata that rosbag2 needs.
 
 use super::ros::{Style, TOPICS, Translator, Type};
 use crate::output::write_whole;
@@ -33,10 +33,10 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, folder: &Path) -> anyho
             messages.insert(0, translator.mounting(&robot, first.stamp_ns));
         }
         for message in messages {
-            let place = channels
+            let index = channels
                 .iter()
                 .position(|(topic, _)| *topic == message.topic);
-            let Some((place, (_, id))) = place.and_then(|p| Some((p, channels.get(p)?))) else {
+            let Some((index, (_, id))) = index.and_then(|i| Some((i, channels.get(i)?))) else {
                 continue;
             };
             let label = RecordHeader {
@@ -44,7 +44,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, folder: &Path) -> anyho
                 time_ns: message.stamp_ns,
             };
             file.writer().write_bytes(*id, label, &message.bytes)?;
-            written.count(place, message.stamp_ns);
+            written.count(index, message.stamp_ns);
         }
     }
     file.finish()

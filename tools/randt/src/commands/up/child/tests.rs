@@ -19,7 +19,7 @@ fn until(child: &Child, holds: impl Fn(&Child) -> bool) {
             "{:?}",
             child.failures()
         );
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_PERIOD);
     }
 }
 
@@ -47,7 +47,7 @@ fn a_program_that_fails_again_and_again_is_tried_on() {
 }
 
 #[test]
-fn a_program_that_is_not_there_or_refuses_its_options_says_so() {
+fn a_program_that_is_not_there_or_refuses_its_options_is_named() {
     let absent = Child::start(program("/nowhere/randt-x", &[]), ProgressBar::hidden());
     until(&absent, |child| child.failing().is_some());
     let why = absent.failing().unwrap();

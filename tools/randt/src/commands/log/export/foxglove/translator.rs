@@ -139,7 +139,7 @@ impl Translator {
         }
     }
 
-    /// Where the sensors sit is said once before there are poses: clouds have a frame from the beginning.
+    /// The mounting is written once before there are poses: clouds have a frame from the beginning.
     fn begin(&mut self, stamp_ns: i64, out: &mut Out<'_>) {
         if !self.has_begun {
             self.has_begun = true;

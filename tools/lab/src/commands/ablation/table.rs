@@ -1,6 +1,6 @@
 //! The ablation for people: markdown whose columns stand under each other.
 
-use super::ablation::{Ablation, OfWorld, Row};
+use super::{Ablation, Row, WorldFigures};
 use std::fmt::Write;
 
 /// Heads of the columns.
@@ -42,7 +42,7 @@ pub(super) fn markdown(ablation: &Ablation) -> String {
     text
 }
 
-fn table(world: &OfWorld) -> String {
+fn table(world: &WorldFigures) -> String {
     let mut lines = vec![HEADS.map(str::to_owned)];
     lines.extend(world.rows.iter().map(cells));
     let widths: [usize; HEADS.len()] = std::array::from_fn(|column| {

@@ -6,19 +6,18 @@
 use crate::earlier::JOURNAL;
 use crate::pipeline::Pipeline;
 use crate::plain_file;
-use crate::report::Count;
+use crate::report::Counters;
 use randt_config::Config;
 use randt_mapper::Mapper;
 use randt_messages::{Keyframe, Message, OdometryState};
 use randt_odometry::Odometry;
 use randt_odometry::runtime::{CheckpointContents, CheckpointStore};
 use randt_stage::KeyframeRing;
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 /// A drive as its processes left it.
-pub struct Remains {
+pub struct RecoveredDrive {
     /// Odometry with its window still open, where it left one, and the map with all keyframes that there are.
     pub pipeline: Pipeline,
     /// Whether that is odometry as it was; else one that knows nothing.
@@ -26,15 +25,15 @@ pub struct Remains {
     /// The last states that odometry published.
     pub states: Vec<OdometryState>,
     /// What is missing.
-    pub counters: BTreeMap<&'static str, Count>,
+    pub counters: Counters,
 }
 
-impl Remains {
+impl RecoveredDrive {
     /// Reads them. `folder`: where the journal lies; `state`: where odometry keeps what outlives it, if that is known.
     pub fn read(config: &Config, use_imu: bool, folder: &Path, state: Option<&Path>) -> Self {
-        let mut counters = BTreeMap::new();
+        let mut counters = Counters::default();
         let mut mapper = read_journal(config, &folder.join(JOURNAL), &mut counters);
-        count_set_aside(folder, &mut counters);
+        count_quarantined(folder, &mut counters);
         let left = state.map(|state| CheckpointStore::read(state, config, use_imu));
         let (mut odometry, mut ring, mut states) = (None, None, Vec::new());
         let mut why = "odometry's state was not kept".to_owned();
@@ -58,14 +57,12 @@ impl Remains {
         if let Some(ring) = &ring {
             let end = odometry.as_ref().map(|it| it.pose_record().next_keyframe);
             let lost = push_ring(&mut mapper, ring, end);
-            if lost > 0 {
-                let first = "keyframes that neither journal nor ring has".to_owned();
-                counters.insert("keyframes_lost", Count::lost(lost, first));
-            }
+            let first = "keyframes that neither journal nor ring has";
+            counters.add_lost("keyframes_lost", lost, first);
         }
         let has_odometry = odometry.is_some();
         if !has_odometry {
-            counters.insert("window_lost", Count::lost(1, why));
+            counters.add_lost("window_lost", 1, why);
         }
         let odometry = odometry.unwrap_or_else(|| Odometry::new(config, use_imu));
         Self {
@@ -78,11 +75,7 @@ impl Remains {
 }
 
 /// The map of a journal; an empty one where there is none, or none that can be read.
-fn read_journal(
-    config: &Config,
-    path: &Path,
-    counters: &mut BTreeMap<&'static str, Count>,
-) -> Mapper {
+fn read_journal(config: &Config, path: &Path, counters: &mut Counters) -> Mapper {
     let restored = match plain_file::read(path) {
         Ok(bytes) => Mapper::restore(config, &bytes).map_err(|error| error.to_string()),
         Err(_) if !path.exists() => Err("it is not there".to_owned()),
@@ -98,25 +91,22 @@ fn read_journal(
         Err(why) => (Mapper::new(config), Some(why)),
     };
     if let Some(damage) = damage {
-        counters.insert(
-            "journal_damaged",
-            Count::lost(1, format!("{JOURNAL}: {damage}")),
-        );
+        counters.add_lost("journal_damaged", 1, format!("{JOURNAL}: {damage}"));
     }
     mapper
 }
 
-/// A journal that the mapper set aside during the drive has a part of it that the map has not.
-fn count_set_aside(folder: &Path, counters: &mut BTreeMap<&'static str, Count>) {
+/// A journal that the mapper quarantined during the drive has a part of it that the map has not.
+fn count_quarantined(folder: &Path, counters: &mut Counters) {
     let found = fs::read_dir(folder).into_iter().flatten().flatten();
     let names = found.filter_map(|entry| entry.file_name().into_string().ok());
-    let mut aside: Vec<String> = names
+    let mut quarantined: Vec<String> = names
         .filter(|name| name.starts_with(&format!("{JOURNAL}.aside")))
         .collect();
-    aside.sort();
-    if let Some(first) = aside.first() {
+    quarantined.sort();
+    if let Some(first) = quarantined.first() {
         let first = format!("{first} holds keyframes that are not in the map");
-        counters.insert("journals_set_aside", Count::lost(aside.len() as u64, first));
+        counters.add_lost("journals_quarantined", quarantined.len() as u64, first);
     }
 }
 

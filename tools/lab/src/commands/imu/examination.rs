@@ -21,14 +21,15 @@ pub struct Span {
     pub end_s: f64,
 }
 
-/// The state of an examination.
+/// The state of an examination. Its fields are the filters that run on the robot, and the running sums and lists of the
+/// single pass over the samples.
 #[derive(Debug)]
 pub struct Examination {
     attitude: AttitudeFilter,
     standstill: Standstill,
     bias: GyroBias,
     mounting: MountingCheck,
-    verdict: Option<MountingResult>,
+    mounting_found: Option<MountingResult>,
     /// Samples before the first standstill showed the bias; `None` afterwards.
     waiting: Option<Vec<Sample>>,
     standstills: Vec<Span>,
@@ -71,7 +72,7 @@ impl Examination {
                 config.odometry.gyro_bias_walk,
             ),
             mounting: MountingCheck::default(),
-            verdict: None,
+            mounting_found: None,
             waiting: Some(Vec::new()),
             standstills: Vec::new(),
             first_ns: None,
@@ -86,15 +87,15 @@ impl Examination {
 
     /// Takes the next sample.
     pub fn push(&mut self, sample: Sample) {
-        if self.verdict.is_none() {
-            self.verdict = self
+        if self.mounting_found.is_none() {
+            self.mounting_found = self
                 .mounting
                 .push(sample.stamp_ns, sample.acceleration_m_s2);
         }
-        self.look_for_standstill(&sample);
+        self.observe_standstill(&sample);
         match &mut self.waiting {
             Some(waiting) => waiting.push(sample),
-            None => self.turn(&sample),
+            None => self.integrate(&sample),
         }
     }
 
@@ -102,11 +103,11 @@ impl Examination {
     pub fn finish(&mut self) {
         let waiting = self.waiting.as_mut().map(core::mem::take);
         for sample in waiting.unwrap_or_default() {
-            self.turn(&sample);
+            self.integrate(&sample);
         }
     }
 
-    fn turn(&mut self, sample: &Sample) {
+    fn integrate(&mut self, sample: &Sample) {
         let Sample {
             stamp_ns,
             rate_rad_s,
@@ -138,7 +139,7 @@ impl Examination {
         }
     }
 
-    fn look_for_standstill(&mut self, sample: &Sample) {
+    fn observe_standstill(&mut self, sample: &Sample) {
         let Sample {
             stamp_ns,
             rate_rad_s,
@@ -214,7 +215,7 @@ impl Examination {
 
     /// How the IMU is mounted; `None` where gravity did not show.
     pub fn mounting(&self) -> Option<&MountingResult> {
-        self.verdict.as_ref()
+        self.mounting_found.as_ref()
     }
 
     /// The attitude filter as it is now.
@@ -227,7 +228,7 @@ impl Examination {
         self.heading_rad
     }
 
-    /// How far it turned about whatever axis, there and back added.
+    /// How far it turned about any axis, back and forth added up.
     pub fn turned_rad(&self) -> f64 {
         self.turned_rad
     }

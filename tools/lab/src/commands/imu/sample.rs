@@ -1,6 +1,6 @@
-//! The samples of an IMU recording, whatever its format.
+//! The samples of an IMU recording, in any of its formats.
 
-use super::csv::Csv;
+use super::table::Table;
 use anyhow::Context;
 use nalgebra::Vector3;
 use randt_readers::{Counter, Event, Options, Source};
@@ -22,7 +22,7 @@ pub struct Sample {
 /// A recording that is read from its beginning to its end.
 pub enum Samples {
     /// A table.
-    Csv(Box<Csv>),
+    Table(Box<Table>),
     /// A bag or one of our logs, with or without a radar.
     Log(Box<dyn Source>),
 }
@@ -38,14 +38,14 @@ impl Samples {
             };
             Ok(Self::Log(randt_readers::open(path, &options)?))
         } else {
-            Ok(Self::Csv(Box::new(Csv::open(path)?)))
+            Ok(Self::Table(Box::new(Table::open(path)?)))
         }
     }
 
     /// Kind, such as `ros1-bag` or `csv`.
     pub fn format(&self) -> &'static str {
         match self {
-            Self::Csv(_) => "csv",
+            Self::Table(_) => "csv",
             Self::Log(source) => source.info().format,
         }
     }
@@ -53,7 +53,7 @@ impl Samples {
     /// The next reading, `None` at the end.
     pub fn next_sample(&mut self) -> anyhow::Result<Option<Sample>> {
         let source = match self {
-            Self::Csv(csv) => return csv.next_sample(),
+            Self::Table(table) => return table.next_sample(),
             Self::Log(source) => source,
         };
         while let Some(event) = source.next_event()? {
@@ -71,7 +71,7 @@ impl Samples {
     /// What was dropped, repaired or assumed so far.
     pub fn counters(&self) -> Vec<Counter> {
         match self {
-            Self::Csv(csv) => csv.counters(),
+            Self::Table(table) => table.counters(),
             Self::Log(source) => source.counters(),
         }
     }

@@ -7,7 +7,7 @@ use std::fs;
 use std::os::unix::fs::MetadataExt;
 
 /// A domain as it was found.
-pub struct Scene {
+pub struct DomainSnapshot {
     /// The domain.
     pub domain: Domain,
     /// The user that this process is.
@@ -21,9 +21,9 @@ pub struct Scene {
     presence: Option<FileId>,
 }
 
-impl Scene {
-    /// Looks.
-    pub fn of(domain: Domain) -> Self {
+impl DomainSnapshot {
+    /// Reads what is there now.
+    pub fn take(domain: Domain) -> Self {
         let folder = domain.folder();
         Self {
             user: rustix::process::geteuid().as_raw(),

@@ -1,22 +1,23 @@
 //! The ablation: the method with one part after the other left out, on the same drives.
 
-use super::figures::{Figures, Trial};
-use super::table;
-use crate::commands::run::prepare_folder;
-use crate::drive::Drive;
-use crate::exit::Outcome;
-use crate::judgement::Judgement;
-use crate::output::{may_write, print, write_whole};
-use crate::{job, machine, progress};
+mod figures;
+mod table;
+
 use anyhow::bail;
 use clap::builder::PossibleValuesParser;
+use figures::{Figures, Trial};
+use randt::drive::Drive;
+use randt::exit::Outcome;
+use randt::judgement::Judgement;
+use randt::output::{may_write, prepare_folder, print, write_whole};
+use randt::{job, machine, progress};
 use randt_config::SelectionArguments;
 use randt_readers::Source;
 use randt_simulator::World;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Arguments of `randt bench ablation`.
+/// Arguments of `randt-lab ablation`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// Worlds to drive through
@@ -71,7 +72,7 @@ const VARIANTS: [Variant; 7] = [
 
 /// All that was measured, and on what.
 #[derive(Debug, Serialize)]
-pub(super) struct Ablation {
+struct Ablation {
     /// Version of the program.
     pub randt: &'static str,
     /// Processors.
@@ -83,12 +84,12 @@ pub(super) struct Ablation {
     /// Seeds of the drives.
     pub seeds: Vec<u64>,
     /// In the order asked for.
-    pub worlds: Vec<OfWorld>,
+    pub worlds: Vec<WorldFigures>,
 }
 
 /// What was measured in one world.
 #[derive(Debug, Serialize)]
-pub(super) struct OfWorld {
+struct WorldFigures {
     /// Its name.
     pub world: String,
     /// Sweeps of each drive.
@@ -99,7 +100,7 @@ pub(super) struct OfWorld {
 
 /// One variant in one world.
 #[derive(Debug, Serialize)]
-pub(super) struct Row {
+struct Row {
     /// What is left out.
     pub variant: &'static str,
     /// Over all seeds.
@@ -118,7 +119,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let seeds: Vec<u64> = (1..=arguments.seeds).collect();
     let measured = arguments.worlds.iter().filter_map(|name| {
         let world = World::named(name)?;
-        Some(of_world(&arguments, &world, &seeds))
+        Some(measure_world(&arguments, &world, &seeds))
     });
     let ablation = Ablation {
         randt: randt_version::VERSION,
@@ -140,7 +141,11 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Good)
 }
 
-fn of_world(arguments: &Arguments, world: &World, seeds: &[u64]) -> anyhow::Result<OfWorld> {
+fn measure_world(
+    arguments: &Arguments,
+    world: &World,
+    seeds: &[u64],
+) -> anyhow::Result<WorldFigures> {
     let scans = arguments.scans.unwrap_or_else(|| world.sweeps());
     let mut trials = VARIANTS.map(|_| Vec::new());
     for seed in seeds {
@@ -154,9 +159,9 @@ fn of_world(arguments: &Arguments, world: &World, seeds: &[u64]) -> anyhow::Resu
     }
     let row = |(variant, trials): (&Variant, &Vec<Trial>)| Row {
         variant: variant.name,
-        figures: Figures::of(trials),
+        figures: Figures::from_trials(trials),
     };
-    Ok(OfWorld {
+    Ok(WorldFigures {
         world: world.name.clone(),
         scans,
         rows: VARIANTS.iter().zip(&trials).map(row).collect(),

@@ -1,6 +1,6 @@
 //! A long-range radar's case for memory: scans of 400 beams and 30,000 returns, made here, through filter and odometry.
 
-use crate::stages::{Place, memory};
+use crate::support::stages::{Place, memory};
 use randt_messages::{
     Beam, ImuSample, ImuSampleTopic, Message, MessageRef, OdometryStateTopic, RadarScan, Return,
     SensorKind,

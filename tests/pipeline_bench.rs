@@ -11,19 +11,26 @@
     reason = "a benchmark that cannot measure ends"
 )]
 
-#[path = "../../../../tests/support/calls.rs"]
-mod calls;
-mod drive;
-mod navtech;
-mod sends;
-#[path = "../../../../tests/support/stages.rs"]
-#[allow(dead_code, reason = "the tests use the rest")]
-mod stages;
+#[allow(
+    dead_code,
+    unused_imports,
+    reason = "the whole-program tests use the rest"
+)]
+mod support;
 
-use drive::{Drive, Stages};
+/// The parts of this benchmark.
+mod pipeline_bench {
+    pub mod drive;
+    pub mod navtech;
+    pub mod sends;
+}
+
+use pipeline_bench::drive::{Drive, Stages};
+use pipeline_bench::{navtech, sends};
 use randt::{latency::Latency, machine, report::Cost};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use support::stages;
 
 /// Sweeps per second.
 const RATE_HZ: u64 = 5;
@@ -81,10 +88,14 @@ fn make_stages() {
 }
 
 fn print_latency(drive: &Drive) {
-    let latencies: Vec<Latency> = drive.states.iter().filter_map(Latency::of).collect();
+    let latencies: Vec<Latency> = drive
+        .states
+        .iter()
+        .filter_map(Latency::from_state)
+        .collect();
     let cost = |part: fn(&Latency) -> f64| {
         let times: Vec<u64> = latencies.iter().map(|l| (part(l) * 1e6) as u64).collect();
-        Cost::of(&times)
+        Cost::from_times(&times)
     };
     for (name, cost) in [
         ("wait", cost(|latency| latency.wait_ms)),

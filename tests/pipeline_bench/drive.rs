@@ -1,6 +1,6 @@
 //! One drive: all stages run, a log is played, and what can be seen from outside is noted.
 
-use crate::stages::{Place, Running, memory};
+use crate::support::stages::{Place, Running, memory};
 use randt_messages::{OdometryState, OdometryStateTopic, RadarScan, Topic};
 use randt_readers::Event;
 use randt_stage::{Domain, Stage};
@@ -43,7 +43,7 @@ struct Reading {
 }
 
 impl Reading {
-    fn of(running: &Running) -> Self {
+    fn read(running: &Running) -> Self {
         Self {
             at: Instant::now(),
             processor: processor(running),
@@ -116,7 +116,7 @@ impl<'a> Stages<'a> {
                 continue;
             }
             let all = self.running.iter().chain([&play]);
-            let readings: Vec<Reading> = all.map(Reading::of).collect();
+            let readings: Vec<Reading> = all.map(Reading::read).collect();
             if first.is_empty() {
                 first = readings;
             } else {

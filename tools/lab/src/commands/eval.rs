@@ -1,10 +1,10 @@
-//! `randt eval`: how exact a trajectory is.
+//! `randt-lab eval`: how exact a trajectory is.
 
-use crate::accepted;
-use crate::exit::Outcome;
-use crate::judgement::Judgement;
-use crate::output::print;
-use crate::trust_spans;
+use randt::accepted;
+use randt::exit::Outcome;
+use randt::judgement::Judgement;
+use randt::output::print;
+use randt::trust_spans;
 use randt_evaluation::{
     Evaluation, LoopEvaluation, LoopLimits, SilentlyWrong, Trajectory, Worst, silently_wrong,
 };
@@ -12,10 +12,10 @@ use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Below this share of the truth the figures speak of another drive.
+/// Below this share of the truth the figures are another drive's.
 const COVERAGE_MIN: f64 = 0.95;
 
-/// Arguments of `randt eval`.
+/// Arguments of `randt-lab eval`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The estimate: TUM rows (stamp x y z qx qy qz qw) or KITTI rows (3 x 4 matrix)
@@ -38,7 +38,8 @@ pub struct Arguments {
     json: bool,
 }
 
-/// The figures under the names that other programs read; null where one is not defined.
+/// The figures under the names that other programs read; null where one is not defined. The fields are the keys of
+/// the JSON object, which is flat.
 #[derive(Debug, Serialize)]
 struct Figures {
     ate_rmse_m: Option<f64>,
@@ -126,7 +127,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         return Ok(Outcome::Good);
     }
     eprintln!(
-        "warning: only {:.1} % of the truth is covered, {} % is needed for figures that speak of the \
+        "warning: only {:.1} % of the truth is covered, {} % is needed for figures of the \
          whole drive; {}",
         100.0 * evaluation.coverage,
         100.0 * COVERAGE_MIN,
@@ -296,7 +297,7 @@ fn table(found: &Judgement, silent: Option<&SilentlyWrong>) -> String {
             format!("{} false of {}", loops.false_loops.len(), loops.loops),
             &match loops.unjudged {
                 0 => "accepted loops against the truth".to_owned(),
-                unjudged => format!("{unjudged} of them where the truth says nothing"),
+                unjudged => format!("{unjudged} of them where there is no truth"),
             },
         );
         row(

@@ -1,6 +1,6 @@
-//! `randt bench ablation` as a user calls it, on short drives.
+//! `randt-lab ablation` as a user calls it, on short drives.
 
-use crate::support::{Ended, ended, names, randt};
+use crate::support::{Ended, ended, lab, names};
 use serde_json::Value;
 use std::fs;
 use std::process::{Command, Stdio};
@@ -19,7 +19,7 @@ const VARIANTS: [&str; 7] = [
 ];
 
 fn ablation(more: &[&str]) -> Ended {
-    let mut command = randt(&["bench", "ablation"]);
+    let mut command = lab(&["ablation"]);
     command.args(SHORT).args(more);
     ended(command)
 }
@@ -133,7 +133,7 @@ fn wrong_arguments_are_named() {
         (&["--set", "odometry.windw=2"], 78, "odometry.window"),
         (&["--out", taken], 1, "is not a plain file"),
     ] {
-        let mut command = randt(&["bench", "ablation"]);
+        let mut command = lab(&["ablation"]);
         command.args(arguments);
         let ended = ended(command);
         assert_eq!(ended.code, Some(code), "{arguments:?}: {}", ended.stderr);
@@ -145,7 +145,7 @@ fn wrong_arguments_are_named() {
 #[test]
 fn ctrl_c_ends_it_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let mut child = randt(&["bench", "ablation", "--out", "ablation.md"])
+    let mut child = lab(&["ablation", "--out", "ablation.md"])
         .current_dir(&folder)
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

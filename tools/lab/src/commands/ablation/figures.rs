@@ -1,7 +1,7 @@
 //! The figures of one variant in one world, over all its drives.
 
-use crate::judgement::Judgement;
-use crate::report::Cost;
+use randt::judgement::Judgement;
+use randt::report::Cost;
 use randt_evaluation::{LoopEvaluation, Worst};
 use serde::Serialize;
 
@@ -37,21 +37,21 @@ pub(super) struct Figures {
 }
 
 impl Figures {
-    pub(super) fn of(trials: &[Trial]) -> Self {
-        let worst = |of: fn(&Worst) -> f64| {
+    pub(super) fn from_trials(trials: &[Trial]) -> Self {
+        let worst = |figure: fn(&Worst) -> f64| {
             let seconds = trials.iter().filter_map(|t| t.judgement.track.second);
-            seconds.map(|worst| of(&worst)).max_by(f64::total_cmp)
+            seconds.map(|worst| figure(&worst)).max_by(f64::total_cmp)
         };
-        let loops = |of: fn(&LoopEvaluation) -> usize| -> usize {
+        let loops = |count: fn(&LoopEvaluation) -> usize| -> usize {
             let loops = trials.iter().filter_map(|t| t.judgement.loops.as_ref());
-            loops.map(of).sum()
+            loops.map(count).sum()
         };
         let revisits = loops(|l| l.revisits);
         let scan_ns: Vec<u64> = trials
             .iter()
             .flat_map(|t| t.scan_ns.iter().copied())
             .collect();
-        let cost = Cost::of(&scan_ns);
+        let cost = Cost::from_times(&scan_ns);
         Self {
             ate_rmse_m: median(
                 trials

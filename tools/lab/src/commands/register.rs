@@ -1,7 +1,7 @@
-//! `randt register`: the motion between two radar scans.
+//! `randt-lab register`: the motion between two radar scans.
 
-use crate::{exit::Outcome, input::InputOptions, job, output::print};
 use anyhow::{Context, bail};
+use randt::{exit::Outcome, input::InputOptions, job, output::print};
 use randt_config::{Config, Loaded, SelectionArguments};
 use randt_filter::ClusterFilter;
 use randt_geometry::Pose2;
@@ -11,7 +11,7 @@ use randt_readers::{Event, Options};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// Arguments of `randt register`.
+/// Arguments of `randt-lab register`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The first scan: a polar PNG, or the first scan of any input that `randt run` reads

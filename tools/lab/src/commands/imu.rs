@@ -1,17 +1,18 @@
-//! `randt imu`: examines an IMU recording.
+//! `randt-lab imu`: examines an IMU recording.
 //!
 //! Responsible for what is printed. What the recording shows is found by `examination`, with the filters that
 //! run on the robot.
 
-mod csv;
+mod columns;
 mod examination;
 mod sample;
+mod table;
 
-use crate::exit::Outcome;
-use crate::output::{print, write_whole};
 use anyhow::bail;
 use examination::Examination;
 use nalgebra::Vector3;
+use randt::exit::Outcome;
+use randt::output::{print, write_whole};
 use randt_config::SelectionArguments;
 use randt_filter::Mounting;
 use sample::Samples;
@@ -19,15 +20,15 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-/// Arguments of `randt imu`.
+/// Arguments of `randt-lab imu`.
 ///
-/// The recording is gone through once, sample by sample, as a robot would: a bias is used from when a
-/// standstill has shown it; only the time before the first one is computed afterwards, with the bias that it
-/// showed. Biases and axes are those of the IMU itself.
+/// The recording is read once, sample by sample, as a robot would: a bias is used from the moment a standstill has
+/// shown it; only the time before the first one is computed afterwards, with the bias that it showed. Biases and axes
+/// are those of the IMU itself.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A ROS bag, one of our logs, or CSV with a header (stamp, rate and acceleration about x, y, z; units in
-    /// the names, SI where there are none)
+    /// A ROS bag, one of our logs, or CSV with a header (stamp, rate and acceleration about x, y, z; units in the names,
+    /// SI where there are none; commas, semicolons or tabs)
     file: PathBuf,
     /// IMU topic of a bag; if not given, the one with the most messages
     #[arg(long, value_name = "NAME")]
@@ -91,7 +92,7 @@ fn as_json(
     let axes = |v: Vector3<f64>| [v.x, v.y, v.z];
     let degrees = |v: Vector3<f64>| axes(v.map(f64::to_degrees));
     let bias = examination.bias_rad_s();
-    let verdict = examination.mounting();
+    let mounting = examination.mounting();
     let (roll, pitch, _) = examination.attitude().attitude().roll_pitch_yaw();
     let clock = examination.attitude().clock();
     let counted: Vec<_> = counters
@@ -111,9 +112,9 @@ fn as_json(
         "bias_sigma_rad_s": bias.map(|(_, sigma)| axes(sigma)),
         "bias_deg_s": bias.map(|(mean, _)| degrees(mean)),
         "bias_sigma_deg_s": bias.map(|(_, sigma)| degrees(sigma)),
-        "mounting": verdict.map(|v| json!({ "up_axis": v.up_axis(), "up": axes(v.up) })),
-        "upside_down": verdict.map(|v| v.mounting == Mounting::UpsideDown),
-        "upside_down_known_after_s": verdict.map(|v| v.known_after_s),
+        "mounting": mounting.map(|v| json!({ "up_axis": v.up_axis(), "up": axes(v.up) })),
+        "upside_down": mounting.map(|v| v.mounting == Mounting::UpsideDown),
+        "upside_down_known_after_s": mounting.map(|v| v.known_after_s),
         "heading_deg": examination.heading_rad().to_degrees(),
         "turned_deg": examination.turned_rad().to_degrees(),
         "roll_deg": roll.to_degrees(),

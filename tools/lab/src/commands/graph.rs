@@ -1,4 +1,4 @@
-//! `randt graph`: solves a pose graph of others' making, as it is or with false loops among the true ones.
+//! `randt-lab graph`: solves a pose graph of others' making, as it is or with false loops among the true ones.
 //!
 //! Responsible for what is printed. The graph and what is false in it are made by `problem` and `false_loops`; the
 //! solver is the mapper's.
@@ -6,11 +6,11 @@
 mod false_loops;
 mod problem;
 
-use crate::exit::Outcome;
-use crate::output::print;
 use anyhow::{Context, ensure};
 use false_loops::FalseLoops;
 use problem::Problem;
+use randt::exit::Outcome;
+use randt::output::print;
 use randt_evaluation::{Trajectory, evaluate};
 use randt_mapper::graph::PoseGraph;
 use serde::Serialize;
@@ -18,7 +18,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
-/// Arguments of `randt graph`.
+/// Arguments of `randt-lab graph`.
 ///
 /// Poses are forgotten but for the first: the start is odometry alone (edges from one id to the next). Without false
 /// loops every edge is believed, as the published optima do.

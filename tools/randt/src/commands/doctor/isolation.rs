@@ -2,24 +2,24 @@
 
 use super::finding::Finding;
 use super::processes::Process;
-use super::scene::Scene;
+use super::snapshot::DomainSnapshot;
 use randt_stage::Domain;
 use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-const ABOUT: &str = "worlds";
+const ABOUT: &str = "isolation";
 
-/// All stages are in this domain and see the same of it. `by_default`: the run folder was not named.
-pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
+/// All stages are in this domain and see the same files. `by_default`: the run folder was not named.
+pub fn check(snapshot: &DomainSnapshot, by_default: bool) -> Vec<Finding> {
     let shared_memory = fs::metadata("/dev/shm").ok().map(|found| found.dev());
     let mut found = Vec::new();
     let mut others: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
-    for process in &scene.processes {
-        if scene.is_in(process) {
+    for process in &snapshot.processes {
+        if snapshot.is_in(process) {
             found.extend(apart(process, shared_memory));
-        } else if let Some(lost) = lost(scene, process) {
+        } else if let Some(lost) = lost(snapshot, process) {
             found.push(lost);
         } else {
             let there = others.entry(&process.folder).or_default();
@@ -32,17 +32,17 @@ pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
             folder.display(),
             there.join(", ")
         );
-        let mend = format!(
+        let fix = format!(
             "nothing, if that is meant; else start them with {}",
-            scene.options()
+            snapshot.options()
         );
-        found.push(Finding::warn(ABOUT, text, mend));
+        found.push(Finding::warn(ABOUT, text, fix));
     }
     if by_default {
-        found.extend(both_folders(scene));
+        found.extend(both_folders(snapshot));
     }
     if found.is_empty() {
-        let text = match scene.inside().count() {
+        let text = match snapshot.inside().count() {
             0 => "no stage lives, here or elsewhere".to_owned(),
             1 => "one process, here".to_owned(),
             count => format!("{count} processes, all here"),
@@ -54,19 +54,19 @@ pub fn check(scene: &Scene, by_default: bool) -> Vec<Finding> {
 
 /// In the domain, but with other shared memory.
 fn apart(process: &Process, shared_memory: Option<u64>) -> Option<Finding> {
-    // Where one of them cannot be seen nothing can be said.
+    // Where one of them cannot be seen nothing is known.
     (process.shared_memory? != shared_memory?).then(|| {
         Finding::bad(
             ABOUT,
-            format!("{process} has a /dev/shm of its own: it neither hears the others nor is heard"),
+            format!("{process} has a /dev/shm of its own: it neither receives from the others nor reaches them"),
             "start it in the same container and mount namespace as the others (docker run --ipc=host)",
         )
     })
 }
 
 /// In a domain that only looks like this one.
-fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
-    let (ours, theirs) = (scene.domain.folder(), &process.folder);
+fn lost(snapshot: &DomainSnapshot, process: &Process) -> Option<Finding> {
+    let (ours, theirs) = (snapshot.domain.folder(), &process.folder);
     if theirs.file_name() != ours.file_name() {
         return None;
     }
@@ -74,7 +74,7 @@ fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
     let restart = format!(
         "kill {}, and start it with {}",
         process.pid,
-        scene.options()
+        snapshot.options()
     );
     Some(if process.removed {
         let text =
@@ -82,9 +82,9 @@ fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
         Finding::bad(ABOUT, text, restart)
     } else if *theirs == ours {
         let text = format!("{process} sees another {shown}: it has a mount namespace of its own");
-        let mend =
+        let fix =
             "give all of them a --run that all see, or none a namespace (systemd: PrivateTmp=no)";
-        Finding::bad(ABOUT, text, mend)
+        Finding::bad(ABOUT, text, fix)
     } else {
         let text = format!(
             "{process} has the same prefix in another run folder, {shown}: the two do not see each other"
@@ -95,14 +95,14 @@ fn lost(scene: &Scene, process: &Process) -> Option<Finding> {
 
 /// Without --run a stage takes /run/randt or the folder of its user's session, or where neither is there yet the other
 /// folder.
-fn both_folders(scene: &Scene) -> Option<Finding> {
-    let other = Domain::shared_run(scene.user).join(scene.domain.prefix());
-    let both = scene.domain.folder() != other && Path::new(&other).is_dir();
+fn both_folders(snapshot: &DomainSnapshot) -> Option<Finding> {
+    let other = Domain::shared_run(snapshot.user).join(snapshot.domain.prefix());
+    let both = snapshot.domain.folder() != other && Path::new(&other).is_dir();
     both.then(|| {
         let text = format!(
             "{} is there too: stages that started before {} was made were there",
             other.display(),
-            scene.domain.run().display()
+            snapshot.domain.run().display()
         );
         Finding::warn(
             ABOUT,

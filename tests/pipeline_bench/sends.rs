@@ -1,8 +1,8 @@
 //! Bytes through write and send, of every stage. Tracing slows a stage down: times are not taken here.
 
-use crate::calls;
-use crate::drive::Stages;
-use crate::stages::Place;
+use super::drive::Stages;
+use crate::support::calls;
+use crate::support::stages::Place;
 use std::path::Path;
 use std::time::Duration;
 

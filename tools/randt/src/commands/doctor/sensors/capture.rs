@@ -13,15 +13,15 @@ use randt_radar::Radar;
 use randt_stage::{Clock, Domain, Observer, Registry, Subscriber};
 use std::time::{Duration, Instant};
 
-/// Between two looks: a tenth of the shortest silence that is wondered at.
-const LOOK: Duration = Duration::from_millis(5);
+/// Between two looks: a tenth of the shortest silence that counts.
+const POLL_PERIOD: Duration = Duration::from_millis(5);
 
 /// One sensor, as far as it was seen.
 #[derive(Debug)]
 pub struct Seen<T> {
     /// Whether its driver runs, and was asked instead.
     pub through_driver: bool,
-    /// What the driver says.
+    /// The driver's own report.
     pub link: Link,
     /// What the driver has counted; through a running one only what it has lost.
     pub counts: Vec<Count>,
@@ -41,8 +41,8 @@ impl<T> Default for Seen<T> {
 }
 
 impl<T> Seen<T> {
-    /// Whether it is reached; `come` says what comes from where, `mend` what helps where nothing does.
-    pub fn reached(&self, about: &'static str, come: &str, mend: &str) -> Finding {
+    /// Whether it is reached; `come` is the text about what comes from where, `fix` what helps where nothing does.
+    pub fn reached(&self, about: &'static str, come: &str, fix: &str) -> Finding {
         let way = match self.through_driver {
             true => format!("randt-{about} runs: "),
             false => String::new(),
@@ -59,9 +59,9 @@ impl<T> Seen<T> {
         };
         match &self.link {
             Link::Streaming => Finding::ok(about, format!("{way}{come}{counted}")),
-            Link::Warning(text) => Finding::warn(about, format!("{way}{text}{counted}"), mend),
-            Link::Starting => Finding::bad(about, format!("{way}nothing came{counted}"), mend),
-            Link::Down(text) => Finding::bad(about, format!("{way}{text}{counted}"), mend),
+            Link::Warning(text) => Finding::warn(about, format!("{way}{text}{counted}"), fix),
+            Link::Starting => Finding::bad(about, format!("{way}nothing came{counted}"), fix),
+            Link::Down(text) => Finding::bad(about, format!("{way}{text}{counted}"), fix),
         }
     }
 }
@@ -86,14 +86,14 @@ impl Seen<Sweep> {
         let sweep = Sweep {
             head: Box::new(scan.head.sweep),
             returns: scan.items.len(),
-            panorama: Panorama::of(scan),
+            panorama: Panorama::from_scan(scan),
         };
         self.came.push((now_ns, sweep));
     }
 }
 
-/// Looks for so long, or until Ctrl-C.
-pub fn look(
+/// Captures for this time, or until Ctrl-C.
+pub fn capture(
     config: &Config,
     domain: &Domain,
     time: Duration,
@@ -147,7 +147,7 @@ pub fn look(
             imu.poll(now_ns, &mut |sample| of_imu.came.push((now_ns, *sample)));
         }
         bus.read(now_ns, &mut seen)?;
-        std::thread::sleep(LOOK);
+        std::thread::sleep(POLL_PERIOD);
     }
     if let Some(radar) = radar {
         (seen.radar.link, seen.radar.counts) = (radar.link().clone(), radar.counters());
@@ -215,18 +215,18 @@ impl Bus {
                 let counts = vec![Count::loss("lost since it started", word.head.lost)];
                 let silent =
                     |last: Option<i64>| last.is_none_or(|at_ns| now_ns - at_ns > 1_000_000_000);
-                let judge = |link: Link, last| match link {
+                let grade = |link: Link, last| match link {
                     Link::Warning(text) if silent(last) => Link::Down(text),
                     link => link,
                 };
                 match (text_of(&word.head.name), &mut seen.imu) {
                     ("radar", _) if seen.radar.through_driver => {
                         let last = seen.radar.came.last().map(|(at_ns, _)| *at_ns);
-                        (seen.radar.link, seen.radar.counts) = (judge(link, last), counts);
+                        (seen.radar.link, seen.radar.counts) = (grade(link, last), counts);
                     }
                     ("imu", Some(of_imu)) if of_imu.through_driver => {
                         let last = of_imu.came.last().map(|(at_ns, _)| *at_ns);
-                        (of_imu.link, of_imu.counts) = (judge(link, last), counts);
+                        (of_imu.link, of_imu.counts) = (grade(link, last), counts);
                     }
                     _ => {}
                 }
