@@ -1,6 +1,6 @@
 // Included by build scripts: a fingerprint of the source that gives a stage's saved state its meaning.
 //
-// State that another build has saved is only taken over where this is the same (DESIGN, invariant 9).
+// A state that another build has saved is taken over only if this is the same.
 
 use std::{fs, path::Path};
 

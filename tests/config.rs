@@ -129,7 +129,7 @@ fn a_bad_configuration_ends_with_78_and_says_what_would_be_right() {
         ),
         (
             &["config", "show", "--robot", "bad.toml"],
-            &["[ndt] does not belong into a robot file"],
+            &["[ndt] does not belong in a robot file"],
         ),
         (
             &["config", "show", "--set", "ndt.cell_size_m=wide"],

@@ -5,7 +5,7 @@
 
 use crate::support::pipeline::{signal, until};
 use crate::support::stages::{Place, Running, program};
-use randt_stage::{Domain, Registry, slots_of_nobody};
+use randt_stage::{Domain, Registry, orphaned_slots};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::fs;
@@ -114,7 +114,7 @@ fn hold(look: usize) -> bool {
     });
     let mut odometry = start(&place, &domain, "odometry");
     assert_eq!(
-        slots_of_nobody(&domain),
+        orphaned_slots(&domain),
         BTreeMap::new(),
         "held at look {look}"
     );

@@ -11,7 +11,7 @@ use crate::support::pipeline::{Pipeline, log_of, until};
 use crate::support::stages::{Place, Running};
 use crate::support::up::up;
 use crate::support::{Random, ended, randt, report};
-use randt_stage::{Domain, Registry, slots_of_nobody};
+use randt_stage::{Domain, Registry, orphaned_slots};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -166,8 +166,8 @@ fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
     observer.leave();
     // Nothing but a start frees what the dead hold.
     let wait = Instant::now();
-    while !(keeper.all_run() && slots_of_nobody(&keeper.domain).is_empty()) {
-        let left = slots_of_nobody(&keeper.domain);
+    while !(keeper.all_run() && orphaned_slots(&keeper.domain).is_empty()) {
+        let left = orphaned_slots(&keeper.domain);
         assert!(wait.elapsed() < WAIT_MAX, "held by nobody: {left:?}");
         keeper.keep_for(LOOK);
     }
@@ -293,7 +293,7 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
     rows(&kills, &observer);
     observer.leave();
     assert!(is_whole && after < DELIVERS, "{after:?}");
-    assert_eq!(slots_of_nobody(&domain), BTreeMap::new(), "{}", said());
+    assert_eq!(orphaned_slots(&domain), BTreeMap::new(), "{}", said());
     let status = child.wait().unwrap();
     let counters = report(&out)["counters"].clone();
     println!("randt up: {status}; {counters:#}");

@@ -146,7 +146,7 @@ fn killed_fifty_times_it_never_loses_more_than_the_last_second() {
     let out = folder.path().join("logs");
     let mut pipeline = Pipeline::new("rk");
     pipeline.play(&input, &["--stay"]);
-    let clock = Clock::of(pipeline.domain()).unwrap();
+    let clock = Clock::in_domain(pipeline.domain()).unwrap();
     let seed = 50;
     println!("seed {seed}");
     let mut random = Random(seed);

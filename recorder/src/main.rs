@@ -6,7 +6,7 @@ use randt_recorder::process::{Inputs, preamble};
 use randt_recorder::{
     BUDGET, Disk, PositionStore, Positions, Queue, Recorder, Settings, Viewer, Worker,
 };
-use randt_stage::{StageArguments, WakeReason, ended, go_behind, parse};
+use randt_stage::{StageArguments, WakeReason, ended, lower_priority, parse};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -47,7 +47,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
         .out
         .clone()
         .unwrap_or(record.folder.clone().into());
-    go_behind();
+    lower_priority();
     let mut stage = arguments.stage.open("recorder")?;
     // What it writes has the configuration of the others.
     let all: Vec<_> = Config::SECTIONS.iter().map(|it| it.name).collect();
@@ -89,7 +89,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
         if worker.has_died() {
             return Err("the thread that writes has died".into());
         }
-        if stage.wait(&inputs.wakes(), Some(PAUSE))? == WakeReason::Stop {
+        if stage.wait(&inputs.waitables(), Some(PAUSE))? == WakeReason::Stop {
             break;
         }
     }

@@ -7,16 +7,13 @@ use crate::{
     configuration_records, fields, machine_record,
 };
 use randt_config::Loaded;
-use randt_messages::{
-    ImuSampleTopic, Keyframe, MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic,
-    RadarPoints, RadarScan, StageHealthTopic, Topic,
-};
+use randt_messages::{ImuSampleTopic, Topic, TopicVisitor, visit_bus_topics};
 use randt_stage::{Clock, Domain, Error, Registry, Stage, Subscriber, Waitable};
 use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Reads one topic.
-trait TopicReader {
+/// One topic on its way into the queue.
+trait TopicInput {
     /// Copies what has come.
     fn drain(&mut self, into: &mut Vec<Raw>) -> Result<(), Error>;
     fn topic(&self) -> &'static str;
@@ -25,7 +22,7 @@ trait TopicReader {
     fn waitable(&self) -> &dyn Waitable;
 }
 
-impl<T: Topic> TopicReader for Subscriber<T> {
+impl<T: Topic> TopicInput for Subscriber<T> {
     fn drain(&mut self, into: &mut Vec<Raw>) -> Result<(), Error> {
         while let Some(received) = self.receive()? {
             into.push(Raw::from_message(received.message()));
@@ -46,29 +43,38 @@ impl<T: Topic> TopicReader for Subscriber<T> {
     }
 }
 
+/// Opens every topic for reading.
+struct Readers<'a> {
+    stage: &'a mut Stage,
+    topics: Vec<Box<dyn TopicInput>>,
+}
+
+impl TopicVisitor for Readers<'_> {
+    type Error = Error;
+
+    fn visit<T: Topic>(&mut self) -> Result<(), Error> {
+        self.topics.push(Box::new(self.stage.subscriber::<T>()?));
+        Ok(())
+    }
+}
+
 /// All topics.
 pub struct Inputs {
-    readers: Vec<Box<dyn TopicReader>>,
+    topics: Vec<Box<dyn TopicInput>>,
     batch: Vec<Raw>,
     continuity: Continuity,
 }
 
 impl Inputs {
-    /// Begins to read them. Publishers hand over what is in reach: what a recorder that was killed did not bring to the
-    /// disk is recorded again. `recorded`: what the files hold; what is missing behind it is counted.
+    /// Begins to read them; their writers deliver the history that they still hold, so that what a recorder that was
+    /// killed did not bring to the disk is recorded again. `recorded`: what the files hold; what is missing behind it is
+    /// counted.
     pub fn open(stage: &mut Stage, recorded: Positions) -> Result<Self, Error> {
+        let topics = Vec::new();
+        let mut readers = Readers { stage, topics };
+        visit_bus_topics(&mut readers)?;
         Ok(Self {
-            readers: vec![
-                reader::<RadarScan>(stage)?,
-                reader::<ImuSampleTopic>(stage)?,
-                reader::<RadarPoints>(stage)?,
-                reader::<OdometryStateTopic>(stage)?,
-                reader::<Keyframe>(stage)?,
-                reader::<MapperCorrection>(stage)?,
-                reader::<MapperGraph>(stage)?,
-                reader::<MapperGrid>(stage)?,
-                reader::<StageHealthTopic>(stage)?,
-            ],
+            topics: readers.topics,
             batch: Vec::new(),
             continuity: Continuity::after(recorded),
         })
@@ -77,8 +83,8 @@ impl Inputs {
     /// Takes all that has come to the queue, in the order in which it was published.
     pub fn drain(&mut self, queue: &Queue, clock: Clock) -> Result<(), Error> {
         self.continuity.listen(clock.now_ns());
-        for reader in &mut self.readers {
-            reader.drain(&mut self.batch)?;
+        for topic in &mut self.topics {
+            topic.drain(&mut self.batch)?;
         }
         self.batch.sort_by_key(|raw| raw.label.time_ns);
         for raw in &self.batch {
@@ -92,29 +98,25 @@ impl Inputs {
 
     /// Messages that the ports count as missed.
     pub fn missed_by_ports(&self) -> u64 {
-        self.readers.iter().map(|reader| reader.missed()).sum()
+        self.topics.iter().map(|topic| topic.missed()).sum()
     }
 
     /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250 times a second.
-    pub fn wakes(&self) -> Vec<&dyn Waitable> {
+    pub fn waitables(&self) -> Vec<&dyn Waitable> {
         let slow = self
-            .readers
+            .topics
             .iter()
-            .filter(|reader| reader.topic() != ImuSampleTopic::NAME);
-        slow.map(|reader| reader.waitable()).collect()
+            .filter(|topic| topic.topic() != ImuSampleTopic::NAME);
+        slow.map(|topic| topic.waitable()).collect()
     }
 
     /// Names of the topics.
     pub fn topics(&self) -> impl Iterator<Item = &'static str> {
-        self.readers.iter().map(|reader| reader.topic())
+        self.topics.iter().map(|topic| topic.topic())
     }
 }
 
-fn reader<T: Topic>(stage: &mut Stage) -> Result<Box<dyn TopicReader>, Error> {
-    Ok(Box::new(stage.subscriber::<T>()?))
-}
-
-/// The metadata at the beginning of every file.
+/// What every file says at its beginning.
 pub fn preamble(loaded: &Loaded, domain: &Domain, clock: Clock) -> Preamble {
     let mut fixed = configuration_records(loaded);
     fixed.push(machine_record());
@@ -146,4 +148,29 @@ fn clock_fields(clock: Clock) -> BTreeMap<String, String> {
         ("now_ns", clock.now_ns().to_string()),
         ("date_ns", date_ns.to_string()),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_messages::BUS_TOPICS;
+    use randt_stage::TOPICS;
+
+    /// `randt top` shows what stages report of their ports (`tools/randt/src/commands/top/traffic.rs`).
+    #[test]
+    fn a_registered_topic_has_its_qos_and_its_channel_and_is_recorded() {
+        let run = tempfile::tempdir().unwrap();
+        let domain = Domain::new("every-topic", Some(run.path())).unwrap();
+        let mut stage = Stage::open("recorder", &domain).unwrap();
+        let inputs = Inputs::open(&mut stage, Positions::default()).unwrap();
+        let registered = || BUS_TOPICS.iter().map(|topic| topic.name);
+        assert!(inputs.topics().eq(registered()));
+        assert!(TOPICS.iter().map(|qos| qos.topic).eq(registered()));
+        for topic in BUS_TOPICS {
+            let channel = randt_log::channel_of(topic.name).unwrap();
+            assert_eq!(channel.type_name, topic.type_name);
+        }
+        drop((inputs, stage));
+        randt_stage::wipe(&domain, true).unwrap();
+    }
 }

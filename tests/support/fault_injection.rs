@@ -192,7 +192,7 @@ impl<'m> FaultInjector<'m> {
             "radar" | "filter" => ("odometry", "stale: no scan for "),
             "imu" => ("odometry", "no IMU sample for "),
             "odometry" => ("recorder", "no pose for "),
-            "mapper" => ("odometry", "no word of the mapper for "),
+            "mapper" => ("odometry", "no mapper status for "),
             _ => return None,
         };
         let begin = Instant::now();

@@ -1,15 +1,11 @@
 //! The programs in a folder of their own, where one of them can be missing or another one.
 
 use super::stages::program;
+use randt_stage::STAGES;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-/// All stages.
-const STAGES: [&str; 7] = [
-    "filter", "imu", "mapper", "odometry", "radar", "recorder", "view",
-];
 
 /// randt and its stages, side by side as they are installed.
 pub struct Programs {
@@ -26,9 +22,9 @@ impl Programs {
         fs::hard_link(randt, &own)
             .or_else(|_| fs::copy(randt, &own).map(|_| ()))
             .unwrap();
-        for name in STAGES {
-            let link = folder.path().join(format!("randt-{name}"));
-            symlink(program(name), link).unwrap();
+        for stage in STAGES {
+            let link = folder.path().join(stage.program());
+            symlink(program(stage.name), link).unwrap();
         }
         Self { folder }
     }

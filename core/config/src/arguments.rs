@@ -11,7 +11,7 @@ pub struct SelectionArguments {
     /// Radar: isdr-c, navtech-cts, or a file; if not given, it follows from the input
     #[arg(long, value_name = "NAME|FILE")]
     sensor: Option<String>,
-    /// Where the sensors sit on the robot, and how the drivers reach them; if not given, as the input says
+    /// Where the sensors sit on the robot, and how the drivers reach them; if not given, as in the input
     #[arg(long, value_name = "FILE")]
     robot: Option<String>,
     /// Set one key, such as ndt.cell_size_m=0.5; may be given several times
@@ -42,7 +42,7 @@ impl SelectionArguments {
         text
     }
 
-    /// The configuration in force; `sensor_from_input`: what the input says that its radar is.
+    /// The configuration in force; `sensor_from_input`: the radar that the input names.
     pub fn load(&self, sensor_from_input: Option<&'static str>) -> Result<Loaded, Error> {
         self.load_recorded(sensor_from_input, None)
     }

@@ -4,7 +4,7 @@
 pub(crate) struct Builtin {
     /// What the user calls it.
     pub name: &'static str,
-    /// Where it stands in the repository.
+    /// Its path in the repository.
     pub source: &'static str,
     /// Its text.
     pub text: &'static str,

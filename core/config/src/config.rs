@@ -75,8 +75,7 @@ impl Config {
         }
     }
 
-    /// A number that differs where any value differs that something is computed by: FNV-1a over all keys with their
-    /// values.
+    /// A number that differs where any value differs that is used in computing: FNV-1a over all keys with their values.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint_of(|section| !DRIVERS.contains(&section))
     }
@@ -132,7 +131,7 @@ config! {
     view: View,
 }
 
-/// Sections that say how messages come about, not what follows from them: another address makes no other map.
+/// Sections that decide how messages are acquired, not what is computed from them: another address makes the same map.
 const DRIVERS: &[&str] = &["radar", "imu", "record", "view"];
 
 /// What must be below what, as section and key.
@@ -143,15 +142,15 @@ const BELOW: &[[(&str, &str); 2]] = &[
 ];
 
 impl Config {
-    /// Refuses keys that are good each but contradict each other.
+    /// Refuses keys that are valid each but contradict each other.
     pub(crate) fn check(&self, origins: &Origins) -> Result<(), Error> {
         let number = |(section, key)| self.get(section, key).and_then(|text| text.parse().ok());
         let describe = |(section, key): (&'static str, &'static str)| {
-            let place = origins.get(&(section, key)).map(ToString::to_string);
+            let location = origins.get(&(section, key)).map(ToString::to_string);
             format!(
                 "{section}.{key} = {} ({})",
                 self.get(section, key).unwrap_or_default(),
-                place.as_deref().unwrap_or("default")
+                location.as_deref().unwrap_or("default")
             )
         };
         for &[less, more] in BELOW {

@@ -1,28 +1,28 @@
 //! Why a configuration is refused.
 
-use crate::{Origins, Place};
+use crate::{Location, Origins};
 
 /// Why a configuration is refused (exit code 78).
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system's word on a file.
+    /// A file that the operating system does not read.
     #[error("{path}: {source}")]
     Io {
         /// The file.
         path: String,
-        /// Its word.
+        /// Its error.
         source: std::io::Error,
     },
     /// Not TOML.
-    #[error("{place}: {problem}")]
+    #[error("{location}: {problem}")]
     Syntax {
         /// Where.
-        place: Place,
-        /// What the TOML reader says.
+        location: Location,
+        /// The error of the TOML reader.
         problem: String,
     },
-    /// Neither a built-in name nor a file.
+    /// A name that is neither built in nor a file.
     #[error(
         "there is neither a {kind} nor a file named {name:?}; did you mean {nearest:?}? ({known}, or a file's path)"
     )]
@@ -37,32 +37,32 @@ pub enum Error {
         known: String,
     },
     /// No such section.
-    #[error("{place}: unknown section [{name}]; did you mean [{nearest}]?")]
+    #[error("{location}: unknown section [{name}]; did you mean [{nearest}]?")]
     UnknownSection {
         /// Where.
-        place: Place,
-        /// What stands there.
+        location: Location,
+        /// What is written there.
         name: String,
         /// The nearest known section.
         nearest: &'static str,
     },
     /// No such key.
-    #[error("{place}: unknown key {name:?}; did you mean {nearest:?}?")]
+    #[error("{location}: unknown key {name:?}; did you mean {nearest:?}?")]
     UnknownKey {
         /// Where.
-        place: Place,
-        /// What stands there, as `section.key`.
+        location: Location,
+        /// What is written there, as `section.key`.
         name: String,
         /// The nearest known key, as `section.key`.
         nearest: String,
     },
-    /// A sensor file says how to drive, or the like.
+    /// A section in a file that may not hold it, such as how to drive in a sensor file.
     #[error(
-        "{place}: section [{name}] does not belong into a {kind} file, which holds {sections} only; put it into a profile"
+        "{location}: section [{name}] does not belong in a {kind} file, which holds {sections} only; put it into a profile"
     )]
     Misplaced {
         /// Where.
-        place: Place,
+        location: Location,
         /// The section.
         name: String,
         /// What the file is for: `sensor` or `robot`.
@@ -71,10 +71,10 @@ pub enum Error {
         sections: String,
     },
     /// The value has the wrong type or is outside its range.
-    #[error("{place}: {name} is {found}, it must be {expected}")]
+    #[error("{location}: {name} is {found}, it must be {expected}")]
     Value {
         /// Where.
-        place: Place,
+        location: Location,
         /// The key, as `section.key`.
         name: String,
         /// The value as it was written.
@@ -88,7 +88,7 @@ pub enum Error {
         /// What was given.
         text: String,
     },
-    /// Two keys that are good each but not together.
+    /// Two keys that are valid each but not together.
     #[error("{less}, it must be below {more}")]
     Contradiction {
         /// The key that should be less, its value and where it comes from.
@@ -96,7 +96,7 @@ pub enum Error {
         /// The key that should be more, its value and where it comes from.
         more: String,
     },
-    /// Keys that are good each but make too much together.
+    /// Keys that are valid each but make too much together.
     #[error("{} together make {what}: {size:.0}, at most {most:.0} are possible", .keys.join(", "))]
     TooLarge {
         /// The keys, their values and where they come from.
@@ -120,10 +120,10 @@ pub enum Error {
         key: &'static str,
         /// Its value.
         configured: f64,
-        /// What the input says.
+        /// What the input has.
         found: f64,
     },
-    /// More than one mistake, in the order of their places.
+    /// More than one mistake, in the order of their locations.
     #[error("{} mistakes:{}", .0.len(), .0.iter().map(|e| format!("\n  {e}")).collect::<String>())]
     Several(
         /// Each of them.
@@ -132,16 +132,16 @@ pub enum Error {
 }
 
 impl Error {
-    /// A value that whoever uses it cannot work with, where it was written.
+    /// A value that its user cannot work with, with the location where it was written.
     pub fn value(
         origins: &Origins,
         (section, key): (&'static str, &'static str),
         found: &str,
         expected: String,
     ) -> Self {
-        let place = origins.get(&(section, key)).cloned();
+        let location = origins.get(&(section, key)).cloned();
         Self::Value {
-            place: place.unwrap_or_else(|| Place {
+            location: location.unwrap_or_else(|| Location {
                 source: "defaults".to_owned(),
                 line: None,
             }),

@@ -1,4 +1,4 @@
-//! How large grow what several keys make together: grids, and the work of a search.
+//! How large several keys together make something: grids, and the work of a search.
 
 use crate::Config;
 
@@ -10,10 +10,10 @@ const REACH_KEYFRAMES: f64 = 8.0;
 const SQUARES_MAX: f64 = 2048.0;
 /// The same of the mapper's, which keeps a grid of 1 MB for every fourth keyframe.
 const MAP_SQUARES_MAX: f64 = 512.0;
-/// Products in one search for places that look alike: a tenth of a second.
+/// Products in one search for keyframes that look alike: a tenth of a second.
 const PRODUCTS_MAX: f64 = 2e8;
 
-/// Something that several keys make, and how large it may be.
+/// Something whose size several keys decide, and how large it may be.
 pub(crate) struct Product {
     /// The keys, as section and name.
     pub keys: &'static [(&'static str, &'static str)],
@@ -47,7 +47,7 @@ impl Config {
         self.sight_m() + self.map_reach_m()
     }
 
-    /// All that grows with more than one key.
+    /// Everything whose size depends on more than one key.
     pub(crate) fn products(&self) -> [Product; 4] {
         let squares = |extent_m: f64| 2.0 * extent_m / self.cell_size_m();
         let loops = &self.loops;

@@ -6,7 +6,7 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 /// DNS allows no longer name, and no longer label in one.
 const NAME_MAX: usize = 253;
 const LABEL_MAX: usize = 63;
-/// The name that browsers never look up: it is always the machine that they run on.
+/// The name that browsers never resolve: it is always the machine that they run on.
 const LOCALHOST: &str = "localhost";
 
 /// A host as a URL or a Host header names it.
@@ -14,12 +14,12 @@ const LOCALHOST: &str = "localhost";
 pub enum Host {
     /// A literal address. No web page can change where it leads.
     Address(IpAddr),
-    /// A name, in lower case. Whoever owns it decides where it leads, and may change that.
+    /// A name, in lower case. Its owner decides where it leads, and may change that.
     Name(String),
 }
 
 impl Host {
-    /// Reads a host alone; an IPv6 address stands in brackets. `None` for anything that no browser
+    /// Reads a host alone; an IPv6 address is in brackets. `None` for anything that no browser
     /// writes: user information, a trailing dot, an IPv6 zone, an IPv4 address in another notation.
     pub fn parse(text: &str) -> Option<Self> {
         if let Some(inside) = text.strip_prefix('[') {

@@ -5,7 +5,7 @@ use crate::{Error, Sensor};
 /// Models of one family differ by less than this factor, families by more.
 const FACTOR_MAX: f64 = 1.5;
 
-/// What an input says of the radar that made it, as far as it does.
+/// What an input holds of the radar that made it; `None` where it holds nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InputGeometry {
     /// Width of a range bin, m.
@@ -26,18 +26,18 @@ pub fn check_input(sensor: &Sensor, input: &InputGeometry) -> Result<(), Error> 
         configured,
         found,
     };
-    // Zero stands for "not said" in a sweep's head.
-    let said = |value: Option<f64>| value.filter(|v| v.is_finite() && *v > 0.0);
+    // Zero means unknown in a sweep's head.
+    let known = |value: Option<f64>| value.filter(|v| v.is_finite() && *v > 0.0);
     for (key, configured, found) in [
         (
             "range_resolution_m",
             sensor.range_resolution_m,
-            said(input.range_resolution_m),
+            known(input.range_resolution_m),
         ),
         (
             "azimuth_step_rad",
             sensor.azimuth_step_rad,
-            said(input.azimuth_step_rad),
+            known(input.azimuth_step_rad),
         ),
     ] {
         if let Some(found) = found
@@ -46,7 +46,7 @@ pub fn check_input(sensor: &Sensor, input: &InputGeometry) -> Result<(), Error> 
             return Err(misfit(key, configured, found));
         }
     }
-    match said(input.range_max_m) {
+    match known(input.range_max_m) {
         Some(found) if found > sensor.range_max_m * FACTOR_MAX => {
             Err(misfit("range_max_m", sensor.range_max_m, found))
         }

@@ -1,25 +1,25 @@
 //! One file or override, laid over what is in force.
 
 use crate::section::Refusal;
-use crate::{Config, Error, Place};
+use crate::{Config, Error, Location};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
-/// No configuration is longer; a device or a log given by mistake is.
+/// No configuration is longer; a device or a log that was given by mistake is.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// Where each key that somebody has set was set, by section and key. Keys that are not here have their default.
-pub type Origins = BTreeMap<(&'static str, &'static str), Place>;
+/// Where each key that was set was set, by section and key. Keys that are not here have their default.
+pub type Origins = BTreeMap<(&'static str, &'static str), Location>;
 
 /// A kind of file that holds some sections only.
 #[derive(Debug)]
 pub(crate) struct Kind {
-    /// What people call it.
+    /// Its name for people.
     pub name: &'static str,
-    /// The sections that belong into it.
+    /// The sections that belong in it.
     pub sections: &'static [&'static str],
 }
 
@@ -41,7 +41,7 @@ pub(crate) struct Layer<'a> {
     pub source: &'a str,
     /// Its text.
     pub text: &'a str,
-    /// What kind of file it is, where it may not hold every section.
+    /// What kind of file it is, if it may not hold every section.
     pub only: Option<&'static Kind>,
 }
 
@@ -57,29 +57,29 @@ pub(crate) fn read_text(path: &str) -> Result<String, Error> {
         .take(BYTES_MAX + 1)
         .read_to_end(&mut bytes)
         .map_err(io)?;
-    let refuse = |place, problem: &str| Error::Syntax {
-        place,
+    let refuse = |location, problem: &str| Error::Syntax {
+        location,
         problem: problem.to_owned(),
     };
     if count as u64 > BYTES_MAX {
         return Err(refuse(
-            Place::whole(path),
+            Location::whole(path),
             "longer than 1 MiB, so not a configuration",
         ));
     }
     String::from_utf8(bytes).map_err(|error| {
         let (valid, bytes) = (error.utf8_error().valid_up_to(), error.as_bytes());
         let line = 1 + bytes.iter().take(valid).filter(|&&b| b == b'\n').count();
-        let place = Place {
+        let location = Location {
             source: path.to_owned(),
             line: Some(line),
         };
-        refuse(place, "not UTF-8, so not a configuration")
+        refuse(location, "not UTF-8, so not a configuration")
     })
 }
 
 impl Layer<'_> {
-    /// Lays the text over `config`. Everything that is wrong is told; what is right is set all the same.
+    /// Lays the text over `config`. Returns everything that is wrong; what is right is set all the same.
     pub fn apply(&self, config: &mut Config, origins: &mut Origins) -> Vec<Error> {
         let (table, syntax) = DeTable::parse_recoverable(self.text);
         if !syntax.is_empty() {
@@ -89,15 +89,15 @@ impl Layer<'_> {
         let mut sections: Vec<_> = table.get_ref().iter().collect();
         sections.sort_by_key(|(name, _)| name.span().start);
         for (name, keys) in sections {
-            let place = self.place(name.span());
+            let location = self.location(name.span());
             let name = name.get_ref().as_ref();
-            if let Some(problem) = self.misplaced(name, &place) {
+            if let Some(problem) = self.misplaced(name, &location) {
                 problems.push(problem);
                 continue;
             }
             match keys.get_ref() {
                 DeValue::Table(_) if !is_section(name) => {
-                    problems.push(unknown_section(place, name));
+                    problems.push(unknown_section(location, name));
                 }
                 DeValue::Table(keys) => {
                     let mut keys: Vec<_> = keys.iter().collect();
@@ -109,44 +109,44 @@ impl Layer<'_> {
                             key: key.get_ref(),
                             value: value.get_ref(),
                             found,
-                            place: self.place(key.span()),
+                            location: self.location(key.span()),
                         };
                         problems.extend(setting.apply(config, origins).err());
                     }
                 }
                 DeValue::Array(_) if is_section(name) => problems.push(Error::Syntax {
-                    place,
+                    location,
                     problem: format!("[[{name}]] is a list; write [{name}]"),
                 }),
                 _ if is_section(name) => problems.push(Error::Syntax {
-                    place,
+                    location,
                     problem: format!("{name} is a section; write [{name}] and its keys below"),
                 }),
                 // A key above the first section.
-                _ => problems.push(unknown_key(place, "", name)),
+                _ => problems.push(unknown_key(location, "", name)),
             }
         }
         problems
     }
 
-    fn place(&self, span: Range<usize>) -> Place {
-        Place::at(self.source, self.text, span.start)
+    fn location(&self, span: Range<usize>) -> Location {
+        Location::at(self.source, self.text, span.start)
     }
 
     fn syntax(&self, error: &toml::de::Error) -> Error {
         Error::Syntax {
-            place: error
+            location: error
                 .span()
-                .map_or_else(|| Place::whole(self.source), |span| self.place(span)),
+                .map_or_else(|| Location::whole(self.source), |span| self.location(span)),
             problem: error.message().to_owned(),
         }
     }
 
-    fn misplaced(&self, name: &str, place: &Place) -> Option<Error> {
+    fn misplaced(&self, name: &str, location: &Location) -> Option<Error> {
         let only = self.only?;
         let misplaced = is_section(name) && !only.sections.contains(&name);
         misplaced.then(|| Error::Misplaced {
-            place: place.clone(),
+            location: location.clone(),
             name: name.to_owned(),
             kind: only.name,
             sections: format!("[{}]", only.sections.join("], [")),
@@ -174,18 +174,18 @@ pub(crate) fn apply_override(
         key,
         value: parsed.as_ref().map_or(&bare, |value| value.get_ref()),
         found,
-        place: Place::whole("--set"),
+        location: Location::whole("--set"),
     }
     .apply(config, origins)
 }
 
-/// One key with its value, as somebody wrote it.
+/// One key with its value, as it was written.
 struct Setting<'a> {
     section: &'a str,
     key: &'a str,
     value: &'a DeValue<'a>,
     found: &'a str,
-    place: Place,
+    location: Location,
 }
 
 impl Setting<'_> {
@@ -195,23 +195,25 @@ impl Setting<'_> {
             key,
             value,
             found,
-            place,
+            location,
         } = self;
         let name = format!("{section}.{key}");
         let found = found.to_owned();
         match config.set(section, key, value) {
             Ok(()) => {
-                // The names as they stand in the code live as long as the program.
+                // The names in the code live as long as the program.
                 let known = Config::SECTIONS.iter().find(|s| s.name == section);
                 let known =
                     known.and_then(|s| Some((s.name, s.keys.iter().find(|k| k.name == key)?)));
-                origins.extend(known.map(|(section, key)| ((section, key.name), place)));
+                origins.extend(known.map(|(section, key)| ((section, key.name), location)));
                 Ok(())
             }
-            Err(Refusal::NoSuchKey) if !is_section(section) => Err(unknown_section(place, section)),
-            Err(Refusal::NoSuchKey) => Err(unknown_key(place, section, key)),
+            Err(Refusal::NoSuchKey) if !is_section(section) => {
+                Err(unknown_section(location, section))
+            }
+            Err(Refusal::NoSuchKey) => Err(unknown_key(location, section, key)),
             Err(Refusal::Value(expected)) => Err(Error::Value {
-                place,
+                location,
                 name,
                 found,
                 expected,
@@ -224,7 +226,7 @@ fn is_section(name: &str) -> bool {
     Config::SECTIONS.iter().any(|section| section.name == name)
 }
 
-/// The known name that is nearest to what was written.
+/// The known name that is nearest to the one that was written.
 pub(crate) fn nearest(written: &str, known: impl Iterator<Item = &'static str>) -> &'static str {
     // People shorten names more often than they mistype them: a common beginning counts.
     let likeness = |name: &str| strsim::jaro_winkler(written, name);
@@ -233,16 +235,16 @@ pub(crate) fn nearest(written: &str, known: impl Iterator<Item = &'static str>) 
         .unwrap_or_default()
 }
 
-fn unknown_section(place: Place, name: &str) -> Error {
+fn unknown_section(location: Location, name: &str) -> Error {
     Error::UnknownSection {
-        place,
+        location,
         name: name.to_owned(),
         nearest: nearest(name, Config::SECTIONS.iter().map(|s| s.name)),
     }
 }
 
 /// An unknown key with the nearest known one: of its own section, unless another's is nearer by more than a slip.
-fn unknown_key(place: Place, section: &str, key: &str) -> Error {
+fn unknown_key(location: Location, section: &str, key: &str) -> Error {
     const OTHER_SECTION: usize = 2;
     let distance = |(of, name): &(&'static str, &'static str)| {
         strsim::osa_distance(key, name) + if *of == section { 0 } else { OTHER_SECTION }
@@ -258,7 +260,7 @@ fn unknown_key(place: Place, section: &str, key: &str) -> Error {
         _ => format!("{section}.{key}"),
     };
     Error::UnknownKey {
-        place,
+        location,
         name,
         nearest,
     }

@@ -4,15 +4,15 @@ use crate::builtin::{Builtin, PROFILES, ROBOT, SENSORS};
 use crate::layer::{
     Kind, Layer, Origins, ROBOT_FILE, SENSOR_FILE, apply_override, nearest, read_text,
 };
-use crate::{Config, Error, Place, RadarSource, Robot};
+use crate::{Config, Error, Location, RadarSource, Robot};
 use std::io::ErrorKind;
 
-/// The environment where the user names none.
+/// The environment if the user names none.
 pub const DEFAULT_PROFILE: &str = "mixed";
-/// The radar where neither the user nor the input names one.
+/// The radar if neither the user nor the input names one.
 const DEFAULT_SENSOR: &str = "isdr-c";
 
-/// Where the sensors sit: the input may say it too.
+/// Where the sensors sit: the input may have it too.
 const ROBOT_SECTION: &str = "robot";
 
 /// What the user and the input ask for.
@@ -22,7 +22,7 @@ pub struct Selection {
     pub profile: Option<String>,
     /// Radar: a built-in name or a file's path. It goes over a profile's own section `sensor`.
     pub sensor: Option<String>,
-    /// Radar as the input says; a profile's own section `sensor` goes over it.
+    /// Radar as the input names it; a profile's own section `sensor` goes over it.
     pub sensor_from_input: Option<&'static str>,
     /// The whole configuration of a recorded run, which holds where the user names neither profile nor sensor.
     pub recorded: Option<String>,
@@ -37,14 +37,14 @@ pub struct Selection {
 pub struct Loaded {
     /// What is in force.
     pub config: Config,
-    /// Where it was said.
+    /// Where its values were set.
     pub origins: Origins,
-    /// What another build knew and this one does not, of a log's own configuration: it is passed over.
+    /// Keys of a log's own configuration that this build does not have: they are ignored.
     pub passed_over: Vec<String>,
 }
 
 impl Config {
-    /// Reads what is asked for. Everything that is wrong in a file is told at once.
+    /// Reads what is asked for. The error has everything that is wrong in a file.
     pub fn load(selection: &Selection) -> Result<Loaded, Error> {
         let mut loaded = Loaded::default();
         let profile = selection.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
@@ -99,21 +99,20 @@ impl Selection {
 }
 
 impl Loaded {
-    /// Whether anybody has set a key of this section; where nobody has set [`crate::Robot`], the input's own
-    /// mounting holds.
+    /// Whether a key of this section was set; where none of [`crate::Robot`] was, the input's own mounting holds.
     pub fn is_set(&self, section: &str) -> bool {
         self.origins.keys().any(|(of, _)| *of == section)
     }
 
-    /// Takes the mounting from the input where nobody has set one.
+    /// Takes the mounting from the input unless one was set.
     pub fn mount(&mut self, robot: Robot) {
         if self.is_set(ROBOT_SECTION) {
             return;
         }
         self.config.robot = robot;
         for key in Robot::KEYS {
-            let place = Place::whole("the input");
-            self.origins.insert((ROBOT_SECTION, key.name), place);
+            let location = Location::whole("the input");
+            self.origins.insert((ROBOT_SECTION, key.name), location);
         }
     }
 
@@ -170,8 +169,8 @@ impl Loaded {
     }
 }
 
-/// What lies over a file: `*.toml` in the folder FILE.d beside it, in the order of their names. So a package's file can stay
-/// as it is, and what one robot has of its own is a file by itself.
+/// The files that are laid over a file: `*.toml` in the folder FILE.d beside it, in the order of their names. So a
+/// package's file can stay as it is, and what one robot has of its own is in a separate file.
 fn drop_ins(path: &str) -> Result<Vec<String>, Error> {
     let folder = format!("{path}.d");
     let io = |source| Error::Io {

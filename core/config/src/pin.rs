@@ -6,7 +6,7 @@ use std::fmt;
 use std::net::{IpAddr, SocketAddr};
 use toml::de::DeValue;
 
-/// What stands for a pin that is not set.
+/// The text of a pin that is not set.
 const ANY: &str = "any";
 
 /// The device number that datagrams must have; `None`: any.
@@ -45,7 +45,7 @@ impl SenderPin {
             Ok(address) => (address.ip(), Some(address.port())),
             Err(_) => (text.parse().ok()?, None),
         };
-        // Nobody sends from these.
+        // No sender has these addresses.
         let is_nobody = ip.is_unspecified() || ip.is_multicast() || port == Some(0);
         (!is_nobody).then_some(Self {
             ip: Some(ip.to_canonical()),
@@ -163,8 +163,8 @@ mod tests {
             "radar.sender=radar.local",
             "radar.sender=\"\"",
         ] {
-            let told = load(wrong).unwrap_err();
-            assert!(told.contains("any"), "{wrong}: {told}");
+            let refusal = load(wrong).unwrap_err();
+            assert!(refusal.contains("any"), "{wrong}: {refusal}");
         }
     }
 }

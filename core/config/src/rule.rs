@@ -22,13 +22,13 @@ pub enum Rule {
     Graduation,
 }
 
-/// Rounder losses than this change nothing any more.
+/// Larger shapes than this change nothing any more.
 const LOSS_SHAPE_LEAST: f64 = -16.0;
 /// The shape of a loss that still bends: the next multiple of 0.5 is the plain square.
 const LOSS_SHAPE_MOST: f64 = 1.5;
 /// Each factor is a solve; the paper has three.
 const FACTORS_MAX: usize = 10;
-/// A loss this much wider than the last one takes everything for an inlier.
+/// A loss this much wider than the last one treats everything as an inlier.
 const FACTOR_MAX: f64 = 1000.0;
 
 /// Numbers between two, both included, and the reasons for the bounds.

@@ -1,4 +1,4 @@
-//! One definition per key: type, default, range, unit and reason stand in one place and yield the
+//! One definition per key: type, default, range, unit and reason are written once and yield the
 //! struct, its reader, its check and its help.
 
 use crate::Rule;

@@ -60,7 +60,7 @@ section! {
         /// How much wider a cell is made along a direction in which its points fill the square: by 1 + slack where a wall
         /// runs through. Squares move with the robot and would hold it back along bare walls.
         pub slack: f64 = 5.0
-            => within(0.0, 1000.0, "0 believes walls as they are cut; above, a wall says nothing along itself"),
+            => within(0.0, 1000.0, "0 believes walls as they are cut; above, a wall holds nothing along itself"),
     }
 }
 
@@ -69,7 +69,7 @@ section! {
     pub struct Odometry {
         /// Scans in the window, l of the paper.
         pub window: u32 = 3
-            => within(1.0, 20.0, "the newest scan at least; more scans cost time and say nothing new"),
+            => within(1.0, 20.0, "the newest scan at least; more scans cost time and add nothing new"),
         /// Remove the motion inside a sweep, beam by beam.
         pub deskew: bool = true,
         /// Submap cells that each scan cell is compared with (paper: 4, Oxford 2).
@@ -107,7 +107,7 @@ section! {
             => within(0.0, 60.0, "0 waits for nothing; a minute is longer than any pause of a living IMU"),
         /// A gap between sweeps above this opens a new odometry frame, s.
         pub gap_max_s: f64 = 1.0
-            => within(0.01, 60.0, "shorter than any sweep; after a minute nobody knows where the robot is"),
+            => within(0.01, 60.0, "shorter than any sweep; after a minute the robot may be anywhere"),
         /// Fastest speed that the platform can have, m/s; an estimate above it is lost.
         pub speed_max_m_s: f64 = 20.0 => within(0.1, 100.0, "a crawl; faster than any car on a road"),
     }
@@ -116,10 +116,10 @@ section! {
 section! {
     /// Keyframes (paper, III-D; by distance and angle, none at standstill).
     pub struct Keyframe {
-        /// A keyframe at least every so many metres.
+        /// A keyframe at least after this distance, m.
         pub distance_m: f64 = 0.5
             => within(0.02, 50.0, "what a pose is known to; a Navtech's scans farther apart have little in common"),
-        /// A keyframe at least every so many radians.
+        /// A keyframe at least after this turn, rad.
         pub angle_rad: f64 = 0.35 => within(0.01, 10.0, "half a degree; above pi never by angle"),
     }
 }
@@ -183,10 +183,10 @@ section! {
         /// Keyframes that must have had a return from a cell before it is occupied: an echo by way of a mirror seldom
         /// comes from one place twice.
         pub hits_min: u32 = 2
-            => within(1.0, 1000000.0, "one sight at least; more than a drive has keyframes, so never"),
+            => within(1.0, 1000000.0, "one return at least; more than a drive has keyframes, so never"),
         /// Keyframes that must have looked through a cell before it is free: one alone may have looked through a wall.
         pub misses_min: u32 = 2
-            => within(1.0, 1000000.0, "one look at least; more than a drive has keyframes, so never"),
+            => within(1.0, 1000000.0, "one beam at least; more than a drive has keyframes, so never"),
         /// Of the keyframes that speak of a cell, the share that must have had a return from it before it is occupied.
         /// Low, because a beam that grazes a wall passes through its cells before it comes back from one of them, and
         /// because a wrong wall costs a detour and a missing one the robot. Simulated: 0.2 finds 93 % of the walls that
@@ -256,7 +256,7 @@ choice! {
     pub enum RadarSource ("\"navtech\" or \"beam-udp\"") {
         /// A Navtech CTS or CIR by its own protocol, Colossus over TCP.
         Navtech = "navtech",
-        /// Any radar that somebody bridges to the protocol of docs/beam-udp.md: the iSDR-C's own is not public.
+        /// Any radar that is bridged to the protocol of docs/beam-udp.md: the iSDR-C's own is not public.
         BeamUdp = "beam-udp",
     }
 }
@@ -299,7 +299,7 @@ section! {
         /// device that sends whole sweeps, and doubts them while another one sends too.
         pub device: DevicePin = DevicePin::default(),
         /// beam-udp: the IP that the radar's datagrams come from, with or without its port, likewise. Set it wherever
-        /// anybody else can reach radar.address: whoever can, can send sweeps.
+        /// others can reach radar.address: all of them can send sweeps.
         pub sender: SenderPin = SenderPin::default(),
         /// navtech: order of bytes in the stamps of azimuths: auto, le or be.
         pub byte_order: ByteOrder = ByteOrder::Auto,
@@ -307,7 +307,7 @@ section! {
         /// machine loses none. net.core.rmem_max must allow it.
         pub receive_buffer_bytes: u32 = 4_194_304
             => within(65536.0, 1073741824.0, "one datagram; a gibibyte, what the kernel allows at most"),
-        /// Without a beam for so long the radar is said to be silent, and a connection is made anew, s.
+        /// Without a beam for this time the radar is reported as silent, and a connection is made anew, s.
         pub silence_s: f64 = 1.0
             => within(0.1, 60.0, "shorter than a slow turn of the dish; longer is no answer to a cut cable"),
     }
@@ -334,9 +334,9 @@ section! {
         /// The device's signed axes that are x, y and z of the IMU, for rates.
         pub rate_axes: String = "+x +y +z".to_owned(),
         /// The same for accelerations. What a device calls its acceleration may be gravity or what holds it up, and only one
-        /// of them points up: at rest z must read +9.81 m/s^2. `randt doctor sensors` says when it does not.
+        /// of them points up: at rest z must read +9.81 m/s^2. `randt doctor sensors` reports it when it does not.
         pub acceleration_axes: String = "+x +y +z".to_owned(),
-        /// Without a sample for so long the IMU is said to be silent, and opened anew, s.
+        /// Without a sample for this time the IMU is reported as silent, and opened anew, s.
         pub silence_s: f64 = 0.5 => within(0.1, 60.0, "a few samples; longer is no answer to a pulled plug"),
     }
 }
@@ -359,7 +359,7 @@ section! {
         pub file_max_mb: f64 = 512.0 => within(1.0, 1e6, "a chunk or two; a terabyte"),
         /// ... or at this age, s.
         pub file_max_s: f64 = 1800.0 => within(1.0, 1e7, "a chunk or two; a third of a year"),
-        /// Messages are compressed together for so long, s: what a killed recorder loses. A power cut costs up to a second,
+        /// Messages are compressed together for this time, s: what a killed recorder loses. A power cut costs up to a second,
         /// because the disk is asked to keep what it has that often.
         pub chunk_s: f64 = 0.5 => within(0.05, 1.0, "a few scans' samples; what a kill may cost"),
         /// Level of the compression (zstd). 3 leaves 3 % more on the disk, 19 a tenth less at thirty times the work.
@@ -384,7 +384,7 @@ section! {
         pub host_names: HostNames = HostNames::default(),
         /// Viewers at once; one more is turned away. Each costs a few per cent of a core at most.
         pub clients_max: u32 = 8 => within(1.0, 64.0, "one viewer at least; each has buffers of its own"),
-        /// Viewers at once from one address (IPv6: one /64 network), so that nobody takes all places. On loopback, where all
+        /// Viewers at once from one address (IPv6: one /64 network), so that no viewer takes all of them. On loopback, where all
         /// come out of ssh, it does not count.
         pub clients_max_per_address: u32 = 4
             => within(1.0, 64.0, "one viewer at least; as many as there are at all"),

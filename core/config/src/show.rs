@@ -1,8 +1,8 @@
 //! The configuration in force as a documented TOML text that can be read back.
 
-use crate::{Config, Loaded, Place, Rule};
+use crate::{Config, Loaded, Location, Rule};
 
-/// Where nobody sets this section the input's own values hold, so writing its zeros would change what is done.
+/// If this section is not set the input's own values hold, so writing its zeros would change the result.
 const FROM_INPUT: &str = "robot";
 
 impl Loaded {
@@ -28,7 +28,7 @@ impl Loaded {
                         format!("# {} = {value}  # from the input, or this", key.name)
                     }
                     None => format!("{} = {value}  # default", key.name),
-                    Some(place) => format!("{} = {value}  # {}", key.name, one_line(place)),
+                    Some(location) => format!("{} = {value}  # {}", key.name, one_line(location)),
                 };
                 text.push_str(&line);
                 text.push('\n');
@@ -45,9 +45,9 @@ fn comment(text: &mut String, lines: &[&str]) {
 }
 
 /// A path may hold any character; a comment must not.
-fn one_line(place: &Place) -> String {
+fn one_line(location: &Location) -> String {
     let mut line = String::new();
-    for character in place.to_string().chars() {
+    for character in location.to_string().chars() {
         if character.is_control() {
             line.extend(character.escape_default());
         } else {

@@ -1,4 +1,4 @@
-//! Where a web page comes from, as its browser says in the Origin header (RFC 6454).
+//! Where a web page comes from, as its browser names it in the Origin header (RFC 6454).
 
 use crate::Host;
 use std::fmt;
@@ -18,7 +18,7 @@ pub struct WebOrigin {
     port: Option<u16>,
 }
 
-/// What is no origin, `null` above all: a page of anybody can have that one, by a sandboxed frame.
+/// What is no origin, such as `null`: any page can have that one, by a sandboxed frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "an origin is SCHEME://HOST or SCHEME://HOST:PORT, such as https://viewer.example:8443, or file://"

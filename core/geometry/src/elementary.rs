@@ -54,7 +54,7 @@ pub fn pow(x: f64, y: f64) -> f64 {
 pub fn wrap(angle_rad: f64) -> f64 {
     let turns = ((angle_rad + PI) / (2.0 * PI)).floor();
     let wrapped = angle_rad - turns * (2.0 * PI);
-    // Rounding can land a hair outside on either side.
+    // Rounding can give a value just outside on either side.
     if wrapped >= PI {
         wrapped - 2.0 * PI
     } else if wrapped < -PI {

@@ -185,7 +185,7 @@ impl Pose2 {
         )
     }
 
-    /// The pose between `self` (fraction 0) and `other` (1): position straight, heading the short way round.
+    /// The pose between `self` (fraction 0) and `other` (1): position straight, heading along the shorter way round.
     pub fn interpolate(&self, other: &Self, fraction: f64) -> Self {
         Self::new(
             self.x_m + (other.x_m - self.x_m) * fraction,

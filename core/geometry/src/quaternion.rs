@@ -34,7 +34,7 @@ impl Quaternion {
         z: 0.0,
     };
 
-    /// From components (w, x, y, z), normalised; identity where their length is zero or not finite.
+    /// From components (w, x, y, z), normalised; identity if their length is zero or not finite.
     pub fn new(w: f64, x: f64, y: f64, z: f64) -> Self {
         let norm = (w * w + x * x + y * y + z * z).sqrt();
         if norm > 0.0 && norm.is_finite() {

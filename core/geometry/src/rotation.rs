@@ -1,6 +1,6 @@
 //! Time against angle of a turning sensor: what a turntable of constant speed would have, by least squares.
 //!
-//! Stamps of beams come in bursts of up to 16 ms (Navtech); the turntable's speed is steadier than that by far.
+//! Stamps of beams come in bursts of up to 16 ms (Navtech); the turntable's speed is far steadier than that.
 
 /// A line through (counts, time).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,7 +40,7 @@ impl Rotation {
         }
     }
 
-    /// When the encoder stood at so many counts, ns.
+    /// When the encoder was at this count, ns.
     pub fn ns(&self, counts: f64) -> i64 {
         let relative = self.ns_per_unit as f64 * (self.offset + self.per_count * counts);
         self.first
@@ -48,7 +48,7 @@ impl Rotation {
             .saturating_add(relative.round() as i64)
     }
 
-    /// How long the encoder takes for so many counts, ns.
+    /// How long the encoder takes for this number of counts, ns.
     pub fn duration_ns(&self, counts: f64) -> f64 {
         self.ns_per_unit as f64 * self.per_count * counts
     }

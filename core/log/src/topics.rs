@@ -1,38 +1,31 @@
 //! Every topic that a log of ours may hold.
 
 use crate::Channel;
-use randt_messages::{
-    ImuSampleTopic, Keyframe, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid,
-    OdometryStateTopic, RadarPoints, RadarScan, StageHealthTopic, Topic, TruthPoseTopic,
-};
+use randt_messages::{Topic, TopicVisitor, visit_log_topics};
+use std::convert::Infallible;
 
-macro_rules! topics {
-    ($($topic:ty),+ $(,)?) => {
-        /// Every topic of ours that a log may hold, with its channel.
-        pub fn channels() -> Vec<Channel> {
-            vec![$(Channel::from_topic::<$topic>()),+]
-        }
+/// Collects the channel of each topic.
+struct Channels(Vec<Channel>);
 
-        /// The channel of one of our topics by its name.
-        pub fn channel_of(topic: &str) -> Option<Channel> {
-            match topic {
-                $(name if name == <$topic>::NAME => Some(Channel::from_topic::<$topic>()),)+
-                _ => None,
-            }
-        }
-    };
+impl TopicVisitor for Channels {
+    type Error = Infallible;
+
+    fn visit<T: Topic>(&mut self) -> Result<(), Infallible> {
+        self.0.push(Channel::from_topic::<T>());
+        Ok(())
+    }
 }
 
-topics!(
-    RadarScan,
-    ImuSampleTopic,
-    RadarPoints,
-    OdometryStateTopic,
-    Keyframe,
-    MapperCorrection,
-    MapperGraph,
-    MapperGrid,
-    StageHealthTopic,
-    TruthPoseTopic,
-    LogDropTopic,
-);
+/// Every topic of ours that a log may hold, with its channel.
+pub fn channels() -> Vec<Channel> {
+    let mut channels = Channels(Vec::new());
+    let Ok(()) = visit_log_topics(&mut channels);
+    channels.0
+}
+
+/// The channel of one of our topics by its name.
+pub fn channel_of(topic: &str) -> Option<Channel> {
+    channels()
+        .into_iter()
+        .find(|channel| channel.topic == topic)
+}

@@ -1,6 +1,6 @@
 //! `log/drop`: messages that a log lacks.
 
-use crate::{Header, layout::coded, plain, topic};
+use crate::{Header, layout::coded, plain};
 
 coded! {
     /// Why messages were not recorded.
@@ -52,9 +52,4 @@ plain! {
         /// Zero.
         pub reserved: u32,
     }
-}
-
-topic! {
-    /// Topic of [`LogDrop`]; only in logs, never on the bus.
-    LogDropTopic = "log/drop/v1": LogDrop, [(); 0];
 }

@@ -1,6 +1,6 @@
 //! `stage/health`: the state of a stage, as it publishes it.
 
-use crate::{Header, layout::coded, plain, topic};
+use crate::{Header, layout::coded, plain};
 
 /// Most ports of a stage that are reported: the recorder reads every topic.
 pub const HEALTH_PORTS: usize = 12;
@@ -89,11 +89,6 @@ pub fn text_of(field: &[u8]) -> &str {
     let end = field.iter().position(|byte| *byte == 0);
     let bytes = field.get(..end.unwrap_or(field.len())).unwrap_or_default();
     core::str::from_utf8(bytes).unwrap_or_default()
-}
-
-topic! {
-    /// Topic of [`StageHealth`]: many writers, twice a second each, and one at once when the loop is entered.
-    StageHealthTopic = "stage/health/v1": StageHealth, [(); 0];
 }
 
 #[cfg(test)]

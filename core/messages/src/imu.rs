@@ -1,6 +1,6 @@
 //! `imu/sample`: one reading of an inertial measurement unit.
 
-use crate::{Header, plain, topic};
+use crate::{Header, plain};
 
 plain! {
     /// One reading in the IMU's own frame (x forward, y left, z up when mounted upright, SI units).
@@ -16,9 +16,4 @@ plain! {
         /// Specific force along x, y, z, m/s^2; about +9.81 on z at rest and upright.
         pub acceleration_m_s2: [f64; 3],
     }
-}
-
-topic! {
-    /// Topic of [`ImuSample`], about 250 Hz.
-    ImuSampleTopic = "imu/sample/v1": ImuSample, [(); 0];
 }

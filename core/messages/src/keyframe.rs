@@ -1,6 +1,6 @@
 //! `odometry/keyframe`: a scan with its final pose, de-skewed, for the mapper.
 
-use crate::{Header, MAX_BEAMS, plain, radar::MAX_RETURNS, topic};
+use crate::{Header, MAX_BEAMS, plain};
 
 plain! {
     /// Where a beam began and looked, in the keyframe's `base_link` at the sweep's end.
@@ -56,9 +56,4 @@ plain! {
         /// The table; entries from `beam_count` on are zero.
         pub beams: [KeyframeBeam; MAX_BEAMS],
     }
-}
-
-topic! {
-    /// A keyframe, published when its scan leaves the window.
-    Keyframe = "odometry/keyframe/v1": KeyframeHead, [KeyframePoint; MAX_RETURNS];
 }

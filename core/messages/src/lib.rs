@@ -30,25 +30,29 @@ mod mapper;
 mod odometry;
 mod radar;
 mod topic;
+mod topics;
 mod truth;
 
 pub use checkpoint::{LastRecorded, PoseRecord};
-pub use drop::{DropCause, LogDrop, LogDropTopic};
-pub use health::{HEALTH_PORTS, PortHealth, StageHealth, StageHealthTopic, StageState};
-pub use imu::{ImuSample, ImuSampleTopic};
-pub use keyframe::{Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint};
+pub use drop::{DropCause, LogDrop};
+pub use health::{HEALTH_PORTS, PortHealth, StageHealth, StageState};
+pub use imu::ImuSample;
+pub use keyframe::{KeyframeBeam, KeyframeHead, KeyframePoint};
 pub use layout::Layout;
 pub use mapper::{
-    Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphEntryKind, GraphHead, MapperCorrection,
-    MapperGraph, MapperGrid, TILE_CELLS, TileHead,
+    Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphEntryKind, GraphHead, TILE_CELLS, TileHead,
 };
-pub use odometry::{ImuUse, OdometryState, OdometryStateTopic, Trust};
+pub use odometry::{ImuUse, OdometryState, Trust};
 pub use radar::{
-    Beam, MAX_BEAMS, MAX_RETURNS, PointsHead, RadarPoints, RadarScan, Return, ScanHead, SensorKind,
-    SweepHead,
+    Beam, MAX_BEAMS, MAX_RETURNS, PointsHead, Return, ScanHead, SensorKind, SweepHead,
 };
 pub use topic::{Message, MessageRef, Topic};
-pub use truth::{TruthPose, TruthPoseTopic};
+pub use topics::{
+    BUS_TOPICS, BusTopic, ImuSampleTopic, Keyframe, LogDropTopic, MapperCorrection, MapperGraph,
+    MapperGrid, OdometryStateTopic, RadarPoints, RadarScan, StageHealthTopic, TopicQos,
+    TopicVisitor, TruthPoseTopic, visit_bus_topics, visit_log_topics,
+};
+pub use truth::TruthPose;
 
 plain! {
     /// The beginning of every message.

@@ -1,6 +1,6 @@
 //! `mapper/correction`, `mapper/graph`, `mapper/grid`: the global map as it becomes known.
 
-use crate::{Header, layout::coded, plain, topic};
+use crate::{Header, layout::coded, plain};
 
 /// Cells along an edge of a tile of the occupancy grid.
 pub const TILE_CELLS: usize = 64;
@@ -95,13 +95,4 @@ plain! {
         /// Edge of a cell, m.
         pub resolution_m: f64,
     }
-}
-
-topic! {
-    /// Topic of [`Correction`], on change.
-    MapperCorrection = "mapper/correction/v1": Correction, [(); 0];
-    /// Topic of the pose graph, on change and at least twice a second.
-    MapperGraph = "mapper/graph/v1": GraphHead, [GraphEntry; GRAPH_ENTRIES_MAX];
-    /// Topic of the occupancy grid's tiles that changed, paced.
-    MapperGrid = "mapper/grid/v1": TileHead, [u8; TILE_CELLS * TILE_CELLS];
 }

@@ -1,6 +1,6 @@
 //! `odometry/state`: where the robot is, how fast, how sure, after each sweep.
 
-use crate::{Header, layout::coded, plain, topic};
+use crate::{Header, layout::coded, plain};
 
 coded! {
     /// How far the pose can be believed.
@@ -92,11 +92,6 @@ impl OdometryState {
     pub fn trust(&self) -> Trust {
         Trust::from_code(self.trust)
     }
-}
-
-topic! {
-    /// Topic of [`OdometryState`], once per scan.
-    OdometryStateTopic = "odometry/state/v1": OdometryState, [(); 0];
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! `radar/scan` and `radar/points`: one sweep of a rotating radar, whole and filtered.
 
-use crate::{Header, layout::coded, plain, topic};
+use crate::{Header, layout::coded, plain};
 
 /// Most beams in a sweep.
 pub const MAX_BEAMS: usize = 1024;
@@ -135,11 +135,4 @@ impl SweepHead {
             .min(total);
         first..end.max(first)
     }
-}
-
-topic! {
-    /// Every return of a sweep, 4-5 Hz.
-    RadarScan = "radar/scan/v1": ScanHead, [Return; MAX_RETURNS];
-    /// The filtered returns of a sweep, still polar.
-    RadarPoints = "radar/points/v1": PointsHead, [Return; MAX_RETURNS];
 }

@@ -26,7 +26,7 @@ pub struct Message<T: Topic> {
     pub items: Vec<T::Item>,
 }
 
-/// A message in somebody else's memory: shared memory, a log's chunk, an owned [`Message`].
+/// A message in borrowed memory: shared memory, a log's chunk, an owned [`Message`].
 #[derive(Debug)]
 pub struct MessageRef<'a, T: Topic> {
     /// The fixed part.

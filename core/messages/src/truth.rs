@@ -1,6 +1,6 @@
 //! `truth/pose`: where a simulated robot really was. Evaluation reads it; the estimator never does.
 
-use crate::{Header, plain, topic};
+use crate::{Header, plain};
 
 plain! {
     /// True pose and velocity of `base_link` at the stamp.
@@ -12,9 +12,4 @@ plain! {
         /// Forward m/s, left m/s, yaw rate rad/s.
         pub velocity: [f64; 3],
     }
-}
-
-topic! {
-    /// Topic of [`TruthPose`].
-    TruthPoseTopic = "truth/pose/v1": TruthPose, [(); 0];
 }

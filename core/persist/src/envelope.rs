@@ -1,9 +1,9 @@
-//! What stands before a saved state: whose it is, how long, and a checksum over all of it.
+//! The envelope of a saved state: its identity, its length, and a checksum over everything.
 
 use crate::{Error, Reader, Writer};
 use bytemuck::{Pod, Zeroable};
 
-/// Which states belong together.
+/// Which states can be restored into each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StateIdentity {
     /// The kind of state.
@@ -20,7 +20,7 @@ struct Head {
     magic: [u8; 8],
     code: [u8; 16],
     config: u64,
-    /// Of the state, the head not counted.
+    /// Bytes of the state without the head.
     length: u64,
     /// Over the head with a zero here, and the state.
     crc: u32,
@@ -29,7 +29,7 @@ struct Head {
 
 const HEAD: usize = size_of::<Head>();
 
-/// Writes a state that `save` writes, with its identity; gives the number of bytes in use.
+/// Writes a state that `save` writes, with its identity; returns the number of bytes in use. Fails with [`Error::Room`].
 pub fn encode(
     identity: &StateIdentity,
     out: &mut [u8],
@@ -57,7 +57,7 @@ pub fn encode(
     Ok(needed)
 }
 
-/// Reads a state of this identity and no other. Damage is told from a foreign state.
+/// Reads a state of this identity. The error distinguishes a damaged state from a foreign one.
 pub fn decode<'a>(identity: &StateIdentity, bytes: &'a [u8]) -> Result<Reader<'a>, Error> {
     let begins = bytes.get(..8).unwrap_or(bytes);
     if begins != identity.magic {

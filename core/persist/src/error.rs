@@ -11,13 +11,13 @@ pub enum Error {
         /// Bytes of the buffer.
         room: usize,
     },
-    /// It does not begin as such a state does.
+    /// It does not begin with the magic of such a state.
     #[error("this is not a saved state of this kind: it begins with {0:?}")]
     Foreign(String),
-    /// It is shorter or longer than it says.
+    /// It is shorter or longer than its head says.
     #[error("the saved state has {found} bytes and should have {expected}")]
     Length {
-        /// Bytes that are there.
+        /// Bytes that were found.
         found: usize,
         /// Bytes that should be.
         expected: u64,
@@ -25,7 +25,7 @@ pub enum Error {
     /// Its checksum does not fit.
     #[error("the saved state is damaged: its checksum is {found:08x} and should be {expected:08x}")]
     Checksum {
-        /// Of the bytes that are there.
+        /// Of the bytes that were found.
         found: u32,
         /// As it was saved.
         expected: u32,
@@ -51,7 +51,7 @@ pub enum Error {
     /// It ends in the middle of a value, or goes on after the last.
     #[error("the saved state has other values than were asked for")]
     Shape,
-    /// A value that there cannot be.
+    /// A value that is impossible.
     #[error("the saved state holds impossible values of {0}")]
     Unsound(&'static str),
 }

@@ -1,6 +1,6 @@
 //! The macro that turns a list of fields into both directions.
 
-/// Implements [`Persist`](crate::Persist) for a struct: the fields to save, then those that stay as they were made.
+/// Implements [`Persist`](crate::Persist) for a struct: the fields to save, then those that keep the value that they were made with.
 /// The compiler refuses a list that lacks a field. `sound` names a method that says whether restored values can be
 /// worked with.
 ///

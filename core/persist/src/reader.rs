@@ -29,6 +29,29 @@ impl<'a> Reader<'a> {
         self.bytes(size_of::<T>()).map(bytemuck::pod_read_unaligned)
     }
 
+    /// The next number that [`Writer::varint`](crate::Writer::varint) wrote.
+    #[inline]
+    pub fn varint(&mut self) -> Result<u64, Error> {
+        let mut value = 0;
+        for shift in (0..u64::BITS).step_by(7) {
+            let byte: u8 = self.plain()?;
+            let bits = u64::from(byte & 0x7f);
+            value |= bits << shift;
+            if bits << shift >> shift != bits {
+                return Err(Error::Unsound("varint"));
+            }
+            if byte < 0x80 {
+                return Ok(value);
+            }
+        }
+        Err(Error::Unsound("varint"))
+    }
+
+    /// Bytes that are left.
+    pub fn rest(&self) -> &'a [u8] {
+        self.bytes
+    }
+
     /// Makes sure that nothing is left.
     pub fn end(&self) -> Result<(), Error> {
         if self.bytes.is_empty() {

@@ -19,7 +19,7 @@ macro_rules! plain {
         }
     )+ };
 }
-plain!(u32, u64, i64, f64);
+plain!(u8, u16, u32, u64, i32, i64, f32, f64);
 
 impl Persist for usize {
     fn save(&self, out: &mut Writer<'_>) {
@@ -63,14 +63,35 @@ impl<T: Persist, const N: usize> Persist for [T; N] {
     }
 }
 
-impl<A: Persist, B: Persist> Persist for (A, B) {
+macro_rules! tuple {
+    ($($name:ident $index:tt),+) => {
+        impl<$($name: Persist),+> Persist for ($($name,)+) {
+            fn save(&self, out: &mut Writer<'_>) {
+                $( self.$index.save(out); )+
+            }
+            fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+                $( self.$index.restore(from)?; )+
+                Ok(())
+            }
+        }
+    };
+}
+tuple!(A 0, B 1);
+tuple!(A 0, B 1, C 2);
+tuple!(A 0, B 1, C 2, D 3);
+
+/// Length in bytes, then UTF-8.
+impl Persist for String {
     fn save(&self, out: &mut Writer<'_>) {
-        self.0.save(out);
-        self.1.save(out);
+        self.len().save(out);
+        out.bytes(self.as_bytes());
     }
     fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
-        self.0.restore(from)?;
-        self.1.restore(from)
+        let mut length = 0_usize;
+        length.restore(from)?;
+        let text = str::from_utf8(from.bytes(length)?).map_err(|_| Error::Unsound("String"))?;
+        text.clone_into(self);
+        Ok(())
     }
 }
 

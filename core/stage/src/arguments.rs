@@ -11,7 +11,7 @@ pub struct DomainArguments {
     /// Name of the pipeline: programs with the same one see each other, others do not
     #[arg(long, value_name = "NAME", default_value = "randt")]
     pub prefix: String,
-    /// Folder in memory for what must survive a stage, in which nobody else can write; /run/randt where that is, else
+    /// Folder in memory for what must survive a stage, in which no other user can write; /run/randt if that exists, else
     /// $XDG_RUNTIME_DIR/randt, else /dev/shm/randt-UID
     #[arg(long, value_name = "DIR")]
     pub run: Option<PathBuf>,
@@ -29,7 +29,7 @@ impl DomainArguments {
 pub struct StageArguments {
     #[command(flatten)]
     domain: DomainArguments,
-    /// What the stage computes by.
+    /// The configuration that the stage computes by.
     #[command(flatten)]
     pub selection: SelectionArguments,
     /// End with this process, which has started the stage

@@ -2,56 +2,66 @@
 //!
 //! A process may be killed at any moment: while it makes a node, a service or a port, and while it
 //! clears another one away. So nothing is concluded from what a dead process has or has not done.
-//! Who holds a slot is read from the services' segments, who lives from the locks of the nodes'
-//! files. One that is dead never lives again, so the two need not be read at one instant: a slot
-//! is nobody's when its node is dead after the slot was read. iceoryx2 then takes the node out of
-//! the service, and a node's files are removed when no service has it any more. Whoever is killed
-//! over this leaves what the next one finds; iceoryx2's own clean-up, which forgets a node with
-//! its files, is switched off (`bus::configuration`).
+//! The holder of a slot is read from the services' segments, and the nodes that live from the locks
+//! of their files. A node that is dead never lives again, so the two need not be read at one
+//! instant: a slot is orphaned when its node is dead after the slot was read. iceoryx2 then takes
+//! the node out of the service, and a node's files are removed when no service has it any more. A
+//! process that is killed during the clean-up leaves what the next one finds; iceoryx2's own
+//! clean-up, which forgets a node with its files, is switched off (`ports::configuration`).
 //!
-//! Processes start one at a time, under one lock: whoever holds it knows that what is half made
-//! was left by a dead one.
+//! Processes start one at a time, under one lock: its holder knows that what is half made was left
+//! by a dead process.
 
-use crate::node_files::NodeFiles;
-use crate::service_slots::{Service, Slot, Slots, is_own_file, owner_of, segments, services};
-use crate::{Domain, Error, bus, domain::SHARED_MEMORY, node_count, rights};
+mod leftovers;
+mod node_count;
+mod node_files;
+mod service_slots;
+
+pub(crate) use leftovers::remove_all;
+pub use leftovers::{Leftover, leftovers, wipe};
+pub(crate) use node_files::NodeFiles;
+pub(crate) use service_slots::{ServiceSlots, is_own_file, owner_of, services};
+
+use crate::domain::{SHARED_MEMORY, close_to_others};
+use crate::{Domain, Error, ports};
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::prelude::ipc;
 use iceoryx2::service::{internal::ServiceInternal, service_hash::ServiceHash};
+use service_slots::{Service, ServiceSlot, segments};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, Metadata};
 use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Whoever dies meanwhile is met in the next round, and kills are seldom faster than rounds.
+/// A process that dies meanwhile is met in the next round, and kills are seldom faster than rounds.
 const ROUNDS: usize = 5;
 /// Permission to write is taken from a service's definition when it is whole.
 const HALF_MADE: u32 = 0o200;
 /// Permission to read is given to a piece of shared memory when it is whole.
 const WHOLE: u32 = 0o400;
 /// Connections are made whenever two ports meet, by stages that run, in microseconds: one that is
-/// half made for so long was left by a dead one. Everything else is made under the lock of those
+/// half made for this time was left by a dead one. Everything else is made under the lock of those
 /// who start.
 const CONNECTION: &str = "connection";
 const MADE_WITHIN: Duration = Duration::from_secs(1);
-/// A service that nobody can join and whose last stage is just removing it is gone after this
+/// A service that no process can join and whose last stage is just removing it is gone after this
 /// time.
 const REMOVED_WITHIN: Duration = Duration::from_millis(100);
 
 /// What was cleared away.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CleanUp {
-    /// Slots of services that nobody living held.
+    /// Slots of services that no living node held.
     pub slots: usize,
     /// Dead nodes that had files.
     pub nodes: usize,
-    /// Services that nobody could join any more.
+    /// Services that no process could join any more.
     pub services: usize,
 }
 
-/// Clears away what dead stages have left, while others live. Waits for those who are just
-/// starting. As [`slots_of_nobody`], not for a process that is in the domain itself.
+/// Clears away what dead stages have left, while others live. Waits for a process that is just
+/// starting. As [`orphaned_slots`], not for a process that is in the domain itself.
 pub fn clean_up(domain: &Domain) -> Result<CleanUp, Error> {
     let _start = domain.start()?;
     clean_up_before_start(domain)
@@ -61,10 +71,10 @@ pub fn clean_up(domain: &Domain) -> Result<CleanUp, Error> {
 pub(crate) fn clean_up_before_start(domain: &Domain) -> Result<CleanUp, Error> {
     remove_half_made(domain);
     remove_half_made_memory(domain);
-    rights::close_to_others(domain)?;
+    close_to_others(domain)?;
     node_count::prepare(domain)?;
     let mut done = CleanUp::default();
-    let files = NodeFiles::of(domain, None);
+    let files = NodeFiles::in_domain(domain, None);
     for _ in 0..ROUNDS {
         done.slots += free_slots(domain, None)?;
         // Deaths first: a node that is dead takes no slot after that.
@@ -88,21 +98,21 @@ pub(crate) fn clean_up_before_start(domain: &Domain) -> Result<CleanUp, Error> {
     Ok(done)
 }
 
-/// Slots that nobody living holds, by the names of their services. Not for a process that is in
-/// the domain itself: looking at the lock of one's own node gives it up.
-pub fn slots_of_nobody(domain: &Domain) -> BTreeMap<String, usize> {
+/// Slots that no living node holds, by the names of their services. Not for a process that is in
+/// the domain itself: checking the lock of its own node gives it up.
+pub fn orphaned_slots(domain: &Domain) -> BTreeMap<String, usize> {
     let mut counts = BTreeMap::new();
-    for (service, slots) in dead_slots(domain, &NodeFiles::of(domain, None)) {
+    for (service, slots) in dead_slots(domain, &NodeFiles::in_domain(domain, None)) {
         *counts.entry(service.name).or_default() += slots.len();
     }
     counts
 }
 
-/// Frees all slots that nobody living holds; gives how many. `own`: the node of this process,
-/// where it has one.
+/// Frees all slots that no living node holds; returns how many. `own`: the node of this process,
+/// if it has one.
 pub(crate) fn free_slots(domain: &Domain, own: Option<u128>) -> Result<usize, Error> {
-    let files = NodeFiles::of(domain, own);
-    let configuration = bus::configuration(domain)?;
+    let files = NodeFiles::in_domain(domain, own);
+    let configuration = ports::configuration(domain)?;
     let mut freed = 0;
     for (service, slots) in dead_slots(domain, &files) {
         let Ok(hash) = ServiceHash::try_from(service.hash.as_str()) else {
@@ -110,34 +120,34 @@ pub(crate) fn free_slots(domain: &Domain, own: Option<u128>) -> Result<usize, Er
         };
         for node in nodes_of(&slots, &files) {
             for port in slots.iter().filter_map(|slot| slot.port) {
-                // Where this fails the slot stays taken, and is met by the next one.
+                // If this fails the slot stays taken, and is met by the next process.
                 let _ = files.restore_port(node, port);
                 remove_half_made_connections(domain, port);
             }
             let Some(id) = node_id(node) else {
                 continue;
             };
-            // What it could not do is seen below, in the slots.
+            // What it could not free is found below, in the slots.
             let _ = ipc::Service::__internal_remove_node_from_service(&id, &hash, &configuration);
         }
         let still = match service.slots() {
-            Slots::Open(still) => still,
-            Slots::Closed | Slots::Unusable => Vec::new(),
+            ServiceSlots::Open(still) => still,
+            ServiceSlots::Closed | ServiceSlots::Unusable => Vec::new(),
         };
         freed += slots.iter().filter(|slot| !still.contains(slot)).count();
     }
     Ok(freed)
 }
 
-/// Services with the slots in them that nobody living holds.
-fn dead_slots(domain: &Domain, files: &NodeFiles) -> Vec<(Service, Vec<Slot>)> {
+/// Services with their slots that no living node holds.
+fn dead_slots(domain: &Domain, files: &NodeFiles) -> Vec<(Service, Vec<ServiceSlot>)> {
     let mut lives = BTreeMap::new();
     let mut found = Vec::new();
     for service in services(domain) {
-        let Slots::Open(mut slots) = service.slots() else {
+        let ServiceSlots::Open(mut slots) = service.slots() else {
             continue;
         };
-        // Asked after the slot was read.
+        // Checked after the slot was read.
         slots.retain(|slot| {
             let owner = slot.owner;
             !*lives
@@ -151,20 +161,20 @@ fn dead_slots(domain: &Domain, files: &NodeFiles) -> Vec<(Service, Vec<Slot>)> {
     found
 }
 
-/// All who hold a slot of any service.
+/// The owners of all slots of all services.
 fn holders(domain: &Domain) -> BTreeSet<u64> {
     let slots = services(domain).into_iter().map(|service| service.slots());
     let open = slots.filter_map(|slots| match slots {
-        Slots::Open(slots) => Some(slots),
-        Slots::Closed | Slots::Unusable => None,
+        ServiceSlots::Open(slots) => Some(slots),
+        ServiceSlots::Closed | ServiceSlots::Unusable => None,
     });
     open.flatten().map(|slot| slot.owner).collect()
 }
 
-/// The nodes that hold slots. One that was killed before it had written its id has files; where
-/// those are gone as well, any id of that owner will do, because an entry that is not written is
+/// The nodes that hold slots. One that was killed before it had written its id has files; if
+/// those are gone as well, any id of that owner serves, because an entry that is not written is
 /// compared by its owner.
-fn nodes_of(slots: &[Slot], files: &NodeFiles) -> BTreeSet<u128> {
+fn nodes_of(slots: &[ServiceSlot], files: &NodeFiles) -> BTreeSet<u128> {
     let mut nodes: BTreeSet<u128> = slots.iter().filter_map(|slot| slot.node).collect();
     let named: BTreeSet<u64> = nodes.iter().map(|node| owner_of(*node)).collect();
     let ids = files.ids();
@@ -177,7 +187,7 @@ fn nodes_of(slots: &[Slot], files: &NodeFiles) -> BTreeSet<u128> {
     nodes
 }
 
-/// The id as iceoryx2 has it. It makes none from a number, but reads them.
+/// The id as iceoryx2 has it. It has no constructor from a number, but it deserializes them.
 fn node_id(node: u128) -> Option<UniqueNodeId> {
     let id = serde_json::json!({
         "payload_value": node as u64,
@@ -186,12 +196,12 @@ fn node_id(node: u128) -> Option<UniqueNodeId> {
     serde_json::from_value(id).ok()
 }
 
-/// Services that nobody can join: closed and not removed, cut short, or without a segment. Whoever
-/// still holds one notices it (`memory_watch`).
+/// Services that no process can join: closed and not removed, cut short, or without a segment. A
+/// process that still holds one notices it (`memory::watch`).
 fn remove_unusable_services(domain: &Domain) -> usize {
     let unusable = || -> Vec<Service> {
         let all = services(domain).into_iter();
-        all.filter(|service| !matches!(service.slots(), Slots::Open(_)))
+        all.filter(|service| !matches!(service.slots(), ServiceSlots::Open(_)))
             .collect()
     };
     let before = unusable();
@@ -215,7 +225,7 @@ fn remove_unusable_services(domain: &Domain) -> usize {
 /// definition names. Memory is named by its port, a connection by both of its ports; a port is
 /// listed with its node before it makes any.
 fn remove_orphans(domain: &Domain, files: &NodeFiles) {
-    // What is found is looked for among owners that are read later: none is made before its owner.
+    // What is found is searched for among owners that are read later: none is made before its owner.
     let segments = segments(&domain.segment_prefix());
     let memory = files_of(domain, Path::new(SHARED_MEMORY));
     let found: Vec<(PathBuf, Metadata)> = memory.chain(files_of(domain, &domain.root())).collect();
@@ -241,16 +251,16 @@ fn remove_orphans(domain: &Domain, files: &NodeFiles) {
 fn remove_half_made_connections(domain: &Domain, port: u128) {
     for (path, found) in files_of(domain, Path::new(SHARED_MEMORY)) {
         let is_half_made = found.len() == 0 || found.permissions().mode() & WHOLE == 0;
-        let is_its = ports_of(domain, &path)
+        let is_of_port = ports_of(domain, &path)
             .is_some_and(|(ports, kind)| kind == CONNECTION && ports.contains(&port));
-        if is_half_made && is_its {
+        if is_half_made && is_of_port {
             // Best effort, as with nodes.
             let _ = fs::remove_file(path);
         }
     }
 }
 
-/// Services whose maker died over them; nobody can join them.
+/// Services whose maker died while it made them; no process can join them.
 fn remove_half_made(domain: &Domain) {
     for (path, found) in files_of(domain, &domain.root().join("services")) {
         if found.permissions().mode() & HALF_MADE != 0 {
@@ -260,7 +270,7 @@ fn remove_half_made(domain: &Domain) {
     }
 }
 
-/// Shared memory whose maker died over it, or that somebody has emptied: iceoryx2 cannot open it,
+/// Shared memory whose maker died while it made it, or that was emptied: iceoryx2 cannot open it,
 /// or waits for ever.
 fn remove_half_made_memory(domain: &Domain) {
     for (path, found) in files_of(domain, Path::new(SHARED_MEMORY)) {
@@ -275,7 +285,7 @@ fn remove_half_made_memory(domain: &Domain) {
     }
 }
 
-/// The domain's files in a folder: this user's, because anybody can make one in /dev/shm.
+/// The domain's files in a folder: this user's, because any user can make one in /dev/shm.
 fn files_of(domain: &Domain, folder: &Path) -> impl Iterator<Item = (PathBuf, Metadata)> {
     let prefix = domain.segment_prefix();
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();

@@ -1,8 +1,8 @@
 //! A program's man pages and shell completions, made of the definitions that its options are parsed by.
 //!
-//! Every program writes its own: their definitions stay in their mains, and what is packaged cannot tell of other options
-//! than what runs. It is no option of clap's, because a command that must be given would be missed first, and because
-//! `--help` is for those who use the program.
+//! Every program writes its own: the definitions stay in the mains, and the packaged pages describe the options of the
+//! program that runs. The option is not clap's, because clap would first require a subcommand, and because `--help` is
+//! for users of the program.
 
 use crate::Error;
 use clap::{Command, Parser};
@@ -13,19 +13,19 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// `PROGRAM --documents DIR` writes them below DIR, as they lie below /usr/share.
+/// `PROGRAM --documents DIR` writes them below DIR, in the folders that they have below /usr/share.
 const OPTION: &str = "--documents";
-/// Where the shells look, in Debian's packages.
+/// Where the shells search, in Debian's packages.
 const SHELLS: [(Shell, &str); 3] = [
     (Shell::Bash, "bash-completion/completions"),
     (Shell::Zsh, "zsh/vendor-completions"),
     (Shell::Fish, "fish/vendor_completions.d"),
 ];
-/// Commands stand in section 1, stages in 8: `randt imu` and `randt-imu` are two pages.
+/// Commands are in section 1, stages in 8: `randt imu` and `randt-imu` are two pages.
 const COMMANDS: &str = "1";
 const DAEMONS: &str = "8";
 
-/// Parses the command line, or writes what documents it and ends.
+/// Parses the command line, or writes its documents and ends.
 pub fn parse<A: Parser>() -> A {
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let command = A::command().version(VERSION);
@@ -47,7 +47,7 @@ fn write(command: Command, folder: &Path) -> Result<(), Error> {
     let name = command.get_name().to_owned();
     let mut completed = shown(&command).bin_name(&name);
     completed.build();
-    for (shell, place) in SHELLS {
+    for (shell, subfolder) in SHELLS {
         let mut text = Vec::new();
         shell.generate(&completed, &mut text);
         // clap_complete writes a program's hyphen in two ways for bash, so that options of its commands are not found.
@@ -56,11 +56,11 @@ fn write(command: Command, folder: &Path) -> Result<(), Error> {
             .replace(&two, &one)
             .into_bytes();
         let file = match shell {
-            // So that every age of bash-completion finds it.
+            // Every version of bash-completion finds this name.
             Shell::Bash => name.clone(),
             _ => shell.file_name(&name),
         };
-        put(&folder.join(place).join(file), &text)?;
+        put(&folder.join(subfolder).join(file), &text)?;
     }
     let mut command = command.disable_help_subcommand(true).bin_name(name);
     command.build();

@@ -1,6 +1,20 @@
-//! Domain: the world that the stages of one pipeline share, and that no other pipeline sees.
+//! Domain: what the stages of one pipeline share, and no other pipeline sees.
 
-use crate::{Error, private_folder};
+mod clock;
+mod locks;
+mod membership;
+mod private_folder;
+mod registry;
+mod rights;
+
+pub use clock::Clock;
+pub use locks::Presence;
+pub(crate) use membership::Membership;
+pub use registry::{Entry, Registry};
+pub(crate) use rights::close_to_others;
+pub use rights::{Exposed, exposed};
+
+use crate::Error;
 use randt_messages::layout::{FNV_SEED, hash_bytes};
 use rustix::fs::{Access, AtFlags, CWD, accessat};
 use std::fs;
@@ -17,8 +31,8 @@ const SOCKET_PATH_MAX: usize = 107;
 /// Most characters of a socket's name after the prefix: iceoryx2's number and ending.
 const SOCKET_NAME: usize = 38;
 
-/// A prefix and a run folder. Stages with the same ones find each other; nothing else decides that, above all not the
-/// folder in which a stage was started.
+/// A prefix and a run folder. Stages with the same ones find each other; the folder in which a stage was started does not
+/// matter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Domain {
     prefix: String,
@@ -35,7 +49,7 @@ impl Domain {
             });
         }
         let run = match run {
-            // Two stages that name it from different folders mean the same one.
+            // Two stages that name it relative to different folders get the same one.
             Some(run) => std::path::absolute(run).map_err(Error::file(run, "cannot be found"))?,
             None => Self::default_run(user()),
         };
@@ -53,7 +67,7 @@ impl Domain {
         }
     }
 
-    /// The run folder of programs that were given none: /run/randt where that is, else the folder `randt` of the user's
+    /// The run folder of programs without the option: /run/randt if that exists, else the folder `randt` of the user's
     /// session, else /dev/shm/randt-UID.
     pub fn default_run(user: u32) -> PathBuf {
         if Path::new(SYSTEM_RUN).is_dir() {
@@ -85,12 +99,12 @@ impl Domain {
         self.run.join(&self.prefix)
     }
 
-    /// iceoryx2's files that are no shared memory.
+    /// iceoryx2's files, without its shared memory.
     pub fn root(&self) -> PathBuf {
         self.folder().join("bus")
     }
 
-    /// What must survive the death of a stage, but not the machine's.
+    /// What must survive the death of a stage, but not a reboot.
     pub fn state(&self) -> PathBuf {
         self.folder().join("state")
     }
@@ -103,13 +117,13 @@ impl Domain {
         format!("{}-{:04x}_", self.prefix, hash as u16)
     }
 
-    /// Makes the folders; refuses those in which somebody else could change anything.
+    /// Makes the folders; refuses those in which another user could change anything.
     pub fn make(&self) -> Result<(), Error> {
         private_folder::check_way_to(&self.run, true)?;
         private_folder::check_trusted(&self.run)?;
         for path in [self.folder(), self.root(), self.state()] {
             if let Err(error) = private_folder::make(&path) {
-                // Nothing can be made in another user's folder.
+                // This process cannot make anything in another user's folder.
                 self.check_owner()?;
                 return Err(error);
             }
@@ -118,7 +132,7 @@ impl Domain {
         Ok(())
     }
 
-    /// Refuses a domain that another user made, or a run folder in which somebody else could make or change one.
+    /// Refuses a domain that another user made, or a run folder in which another user could make or change one.
     pub fn check_owner(&self) -> Result<(), Error> {
         private_folder::check_way_to(&self.run, false)?;
         let owner = match fs::symlink_metadata(&self.run) {
@@ -141,10 +155,10 @@ impl Domain {
     }
 }
 
-/// The folder in memory of a user's session: $XDG_RUNTIME_DIR, or what logind makes where that is not said, so that a
-/// program that cron or sudo starts finds the same one. One that is not that user's alone is none.
+/// The folder in memory of a user's session: $XDG_RUNTIME_DIR, or what logind makes where that is not set, so that a
+/// program that cron or sudo starts finds the same one. A folder that others can use is ignored.
 fn session_folder(user: u32) -> Option<PathBuf> {
-    let said = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    let named = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     let usual = PathBuf::from(format!("/run/user/{user}"));
     let is_own = |path: &PathBuf| {
         let found = fs::symlink_metadata(path);
@@ -153,7 +167,7 @@ fn session_folder(user: u32) -> Option<PathBuf> {
                 found.is_dir() && found.uid() == user && found.mode() & 0o777 == 0o700
             })
     };
-    said.into_iter().chain([usual]).find(is_own)
+    named.into_iter().chain([usual]).find(is_own)
 }
 
 /// Whether this user may make something in a folder.

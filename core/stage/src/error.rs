@@ -1,6 +1,6 @@
-//! What can go wrong between a stage and the machine that it runs on.
+//! What can go wrong between a stage and its machine.
 
-use crate::exhausted;
+use crate::ports::exhausted_resource;
 use std::path::PathBuf;
 
 /// Errors of the process shell.
@@ -23,14 +23,14 @@ pub enum Error {
     /// A file or folder of the domain.
     #[error("{}: {what}: {cause}", path.display())]
     File {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// What was tried.
+        /// What failed.
         what: &'static str,
         /// Why not.
         cause: std::io::Error,
     },
-    /// The domain belongs to somebody else.
+    /// The domain belongs to another user.
     #[error("{}: belongs to user {owner}, this process is user {user}: all stages must run as one user; start it as that user (sudo -u '#{owner}' ...), or give --run another folder", path.display())]
     OtherUser {
         /// The run folder.
@@ -40,7 +40,7 @@ pub enum Error {
         /// Ours.
         user: u32,
     },
-    /// Somebody else could change what is in a folder.
+    /// Another user could change what is in a folder.
     #[error("{}: mode {mode:o}: other users may write to it and put anything in the place of what is there; see what is in it, then chmod go-w it, or give --run another folder", path.display())]
     OpenToOthers {
         /// The folder.
@@ -63,12 +63,12 @@ pub enum Error {
     RunsAlready {
         /// Name.
         stage: String,
-        /// Who holds it.
+        /// The process that holds it.
         pid: u64,
         /// The run folder.
         run: PathBuf,
     },
-    /// All places for those who watch are taken.
+    /// The most programs that may watch do so already.
     #[error("{most} programs watch the pipeline in {} already: end one of them (randt top)", run.display())]
     TooManyWatch {
         /// The domain's folder.
@@ -87,9 +87,9 @@ pub enum Error {
         ours: &'static str,
         /// The other one.
         theirs: String,
-        /// Who has it.
+        /// The stages that have it.
         holder: String,
-        /// Who has to be restarted.
+        /// The stages that have to be restarted.
         restart: String,
     },
     /// Not enough memory for the segments.
@@ -119,7 +119,7 @@ pub enum Error {
         needed_mb: f64,
     },
     /// Shared memory was removed or cut while it was in use.
-    #[error("{}: was removed or cut while randt-{stage} used it ({files} in all): what is sent reaches nobody who starts from now on; start it again, so that all share new memory. logind does this at a user's logout (RemoveIPC=no in /etc/systemd/logind.conf, or a system user), and so does whoever clears /dev/shm", path.display())]
+    #[error("{}: was removed or cut while randt-{stage} used it ({files} in all): what it sends reaches no stage that starts from now on; start it again, so that all share new memory. logind does this at a user's logout (prevented by RemoveIPC=no in /etc/systemd/logind.conf, or by a system user), and so does a user who clears /dev/shm", path.display())]
     MemoryGone {
         /// One of the files.
         path: PathBuf,
@@ -129,7 +129,7 @@ pub enum Error {
         files: usize,
     },
     /// The system gives this process no more.
-    #[error("out of {what}; without, it would hear nothing of whoever comes new")]
+    #[error("out of {what}; without it, ports that are opened later would not connect")]
     Exhausted {
         /// What it has run out of.
         what: String,
@@ -139,16 +139,16 @@ pub enum Error {
     Bus {
         /// What was tried.
         what: String,
-        /// iceoryx2's word.
+        /// iceoryx2's error.
         cause: String,
     },
 }
 
 impl Error {
     pub(crate) fn bus(what: impl Into<String>, cause: impl std::fmt::Debug) -> Self {
-        // iceoryx2 has one word for all that the system refuses.
-        let short_of = exhausted::short_of();
-        let why = short_of.map_or(String::new(), |what| format!(", out of {what}"));
+        // iceoryx2 has one error for all that the system refuses.
+        let exhausted_resource = exhausted_resource();
+        let why = exhausted_resource.map_or(String::new(), |what| format!(", out of {what}"));
         Self::Bus {
             what: what.into(),
             cause: format!("{cause:?}{why}"),
@@ -164,12 +164,12 @@ impl Error {
     }
 }
 
-/// What helps against the bare words of iceoryx2.
+/// Explains a bare error of iceoryx2.
 fn hint(cause: &str) -> &'static str {
     if cause.contains("ExceedsMaxSupported") {
-        " (too many ports, living or left over: randt doctor tells which)"
+        " (too many ports, living or left over: randt doctor lists them)"
     } else if cause.contains("InternalError") || cause.contains("Permission") {
-        " (often another user's files: randt doctor tells whose)"
+        " (often another user's files: randt doctor lists them)"
     } else {
         ""
     }

@@ -1,8 +1,9 @@
 //! The process shell: what makes a stage's algorithm a process of the pipeline.
 //!
-//! Responsible for shared-memory ports and their quality of service, the wait loop, signals, loss counters, health,
-//! the one clock, state that outlives a process, and what systemd is told. The only crate that knows iceoryx2. Not responsible for what a
-//! stage computes: the algorithms do not know this crate, their `main.rs` brings both together.
+//! Responsible for the domain (which processes see each other), ports over shared memory and their quality of service,
+//! the wait loop, signals, health, the one clock, state that outlives a process, the memory that all of this shares, and
+//! what systemd and the journal are sent. The only crate that knows iceoryx2. Not responsible for what a stage computes:
+//! the algorithms do not know this crate, their `main.rs` brings both together.
 //!
 //! ```no_run
 //! use randt_messages::{ImuSampleTopic, OdometryStateTopic};
@@ -20,66 +21,29 @@
 //! ```
 
 mod arguments;
-mod bus;
-mod checkpoint;
-mod clock;
 mod dead_node_cleanup;
 mod documents;
 mod domain;
 mod error;
-mod exhausted;
-mod exit;
-mod health;
-mod held;
-mod journal;
-mod keyframes;
-mod leftovers;
-mod locks;
-mod mapped;
 mod memory;
-mod memory_watch;
-mod node_count;
-mod node_files;
-mod notify;
 mod observer;
-mod parent;
+mod persist;
 mod ports;
-mod preallocation;
-mod priority;
-mod private_folder;
-mod publisher;
-mod qos;
-mod registry;
-mod reload;
-mod rights;
-mod service_slots;
 mod stage;
-mod status;
-mod subscriber;
-mod supervised;
-mod wait;
-mod wire;
+mod stages;
+mod supervise;
 
 pub use arguments::{DomainArguments, StageArguments};
-pub use checkpoint::Checkpoint;
-pub use clock::Clock;
-pub use dead_node_cleanup::{CleanUp, clean_up, slots_of_nobody};
+pub use dead_node_cleanup::{CleanUp, Leftover, clean_up, leftovers, orphaned_slots, wipe};
 pub use documents::parse;
-pub use domain::Domain;
+pub use domain::{Clock, Domain, Entry, Exposed, Presence, Registry, exposed};
 pub use error::Error;
-pub use exit::ended;
-pub use keyframes::KeyframeRing;
-pub use leftovers::{Leftover, leftovers, wipe};
-pub use locks::Presence;
-pub use mapped::FileBytes;
-pub use memory_watch::memory_gone;
+pub use memory::memory_gone;
 pub use observer::{Observer, stop_requested};
-pub use parent::end_with;
-pub use priority::go_behind;
-pub use publisher::{Loan, Publisher};
-pub use qos::{Qos, TOPICS};
-pub use registry::{Entry, Registry};
-pub use rights::{Exposed, exposed};
+pub use persist::{Checkpoint, FileBytes, KeyframeRing};
+pub use ports::{
+    Descriptor, Loan, Publisher, Qos, Received, Subscriber, TOPICS, Waitable, WakeReason,
+};
 pub use stage::Stage;
-pub use subscriber::{Received, Subscriber};
-pub use wait::{Descriptor, Waitable, WakeReason};
+pub use stages::{COMPUTING_STAGES, STAGES, StageDescription, StageRole};
+pub use supervise::{end_with, ended, lower_priority};

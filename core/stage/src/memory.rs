@@ -1,72 +1,10 @@
-//! Memory is counted before it is used: where it is full, a store is the end of the process, without a word.
+//! The memory that a process shares: counted before it is used, taken before it is written, watched while it is in use.
 
-use crate::{Error, domain::SHARED_MEMORY};
-use std::fs;
-use std::os::unix::fs::MetadataExt;
-use std::path::Path;
+mod budget;
+mod preallocation;
+mod watch;
 
-/// Asks for memory on behalf of a stage.
-#[derive(Debug)]
-pub(crate) struct Memory {
-    stage: String,
-}
-
-impl Memory {
-    pub(crate) fn new(stage: &str) -> Self {
-        Self {
-            stage: stage.to_owned(),
-        }
-    }
-
-    /// Refuses where there is no room for so much more shared memory. Who runs has taken what it needs (`preallocation`), so
-    /// that nobody's is promised to others. Call it under the lock of those who start.
-    pub(crate) fn need(&self, what: &str, bytes: usize) -> Result<(), Error> {
-        let free = free(Path::new(SHARED_MEMORY));
-        if free >= bytes as u64 {
-            return Ok(());
-        }
-        Err(self.too_little(Path::new(SHARED_MEMORY), free, bytes as u64, what))
-    }
-
-    /// Refuses where there is no room for a file; what of it is there already is not counted twice.
-    pub(crate) fn need_file(&self, path: &Path, bytes: usize) -> Result<(), Error> {
-        let folder = path.parent().unwrap_or(path);
-        let there = fs::metadata(path).map_or(0, |found| found.blocks() * 512);
-        let missing = (bytes as u64).saturating_sub(there);
-        let free = free(folder);
-        if free >= missing {
-            return Ok(());
-        }
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        Err(self.too_little(mount_point(folder), free, missing, &name))
-    }
-
-    fn too_little(&self, path: &Path, free: u64, missing: u64, what: &str) -> Error {
-        Error::TooLittleMemory {
-            path: path.to_owned(),
-            stage: self.stage.clone(),
-            free_mb: free as f64 * 1e-6,
-            needed_mb: missing as f64 * 1e-6,
-            what: what.to_owned(),
-        }
-    }
-}
-
-/// Free memory; without end where the system does not say.
-pub(crate) fn free(path: &Path) -> u64 {
-    rustix::fs::statvfs(path).map_or(u64::MAX, |found| {
-        found.f_bavail.saturating_mul(found.f_frsize)
-    })
-}
-
-/// The file system that a folder is in: what can be made larger.
-fn mount_point(folder: &Path) -> &Path {
-    let inside = folder
-        .ancestors()
-        .take_while(|above| device(above) == device(folder));
-    inside.last().unwrap_or(folder)
-}
-
-fn device(path: &Path) -> Option<u64> {
-    fs::metadata(path).ok().map(|found| found.dev())
-}
+pub(crate) use budget::MemoryBudget;
+pub(crate) use preallocation::{MessageMemory, take_tables};
+pub(crate) use watch::MemoryWatch;
+pub use watch::memory_gone;

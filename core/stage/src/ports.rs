@@ -1,51 +1,198 @@
-//! What goes through a port, as `stage/health` tells it.
+//! The ports of a process: topics to write and to read, what it waits for, and what their memory costs.
 
-use randt_messages::{
-    PortHealth,
-    health::{fixed_text, text_of},
+mod bus;
+mod counters;
+mod exhausted;
+mod publisher;
+mod qos;
+mod resource;
+mod subscriber;
+mod waiter;
+mod wire;
+
+pub(crate) use bus::{Bus, configuration};
+pub(crate) use counters::PortCounters;
+pub(crate) use exhausted::exhausted_resource;
+pub use publisher::{Loan, Publisher};
+pub use qos::{Qos, TOPICS};
+pub(crate) use resource::BusResource;
+pub use subscriber::{Received, Subscriber};
+pub(crate) use waiter::WaitOutcome;
+pub use waiter::{Descriptor, Waitable, WakeReason};
+
+use crate::{
+    Error,
+    domain::Membership,
+    memory::{MemoryBudget, take_tables},
+    supervise::LastMessage,
 };
-use std::cell::Cell;
+use iceoryx2::port::notifier::Notifier;
+use iceoryx2::prelude::ipc;
+use publisher::HistoryDelivery;
+use randt_config::Sensor;
+use randt_messages::{MessageRef, PortHealth, StageHealthTopic, Topic};
 use std::rc::Rc;
+use std::time::Duration;
+use waiter::PortWaiter;
 
-/// Counters of one port, shared by the port and its stage.
-#[derive(Debug)]
-pub(crate) struct PortCounters {
-    health: Cell<PortHealth>,
+/// A process that begins to read a topic notifies its writers by this name, so that they deliver their history at once.
+pub(crate) const JOINED: &str = "stage/joined";
+/// Shared memory that a process needs beside its topics, such as the services' own tables, bytes.
+pub(crate) const TABLE_BYTES: usize = 500_000;
+
+/// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
+const LONG_RANGE_M: f64 = 50.0;
+
+/// All ports of a stage, and the node that they belong to.
+pub(crate) struct StagePorts {
+    // Fields are dropped in order: ports before the node.
+    health: Publisher<StageHealthTopic>,
+    join: BusResource<Notifier<ipc::Service>>,
+    writers: Vec<Rc<dyn HistoryDelivery>>,
+    waiter: PortWaiter,
+    bus: Bus,
+    counters: Vec<Rc<PortCounters>>,
+    /// Whether scans are as large as a Navtech's.
+    pub is_long_range: bool,
 }
 
-impl PortCounters {
-    pub(crate) fn new(topic: &str, publishes: bool) -> Rc<Self> {
-        let health = PortHealth {
-            topic: fixed_text(topic),
-            publishes: u64::from(publishes),
-            ..PortHealth::default()
-        };
-        Rc::new(Self {
-            health: Cell::new(health),
+impl StagePorts {
+    /// Makes the node and the port for health. Call it under the lock of those who start.
+    pub(crate) fn open(membership: &mut Membership, budget: &MemoryBudget) -> Result<Self, Error> {
+        budget.require("tables", TABLE_BYTES)?;
+        let bus = Bus::open(membership.domain(), membership.name())?;
+        // Not among the counted ports: it would only report itself.
+        let counters = PortCounters::new(StageHealthTopic::NAME, true);
+        let health = open_publisher(&bus, membership, budget, counters, false)?;
+        Ok(Self {
+            writers: vec![Rc::clone(&health.outgoing) as Rc<dyn HistoryDelivery>],
+            health,
+            waiter: PortWaiter::new(bus.listener(JOINED)?)?,
+            join: bus.notifier(JOINED)?,
+            bus,
+            counters: Vec::new(),
+            is_long_range: false,
         })
     }
 
-    /// One message went through.
-    pub(crate) fn count(&self, published_ns: i64) {
-        let mut health = self.health.get();
-        health.messages += 1;
-        health.last_published_ns = published_ns;
-        self.health.set(health);
+    pub(crate) fn bus(&self) -> &Bus {
+        &self.bus
     }
 
-    /// Messages were missed.
-    pub(crate) fn lose(&self, messages: u64) {
-        let mut health = self.health.get();
-        health.lost += messages;
-        self.health.set(health);
+    /// See [`crate::Stage::expect_sensor`].
+    pub(crate) fn expect_sensor(&mut self, sensor: &Sensor) {
+        self.is_long_range = sensor.range_max_m > LONG_RANGE_M;
     }
 
-    pub(crate) fn health(&self) -> PortHealth {
-        self.health.get()
+    /// Opens a topic for writing.
+    pub(crate) fn publisher<T: Topic>(
+        &mut self,
+        membership: &mut Membership,
+        budget: &MemoryBudget,
+    ) -> Result<Publisher<T>, Error> {
+        let counters = self.counters(T::NAME, true);
+        let shared = Rc::clone(&counters);
+        let publisher = open_publisher(&self.bus, membership, budget, shared, self.is_long_range)?;
+        self.keep_counters(counters);
+        self.writers
+            .push(Rc::clone(&publisher.outgoing) as Rc<dyn HistoryDelivery>);
+        Ok(publisher)
     }
 
-    pub(crate) fn is(&self, topic: &str, publishes: bool) -> bool {
-        let health = self.health.get();
-        text_of(&health.topic) == topic && health.publishes == u64::from(publishes)
+    /// Opens a topic for reading and asks its writers for their history.
+    pub(crate) fn subscriber<T: Topic>(
+        &mut self,
+        membership: &mut Membership,
+    ) -> Result<Subscriber<T>, Error> {
+        let service = self.bus.topic::<T>()?;
+        membership.add_topic::<T>()?;
+        let counters = self.counters(T::NAME, false);
+        let subscriber = Subscriber::new(&self.bus, &service, Rc::clone(&counters))?;
+        self.keep_counters(counters);
+        // Writers that cannot be woken deliver their history with the next message.
+        let _ = self.join.notify();
+        Ok(subscriber)
     }
+
+    /// The counters of a topic's ports in this direction; new ones where there is no such port.
+    fn counters(&self, topic: &str, publishes: bool) -> Rc<PortCounters> {
+        let mut known = self.counters.iter();
+        let known = known.find(|port| port.is(topic, publishes));
+        known.map_or_else(|| PortCounters::new(topic, publishes), Rc::clone)
+    }
+
+    /// From now on health has them.
+    fn keep_counters(&mut self, counters: Rc<PortCounters>) {
+        if !self
+            .counters
+            .iter()
+            .any(|known| Rc::ptr_eq(known, &counters))
+        {
+            self.counters.push(counters);
+        }
+    }
+
+    /// What went through each port.
+    pub(crate) fn health(&self) -> Vec<PortHealth> {
+        self.counters.iter().map(|port| port.health()).collect()
+    }
+
+    /// The message that the first writer sent last, in this epoch.
+    pub(crate) fn last_message(&self, epoch: u64) -> LastMessage {
+        let mut ports = self.counters.iter().map(|port| port.health());
+        let sent = ports.find(|port| port.publishes == 1);
+        LastMessage {
+            epoch,
+            sequence: sent.and_then(|port| port.messages.checked_sub(1)),
+        }
+    }
+
+    /// What a topic costs in memory, as a line for people.
+    pub(crate) fn budget<T: Topic>(&self) -> String {
+        Qos::for_topic::<T>().budget(self.is_long_range)
+    }
+
+    /// Takes the memory of all tables of the domain, also of those to which the others' ports will write on this
+    /// process's account.
+    pub(crate) fn take_tables(&self) -> Result<(), Error> {
+        take_tables(self.bus.domain())
+    }
+
+    pub(crate) fn publish_health(
+        &mut self,
+        health: MessageRef<'_, StageHealthTopic>,
+    ) -> Result<(), Error> {
+        self.health.publish(health)
+    }
+
+    /// Sleeps once, and delivers the history to readers that have joined meanwhile.
+    pub(crate) fn sleep(
+        &self,
+        on: &[&dyn Waitable],
+        pause: Duration,
+    ) -> Result<WaitOutcome, Error> {
+        let outcome = self.waiter.sleep(on, pause)?;
+        if outcome.joins {
+            self.writers
+                .iter()
+                .for_each(|writer| writer.deliver_history());
+        }
+        Ok(outcome)
+    }
+}
+
+/// Opens a topic for writing, if there is memory for it.
+fn open_publisher<T: Topic>(
+    bus: &Bus,
+    membership: &mut Membership,
+    budget: &MemoryBudget,
+    counters: Rc<PortCounters>,
+    is_long_range: bool,
+) -> Result<Publisher<T>, Error> {
+    let bytes = Qos::for_topic::<T>().bytes_in_use(is_long_range);
+    budget.require(T::NAME, bytes)?;
+    let service = bus.topic::<T>()?;
+    membership.add_topic::<T>()?;
+    let (clock, epoch) = (membership.clock(), membership.epoch());
+    Publisher::new(bus, service, clock, epoch, counters, is_long_range)
 }

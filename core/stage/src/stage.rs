@@ -1,129 +1,58 @@
 //! A stage: a process of the pipeline, from its start to its end.
 
 use crate::{
-    Clock, Domain, Error, Presence, Publisher, Qos, Registry, Subscriber,
-    bus::Bus,
-    dead_node_cleanup::clean_up_before_start,
-    health::{Condition, PERIOD_NS},
-    held::Held,
-    journal::{Journal, Moment, Priority},
-    memory::Memory,
-    memory_watch::MemoryWatch,
-    ports::PortCounters,
-    preallocation::take_tables,
-    publisher::HandsOver,
-    reload::Asked,
-    supervised::Supervised,
-    wait::{PortWaiter, Slept, Waitable, WakeReason},
+    Clock, Domain, Error, Publisher, Subscriber,
+    domain::Membership,
+    memory::{MemoryBudget, MemoryWatch},
+    ports::{StagePorts, WaitOutcome, Waitable, WakeReason},
+    supervise::{Priority, Request, StageStatus, Supervision},
 };
-use iceoryx2::port::notifier::Notifier;
-use iceoryx2::prelude::ipc;
 use randt_config::{Config, SelectionArguments, Sensor};
 use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
-use std::fs::File;
 use std::path::Path;
-use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-/// Whoever begins to read a topic tells the writers by this name, so that they hand over their history at once.
-pub(crate) const JOINED: &str = "stage/joined";
-/// What a process needs beside its topics: services' own tables, checkpoints' folders and the like, bytes.
-pub(crate) const BESIDE: usize = 500_000;
-
-/// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
-const LONG_RANGE_M: f64 = 50.0;
-
-/// A process of the pipeline.
+/// A process of the pipeline: its ports, its membership in the domain, its status, its side towards systemd, and the
+/// memory that it shares.
 pub struct Stage {
-    // Ports go before the node, the node before the presence: fields are dropped in order.
-    health: Publisher<StageHealthTopic>,
-    join: Held<Notifier<ipc::Service>>,
-    writers: Vec<Rc<dyn HandsOver>>,
-    waits: PortWaiter,
-    bus: Bus,
-    registry: Registry,
-    presence: Presence,
-    /// Held until the loop begins.
-    start: Option<File>,
-    domain: Domain,
-    clock: Clock,
-    condition: Condition,
-    journal: Journal,
-    supervised: Supervised,
-    /// A configuration that waits to be taken.
-    changed: Option<Config>,
-    ports: Vec<Rc<PortCounters>>,
-    next_health_ns: i64,
-    navtech: bool,
-    memory: Memory,
-    watch: MemoryWatch,
+    // Fields are dropped in order: ports and node before the presence in the domain.
+    ports: StagePorts,
+    membership: Membership,
+    status: StageStatus,
+    supervision: Supervision,
+    budget: MemoryBudget,
+    memory_watch: MemoryWatch,
 }
 
 impl Stage {
-    /// Enters the domain under a name; refuses where that name is taken or memory is short. One a process: a second one
-    /// would take the first one for dead, because a process does not see its own locks.
+    /// Enters the domain under a name; refuses where that name is taken or memory is short. One per process: a second
+    /// one would take the first one for dead, because a process does not see its own locks.
     pub fn open(name: &str, domain: &Domain) -> Result<Self, Error> {
-        let supervised = Supervised::begin()?;
-        let presence = domain.enter()?;
-        let clock = Clock::of(domain)?;
-        let started_ns = clock.now_ns();
-        let mut registry = Registry::enter(domain, name, started_ns)?;
-        let start = domain.start()?;
-        // Before memory is counted: that of a dead one is free.
-        clean_up_before_start(domain)?;
-        let memory = Memory::new(name);
-        memory.need("tables", BESIDE)?;
-        let bus = Bus::open(domain, name)?;
-        let qos = Qos::of::<StageHealthTopic>();
-        memory.need(StageHealthTopic::NAME, qos.bytes_in_use(false))?;
-        let service = bus.topic::<StageHealthTopic>()?;
-        registry.add_topic(StageHealthTopic::NAME, StageHealthTopic::TYPE_NAME)?;
-        let epoch = started_ns.unsigned_abs();
-        // Not among the ports that are reported: it would only report itself.
-        let counters = PortCounters::new(StageHealthTopic::NAME, true);
-        let health = Publisher::new(&bus, service, clock, epoch, counters, false)?;
-        let waits = PortWaiter::new(bus.listener(JOINED)?)?;
-        let watch = MemoryWatch::new(domain, bus.node_id());
-        registry.set_left_files(watch.left())?;
+        let supervision = Supervision::begin(name)?;
+        let mut membership = Membership::enter(domain, name)?;
+        let budget = MemoryBudget::new(name);
+        let ports = StagePorts::open(&mut membership, &budget)?;
+        let memory_watch = MemoryWatch::new(domain, ports.bus().node_id());
+        membership.set_left_files(memory_watch.left_files())?;
         let stage = Self {
-            writers: vec![Rc::clone(&health.outgoing) as Rc<dyn HandsOver>],
-            health,
-            join: bus.notifier(JOINED)?,
-            waits,
-            bus,
-            presence,
-            start: Some(start),
-            domain: domain.clone(),
-            clock,
-            condition: Condition {
-                name: name.to_owned(),
-                started_ns,
-                restarts: registry.entry().starts - 1,
-                state: StageState::Starting,
-                message: String::new(),
-                lost: 0,
-            },
-            journal: Journal::open(name),
-            supervised,
-            changed: None,
-            registry,
-            ports: Vec::new(),
-            next_health_ns: i64::MAX,
-            navtech: false,
-            memory,
-            watch,
+            ports,
+            membership,
+            status: StageStatus::starting(),
+            supervision,
+            budget,
+            memory_watch,
         };
-        stage.log_info(&qos.budget(false));
+        stage.log_info(&stage.ports.budget::<StageHealthTopic>());
         Ok(stage)
     }
 
-    /// Says which radar's scans are to be expected: they decide how much memory is needed.
+    /// Sets which radar's scans are expected: they decide how much memory is needed.
     pub fn expect_sensor(&mut self, sensor: &Sensor) {
-        self.navtech = sensor.range_max_m > LONG_RANGE_M;
+        self.ports.expect_sensor(sensor);
     }
 
-    /// Says how the configuration is read again on SIGHUP. `reads`: the sections that matter to this stage; `live`: the one
-    /// (`radar` or `imu`) that it takes without a restart, by [`Self::take_changed`].
+    /// Sets how the configuration is read again on SIGHUP. `reads`: the sections that matter to this stage; `live`: the
+    /// one (`radar` or `imu`) that it takes without a restart, by [`Self::take_changed`].
     pub fn follow_configuration(
         &mut self,
         selection: &SelectionArguments,
@@ -131,132 +60,92 @@ impl Stage {
         reads: &[&'static str],
         live: Option<&'static str>,
     ) {
-        self.supervised.follow(selection, config, reads, live);
+        self.supervision
+            .follow_configuration(selection, config, reads, live);
     }
 
     /// A configuration to take over, once.
     pub fn take_changed(&mut self) -> Option<Config> {
-        self.changed.take()
+        self.supervision.take_changed()
     }
 
     /// The domain that it is in.
     pub fn domain(&self) -> &Domain {
-        &self.domain
+        self.membership.domain()
     }
 
     /// The one clock.
     pub fn clock(&self) -> Clock {
-        self.clock
+        self.membership.clock()
     }
 
     /// This process's epoch: new at each start, rising.
     pub fn epoch(&self) -> u64 {
-        self.condition.started_ns.unsigned_abs()
+        self.membership.epoch()
     }
 
     /// Opens a topic for writing.
     pub fn publisher<T: Topic>(&mut self) -> Result<Publisher<T>, Error> {
-        let qos = Qos::of::<T>();
-        let bytes = qos.bytes_in_use(self.navtech);
-        self.memory.need(T::NAME, bytes)?;
-        let service = self.bus.topic::<T>()?;
-        self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
-        let counters = self.port(T::NAME, true);
-        let (epoch, navtech) = (self.epoch(), self.navtech);
-        let publisher = Publisher::new(&self.bus, service, self.clock, epoch, counters, navtech)?;
-        self.writers
-            .push(Rc::clone(&publisher.outgoing) as Rc<dyn HandsOver>);
-        self.log_info(&qos.budget(self.navtech));
+        let publisher = self.ports.publisher(&mut self.membership, &self.budget)?;
+        self.log_info(&self.ports.budget::<T>());
         Ok(publisher)
     }
 
-    /// Opens a topic for reading; who writes it hands over what is in reach.
+    /// Opens a topic for reading; its writers deliver the history that they still hold.
     pub fn subscriber<T: Topic>(&mut self) -> Result<Subscriber<T>, Error> {
-        let service = self.bus.topic::<T>()?;
-        self.registry.add_topic(T::NAME, T::TYPE_NAME)?;
-        let counters = self.port(T::NAME, false);
-        let subscriber = Subscriber::new(&self.bus, &service, counters)?;
-        // Writers that cannot be woken hand their history over with the next message.
-        let _ = self.join.notify();
-        Ok(subscriber)
+        self.ports.subscriber(&mut self.membership)
     }
 
     /// Refuses where there is no memory for a file in the run folder that is about to be opened.
     pub fn reserve(&self, path: &Path, bytes: usize) -> Result<(), Error> {
-        self.memory.need_file(path, bytes)
+        self.budget.require_file(path, bytes)
     }
 
-    fn port(&mut self, topic: &str, publishes: bool) -> Rc<PortCounters> {
-        if let Some(known) = self.ports.iter().find(|port| port.is(topic, publishes)) {
-            return Rc::clone(known);
-        }
-        let counters = PortCounters::new(topic, publishes);
-        self.ports.push(Rc::clone(&counters));
-        counters
-    }
-
-    /// The loop begins: tells everybody at once.
+    /// The loop begins: publishes that at once.
     pub fn running(&mut self) -> Result<(), Error> {
-        self.condition.state = StageState::Running;
-        // Also what the others' ports will write to on this one's account.
-        take_tables(&self.domain)?;
-        self.start = None;
+        self.status.state = StageState::Running;
+        self.ports.take_tables()?;
+        self.membership.end_start();
         self.publish_health()
     }
 
-    /// Says what is wrong, or with an empty text that nothing is; data lost in the stage itself are counted.
+    /// Sets what is wrong; an empty text says that nothing is. `lost`: data lost in the stage itself.
     pub fn set_status(&mut self, message: &str, lost: u64) {
-        let changed = self.condition.message != message;
-        self.condition.lost = lost;
-        self.condition.state = if message.is_empty() {
-            StageState::Running
-        } else {
-            StageState::Degraded
-        };
-        if changed {
-            message.clone_into(&mut self.condition.message);
-            if !message.is_empty() {
-                self.log(Priority::Warning, message);
-            }
+        if self.status.set(message, lost) {
+            self.log(Priority::Warning, message);
         }
     }
 
-    /// Says what people may want to know while all is well: not for the journal. Nothing is taken back that
-    /// [`Self::set_status`] has said.
+    /// Sets what people may want to know while all is well: not for the journal. What [`Self::set_status`] has set
+    /// stays.
     pub fn set_remark(&mut self, message: &str) {
-        if self.condition.state == StageState::Running && self.condition.message != message {
-            message.clone_into(&mut self.condition.message);
-        }
+        self.status.set_remark(message);
     }
 
     /// Something that `systemctl status` shall show beside rate and age, such as "trust good".
     pub fn set_status_note(&mut self, note: &str) {
-        self.supervised.set_note(note);
+        self.supervision.set_note(note);
     }
 
     /// There is nothing more to do, but what was sent last stays in reach.
     pub fn finished(&mut self) -> Result<(), Error> {
-        self.condition.state = StageState::Finished;
+        self.status.state = StageState::Finished;
         self.publish_health()
     }
 
-    /// A line for the journal.
+    /// Writes a line to the journal.
     pub fn log_info(&self, text: &str) {
         self.log(Priority::Info, text);
     }
 
     fn log(&self, priority: Priority, text: &str) {
-        let sent = self.ports.iter().map(|port| port.health());
-        let sent = sent.into_iter().find(|port| port.publishes == 1);
-        let moment = Moment {
-            epoch: self.epoch(),
-            sequence: sent.and_then(|port| port.messages.checked_sub(1)),
-        };
-        self.journal.log(priority, moment, text);
+        let last = self.ports.last_message(self.epoch());
+        self.supervision.log(priority, last, text);
     }
 
-    /// Sleeps until one of `on` has something, somebody began to read, or the time is over. Health goes out meanwhile, and
-    /// signs of life: a loop that does not come here any more hangs. Fails with [`Error::MemoryGone`] where the memory that it shares was removed or cut.
+    /// Sleeps until one of `on` has something, a reader has joined, or the time is over. Health and the watchdog's
+    /// signal go out meanwhile: a loop that does not come here any more hangs. Fails with [`Error::MemoryGone`] where
+    /// the memory that it shares was removed or cut.
     pub fn wait(
         &mut self,
         on: &[&dyn Waitable],
@@ -264,29 +153,30 @@ impl Stage {
     ) -> Result<WakeReason, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
-            self.bus.exhausted.check()?;
-            match self.supervised.asked() {
-                Some(Asked::Stop) => return Ok(WakeReason::Stop),
-                Some(Asked::Reload) if self.reload() => return Ok(WakeReason::Event),
+            self.ports.bus().exhausted.check()?;
+            match self.supervision.take_request() {
+                Some(Request::Stop) => return Ok(WakeReason::Stop),
+                Some(Request::Reload) if self.reload() => return Ok(WakeReason::Event),
                 _ => {}
             }
-            let now_ns = self.clock.now_ns();
-            if now_ns >= self.next_health_ns {
-                // First: telling writes to that memory.
+            let now_ns = self.clock().now_ns();
+            if self.status.is_due(now_ns) {
+                // First: publishing writes to that memory.
                 self.check_memory()?;
                 self.publish_health()?;
             }
-            let next_ns = self.supervised.works(now_ns).min(self.next_health_ns);
+            let watchdog_ns = self.supervision.feed_watchdog(now_ns);
+            let next_ns = watchdog_ns.min(self.status.next_publish_ns());
             let to_next = next_ns.saturating_sub(now_ns).max(0);
             let mut pause = Duration::from_nanos(to_next.unsigned_abs());
             if let Some(end) = end {
                 pause = pause.min(end.saturating_duration_since(Instant::now()));
             }
-            let slept = self.sleep(on, pause)?;
-            if slept.stop {
+            let outcome = self.sleep(on, pause)?;
+            if outcome.stop {
                 return Ok(WakeReason::Stop);
             }
-            if slept.events {
+            if outcome.events {
                 return Ok(WakeReason::Event);
             }
             if end.is_some_and(|end| Instant::now() >= end) {
@@ -295,44 +185,41 @@ impl Stage {
         }
     }
 
+    fn sleep(&self, on: &[&dyn Waitable], pause: Duration) -> Result<WaitOutcome, Error> {
+        let requests = self.supervision.descriptor()?;
+        let requests = requests.iter().map(|requests| requests as &dyn Waitable);
+        let on: Vec<&dyn Waitable> = on.iter().copied().chain(requests).collect();
+        self.ports.sleep(&on, pause)
+    }
+
     fn check_memory(&self) -> Result<(), Error> {
-        let checked = self.watch.check(&self.condition.name, &self.presence);
+        let checked = self
+            .memory_watch
+            .check(self.membership.name(), self.membership.presence());
         if checked.is_err() {
-            self.bus.gone().set();
+            self.ports.bus().memory_loss().set();
         }
         checked
     }
 
-    /// Enters the pipeline anew under the same name, after [`Error::MemoryGone`]. Ports are opened again by whoever has them.
-    /// For those who cannot start as a process again, because they know more than they have on disk.
+    /// Enters the pipeline anew under the same name, after [`Error::MemoryGone`]. Its ports have to be opened again. For
+    /// a process that cannot start again, because it knows more than it has on disk.
     pub fn renew(&mut self) -> Result<(), Error> {
-        self.bus.gone().set();
-        self.registry.leave();
-        let (name, navtech) = (self.condition.name.clone(), self.navtech);
-        *self = Self::open(&name, &self.domain.clone())?;
-        self.navtech = navtech;
+        self.ports.bus().memory_loss().set();
+        self.membership.leave();
+        let is_long_range = self.ports.is_long_range;
+        *self = Self::open(self.membership.name(), self.membership.domain())?;
+        self.ports.is_long_range = is_long_range;
         Ok(())
     }
 
-    fn sleep(&self, on: &[&dyn Waitable], pause: Duration) -> Result<Slept, Error> {
-        let request = self.supervised.descriptor()?;
-        let request = request.iter().map(|request| request as &dyn Waitable);
-        let on: Vec<&dyn Waitable> = on.iter().copied().chain(request).collect();
-        let slept = self.waits.sleep(&on, pause)?;
-        if slept.joins {
-            self.writers.iter().for_each(|writer| writer.hand_over());
-        }
-        Ok(slept)
-    }
-
-    /// Reads the configuration again; gives whether the stage has to take one over. What is wrong
-    /// with a file is said, and what was in force stays so.
+    /// Reads the configuration again; returns whether the stage has to take one over. An error in a file is logged, and
+    /// the configuration in force stays.
     fn reload(&mut self) -> bool {
-        match self.supervised.read_again(&self.condition.name) {
-            Ok(changes) => {
+        match self.supervision.read_configuration(self.membership.name()) {
+            Ok(messages) => {
                 self.log_info("the configuration was read again");
-                changes.says.iter().for_each(|text| self.log_info(text));
-                self.changed = changes.live;
+                messages.iter().for_each(|text| self.log_info(text));
             }
             Err(error) => self.log(
                 Priority::Error,
@@ -340,27 +227,31 @@ impl Stage {
             ),
         }
         // Ready again when the loop comes back.
-        self.next_health_ns = i64::MIN;
-        self.changed.is_some()
+        self.status.publish_at_once();
+        self.supervision.has_changed()
     }
 
-    /// Sends health now.
+    /// Publishes health now.
     fn publish_health(&mut self) -> Result<(), Error> {
-        let now_ns = self.clock.now_ns();
-        self.next_health_ns = now_ns + PERIOD_NS;
-        let head = self.condition.health(now_ns, &self.ports);
-        let items = &[];
-        self.supervised
-            .publish_status(now_ns, &self.condition, &self.ports);
-        self.health.publish(MessageRef { head: &head, items })
+        let now_ns = self.clock().now_ns();
+        let ports = self.ports.health();
+        let head = self
+            .status
+            .health(now_ns, self.membership.register_entry(), &ports);
+        self.supervision
+            .publish_status(now_ns, &self.status, &ports);
+        self.ports.publish_health(MessageRef {
+            head: &head,
+            items: &[],
+        })
     }
 
-    /// Says goodbye. What was sent last needs a moment to be taken by readers that are just being replaced.
+    /// Leaves the pipeline. Readers that are just being replaced get a moment to take what was sent last.
     pub fn close(mut self) -> Result<(), Error> {
-        self.condition.state = StageState::Stopping;
+        self.status.state = StageState::Stopping;
         self.publish_health()?;
         std::thread::sleep(PARTING);
-        self.registry.end()
+        self.membership.mark_ended()
     }
 }
 

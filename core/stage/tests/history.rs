@@ -1,6 +1,6 @@
-//! Whoever begins to read gets what was sent before, at once, though nothing more is sent.
+//! A new reader gets what was sent before, at once, though nothing more is sent.
 
-use crate::support::{Other, told};
+use crate::support::{Other, pipeline_folder};
 use randt_messages::{ImuSample, ImuSampleTopic, MessageRef};
 use randt_stage::{Domain, Stage, WakeReason};
 use std::path::Path;
@@ -13,7 +13,7 @@ fn domain(run: &Path) -> Domain {
 /// What the other process does: it sends three samples, and then nothing more.
 #[test]
 fn writer() {
-    let Some(run) = told() else {
+    let Some(run) = pipeline_folder() else {
         return;
     };
     let mut stage = Stage::open("writer", &domain(&run)).unwrap();

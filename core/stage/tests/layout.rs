@@ -1,6 +1,6 @@
-//! Two builds whose messages differ by two swapped fields of one size do not talk to each other, and say what to do.
+//! Two builds whose messages differ by two swapped fields of one size refuse each other, with an error that says what to do.
 
-use crate::support::{Other, told};
+use crate::support::{Other, pipeline_folder};
 use randt_stage::{Domain, Error, Stage, WakeReason};
 use std::path::Path;
 
@@ -46,10 +46,10 @@ mod theirs {
     }
 }
 
-/// What the other process does: it is the stage `drive`, which publishes until it is told to end.
+/// What the other process does: it is the stage `drive`, which publishes until it is stopped.
 #[test]
 fn other_build() {
-    let Some(run) = told() else {
+    let Some(run) = pipeline_folder() else {
         return;
     };
     let mut stage = Stage::open("drive", &Domain::new("layout", Some(&run)).unwrap()).unwrap();
@@ -80,7 +80,7 @@ fn builds_with_swapped_fields_refuse_each_other_and_name_the_stage_to_restart() 
     ] {
         assert!(text.contains(part), "{part} is not in: {text}");
     }
-    // As often as one tries.
+    // At every attempt.
     assert!(matches!(
         attempt(run.path()).unwrap_err(),
         Error::Layout { .. }

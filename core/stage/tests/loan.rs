@@ -1,6 +1,6 @@
 //! A message that was filled in shared memory arrives as one that was copied there.
 
-use crate::support::{Other, told};
+use crate::support::{Other, pipeline_folder};
 use randt_messages::{RadarScan, Return};
 use randt_stage::{Domain, Stage, WakeReason};
 use std::path::Path;
@@ -21,7 +21,7 @@ fn returns() -> impl Iterator<Item = Return> {
 
 #[test]
 fn writer() {
-    let Some(run) = told() else {
+    let Some(run) = pipeline_folder() else {
         return;
     };
     let mut stage = Stage::open("writer", &domain(&run)).unwrap();

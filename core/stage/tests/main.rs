@@ -3,7 +3,7 @@
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
-    reason = "a test says by panicking what is wrong"
+    reason = "a test reports a failure by panicking"
 )]
 
 mod support;

@@ -1,9 +1,9 @@
-//! Whatever moment a stage is killed at, and whatever moment the one that clears it away: no slot
-//! of a service stays taken by nobody, and the next stage starts.
+//! A stage may be killed at any moment, and so may the one that clears it away: no slot of a service
+//! stays orphaned, and the next stage starts.
 
-use crate::support::{Other, told};
+use crate::support::{Other, pipeline_folder};
 use randt_messages::{ImuSampleTopic, RadarScan};
-use randt_stage::{Domain, Registry, Stage, WakeReason, clean_up, slots_of_nobody};
+use randt_stage::{Domain, Registry, Stage, WakeReason, clean_up, orphaned_slots};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::os::unix::fs::FileExt;
@@ -12,7 +12,7 @@ use std::time::Duration;
 
 /// More deaths than a topic has slots for writers, and fewer than are worth waiting for.
 const DEATHS: usize = 18;
-/// Where a segment says that nobody may join any more.
+/// Where a segment marks that no process may join any more.
 const CLOSED_AT: u64 = 184 + 72;
 
 fn domain(run: &Path) -> Domain {
@@ -21,14 +21,14 @@ fn domain(run: &Path) -> Domain {
 
 /// What the other processes do: they have ports, and wait.
 fn live(name: &str) {
-    let Some(run) = told() else {
+    let Some(run) = pipeline_folder() else {
         return;
     };
     let mut stage = Stage::open(name, &domain(&run)).unwrap();
     let _scans = stage.publisher::<RadarScan>().unwrap();
     let _samples = stage.subscriber::<ImuSampleTopic>().unwrap();
     stage.running().unwrap();
-    // From the first wait on a SIGTERM is heard.
+    // From the first wait on a SIGTERM is noticed.
     stage.wait(&[], Some(Duration::ZERO)).unwrap();
     println!("ready");
     while stage.wait(&[], None).unwrap() != WakeReason::Stop {}
@@ -45,7 +45,7 @@ fn victim() {
     live("victim");
 }
 
-/// A run folder in which a stage lives, so that nobody may take all of it away.
+/// A run folder in which a stage lives, so that no process may wipe it.
 struct Pipeline {
     run: tempfile::TempDir,
     _keeper: Other,
@@ -65,7 +65,7 @@ impl Pipeline {
         domain(self.run.path())
     }
 
-    /// A stage that has lived and is killed; gives the name of its node.
+    /// A stage that has lived and is killed; returns the name of its node.
     fn death(&self, of: &str) -> String {
         let before = self.nodes();
         let victim = Other::start(&format!("slots::{of}"), self.run.path());
@@ -116,7 +116,7 @@ impl Pipeline {
     /// A stage starts and ends in order, and nothing is left of a dead one.
     fn check(&self) {
         Other::start("slots::victim", self.run.path()).stop();
-        assert_eq!(slots_of_nobody(&self.domain()), BTreeMap::new());
+        assert_eq!(orphaned_slots(&self.domain()), BTreeMap::new());
         assert_eq!(self.nodes().len(), 1, "only the keeper is there");
         let all = Registry::all(&self.domain());
         assert!(
@@ -145,7 +145,7 @@ fn a_dead_stage_whose_files_are_gone_leaves_no_slot_taken() {
     let pipeline = Pipeline::start();
     for _ in 0..DEATHS {
         let node = pipeline.death("victim");
-        let held = slots_of_nobody(&pipeline.domain());
+        let held = orphaned_slots(&pipeline.domain());
         assert!(held["radar/scan/v1"] >= 2, "{held:?}");
         pipeline.forget(&node, "");
     }
@@ -187,10 +187,10 @@ fn a_service_that_was_closed_and_not_removed_is_made_anew() {
     pipeline.check();
 }
 
-/// A stage with a topic that nobody else has.
+/// A stage with a topic that no other one has.
 #[test]
 fn reader() {
-    let Some(run) = told() else {
+    let Some(run) = pipeline_folder() else {
         return;
     };
     let mut stage = Stage::open("reader", &domain(&run)).unwrap();
@@ -198,7 +198,7 @@ fn reader() {
         .subscriber::<randt_messages::OdometryStateTopic>()
         .unwrap();
     stage.running().unwrap();
-    // From the first wait on a SIGTERM is heard.
+    // From the first wait on a SIGTERM is noticed.
     stage.wait(&[], Some(Duration::ZERO)).unwrap();
     println!("ready");
     while stage.wait(&[], None).unwrap() != WakeReason::Stop {}
@@ -213,7 +213,7 @@ fn a_service_without_its_segment_is_made_anew() {
     pipeline.forget(&node, "");
     let mut own = pipeline.segments();
     own.retain(|path| !kept.contains(path));
-    // One is not there any more, the other one is cut short.
+    // One is removed, the other one is cut short.
     fs::remove_file(&own[0]).unwrap();
     File::options()
         .write(true)
@@ -231,11 +231,11 @@ fn what_nobody_living_holds_is_freed_while_others_live() {
     let node = pipeline.death("victim");
     pipeline.forget(&node, "");
     pipeline.death("victim");
-    let held: usize = slots_of_nobody(&pipeline.domain()).values().sum();
+    let held: usize = orphaned_slots(&pipeline.domain()).values().sum();
     let done = clean_up(&pipeline.domain()).unwrap();
     assert_eq!((done.slots, done.services), (held, 0));
-    assert_eq!(slots_of_nobody(&pipeline.domain()), BTreeMap::new());
-    // Nothing of whoever lives was touched.
+    assert_eq!(orphaned_slots(&pipeline.domain()), BTreeMap::new());
+    // Nothing of the stages that live was touched.
     assert_eq!(
         clean_up(&pipeline.domain()).unwrap(),
         randt_stage::CleanUp::default()

@@ -1,7 +1,7 @@
-//! What another user of the machine can do to a pipeline beforehand and meanwhile: nothing, or it
-//! ends at once with words.
+//! What another user of the machine can do to a pipeline before and while it runs: nothing, or a
+//! start ends at once with an error.
 
-use crate::support::{command, command_as, program_for_all, told};
+use crate::support::{command, command_as, pipeline_folder, program_for_all};
 use randt_stage::{Domain, Registry, Stage, exposed};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use std::fs::{self, File, Permissions};
@@ -9,7 +9,7 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, lchown, symlink};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// The user whose the pipeline is, and another one.
+/// The pipeline's user, and another one.
 const USER: u32 = 65534;
 const STRANGER: u32 = 65533;
 const PREFIX: &str = "stranger";
@@ -19,7 +19,7 @@ const START_MAX: Duration = Duration::from_secs(60);
 /// What the pipeline's user does: it starts a stage.
 #[test]
 fn starts() {
-    let Some(run) = told() else {
+    let Some(run) = pipeline_folder() else {
         return;
     };
     match Stage::open("filter", &Domain::new(PREFIX, Some(&run)).unwrap()) {
@@ -31,7 +31,7 @@ fn starts() {
 /// Clears away what dead stages have left, which no process in the domain can do.
 #[test]
 fn cleans() {
-    if let Some(folder) = told() {
+    if let Some(folder) = pipeline_folder() {
         let [run, prefix] = [
             folder.parent().unwrap(),
             Path::new(folder.file_name().unwrap()),
@@ -47,11 +47,11 @@ fn clean(domain: &Domain) {
     assert!(other.status().unwrap().success());
 }
 
-/// What it says when it starts as the pipeline's user, who must not have to wait.
+/// The output of a start as the pipeline's user, who must not have to wait.
 fn start(program: &Path, run: &Path) -> String {
-    let said = run.parent().unwrap().join("said");
+    let output = run.parent().unwrap().join("output");
     let mut command = command_as(USER, program, "strangers::starts", run);
-    command.stdout(File::create(&said).unwrap());
+    command.stdout(File::create(&output).unwrap());
     let mut child = command.spawn().unwrap();
     let begin = Instant::now();
     while child.try_wait().unwrap().is_none() {
@@ -62,10 +62,10 @@ fn start(program: &Path, run: &Path) -> String {
         std::thread::sleep(Duration::from_millis(5));
     }
     println!("{:.2} s", begin.elapsed().as_secs_f64());
-    fs::read_to_string(said).unwrap()
+    fs::read_to_string(output).unwrap()
 }
 
-/// A run folder of the pipeline's user below a folder that everybody may look into.
+/// A run folder of the pipeline's user below a folder that all users may read.
 fn run_folder(folder: &Path) -> PathBuf {
     let run = folder.join("run");
     fs::create_dir(&run).unwrap();
@@ -103,13 +103,13 @@ fn memory_that_a_stranger_made_ends_a_start_with_words() {
         if what != "link" {
             fs::set_permissions(&path, Permissions::from_mode(0o666)).unwrap();
         }
-        let said = start(&program, &run);
-        let words = format!("{}: belongs to user {STRANGER}", path.display());
-        assert!(said.contains(&words), "{what}: {said}");
+        let output = start(&program, &run);
+        let expected = format!("{}: belongs to user {STRANGER}", path.display());
+        assert!(output.contains(&expected), "{what}: {output}");
         fs::remove_file(&path).unwrap();
     }
-    let said = start(&program, &run);
-    assert!(said.contains("it starts"), "{said}");
+    let output = start(&program, &run);
+    assert!(output.contains("it starts"), "{output}");
 
     // Root takes it away.
     fs::write(&path, []).unwrap();
@@ -143,13 +143,13 @@ fn a_stranger_can_neither_read_nor_write_what_stages_share() {
     let ended = command.args(["sh", "-c", &script]).output().unwrap();
     assert_eq!(String::from_utf8_lossy(&ended.stdout), "");
 
-    // Rights that somebody has given are taken away by the next start, and told until then.
+    // Rights that were given to others are taken away by the next start, and listed until then.
     let count = crate::support::segment(&domain, "global_mgmt");
     fs::set_permissions(&count, Permissions::from_mode(0o666)).unwrap();
-    let lock = domain.folder().join("door.lock");
+    let lock = domain.folder().join("entry.lock");
     fs::set_permissions(&lock, Permissions::from_mode(0o644)).unwrap();
-    let told: Vec<PathBuf> = exposed(&domain).into_iter().map(|file| file.path).collect();
-    assert_eq!(told, [count, lock]);
+    let listed: Vec<PathBuf> = exposed(&domain).into_iter().map(|file| file.path).collect();
+    assert_eq!(listed, [count, lock]);
     clean(&domain);
     assert_eq!(exposed(&domain), []);
     drop(stage);
@@ -167,7 +167,7 @@ fn segments_that_a_stranger_plants_beside_the_stages_do_nothing() {
     let shared = crate::support::segment(&domain, "dynamic");
     let name = shared.file_name().unwrap().to_str().unwrap();
     let (_, number) = name.rsplit_once('_').unwrap();
-    // One that says that it is the segment of a service of the living, and one that means nothing.
+    // One that claims to be the segment of a service in use, and one that claims nothing.
     let planted = [format!("zz_{number}"), "zz".to_owned()]
         .map(|name| PathBuf::from(format!("/dev/shm/{}{name}", domain.segment_prefix())));
     for path in &planted {
@@ -175,9 +175,9 @@ fn segments_that_a_stranger_plants_beside_the_stages_do_nothing() {
         chown(path, Some(STRANGER), Some(STRANGER)).unwrap();
     }
     clean(&domain);
-    assert!(shared.exists(), "what the living share was taken away");
+    assert!(shared.exists(), "a segment in use was removed");
     assert!(Registry::all(&domain).iter().all(|(_, lives)| *lives));
-    assert_eq!(exposed(&domain).len(), planted.len(), "they are told");
+    assert_eq!(exposed(&domain).len(), planted.len(), "they are listed");
     drop(stage);
     planted
         .iter()
@@ -194,14 +194,14 @@ fn a_run_folder_of_a_stranger_is_refused_before_anything_is_made() {
     let strangers = |name: &str| lchown(path(name), Some(STRANGER), Some(STRANGER)).unwrap();
     let victim = path("victim");
     fs::create_dir(&victim).unwrap();
-    let refused = |run: &Path, words: &str| {
+    let refused = |run: &Path, expected: &str| {
         let domain = Domain::new(PREFIX, Some(run)).unwrap();
         for error in [
             Stage::open("filter", &domain).err().unwrap(),
             randt_stage::wipe(&domain, true).unwrap_err(),
             domain.check_owner().unwrap_err(),
         ] {
-            assert!(error.to_string().contains(words), "{error}");
+            assert!(error.to_string().contains(expected), "{error}");
         }
         assert_eq!(fs::read_dir(&victim).unwrap().count(), 0);
     };
@@ -214,7 +214,7 @@ fn a_run_folder_of_a_stranger_is_refused_before_anything_is_made() {
         .unwrap();
     strangers("run");
     refused(&path("run"), &owned);
-    // A link in a folder that everybody may write to.
+    // A link in a folder that all users may write to.
     fs::create_dir(path("all")).unwrap();
     fs::set_permissions(path("all"), Permissions::from_mode(0o1777)).unwrap();
     symlink(&victim, path("all/run")).unwrap();

@@ -47,7 +47,7 @@ impl Inputs {
     }
 
     /// What to sleep on.
-    pub fn wakes(&self) -> Vec<&dyn Waitable> {
+    pub fn waitables(&self) -> Vec<&dyn Waitable> {
         vec![
             &self.states,
             &self.points,

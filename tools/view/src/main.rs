@@ -4,7 +4,7 @@ mod inputs;
 
 use clap::Parser;
 use inputs::Inputs;
-use randt_stage::{Descriptor, StageArguments, Waitable, WakeReason, ended, go_behind, parse};
+use randt_stage::{Descriptor, StageArguments, Waitable, WakeReason, ended, lower_priority, parse};
 use randt_view::{AccessPolicy, Board, Server, ViewerLimits, check_address};
 use std::error::Error;
 use std::process::ExitCode;
@@ -41,7 +41,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         per_address: view.clients_max_per_address as usize,
     };
     let listen = arguments.listen.as_ref().unwrap_or(&view.listen).clone();
-    go_behind();
+    lower_priority();
     let mut stage = arguments.stage.open("view")?;
     let selection = &arguments.stage.selection;
     stage.follow_configuration(selection, &config, &["robot", "view"], None);
@@ -58,7 +58,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         stage.set_remark(&server.status_remark(now_ns));
         let sockets = server.descriptors().map(Descriptor::new);
         let sockets = sockets.collect::<Result<Vec<_>, _>>()?;
-        let mut on = inputs.wakes();
+        let mut on = inputs.waitables();
         on.extend(sockets.iter().map(|socket| socket as &dyn Waitable));
         if stage.wait(&on, Some(server.pause()))? == WakeReason::Stop {
             break;

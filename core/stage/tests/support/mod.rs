@@ -1,9 +1,9 @@
-//! A second process: this test program once more, running one of its tests as somebody else.
+//! A second process: this test program once more, running one of its tests as another process.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
     clippy::panic,
-    reason = "a test says by panicking what is wrong"
+    reason = "a test reports a failure by panicking"
 )]
 
 use std::io::{BufRead, BufReader, Read};
@@ -11,16 +11,16 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-/// Tells the second process that it is it, and where the pipeline is.
+/// Marks the second process, and names the pipeline's run folder.
 const RUN: &str = "RANDT_TEST_RUN";
 
-/// The second process, once it has said that it is ready.
+/// The second process, once it is ready.
 pub struct Other {
     child: Child,
 }
 
-/// Where the pipeline is; `None` where this is the first process.
-pub fn told() -> Option<PathBuf> {
+/// The pipeline's run folder; `None` in the first process.
+pub fn pipeline_folder() -> Option<PathBuf> {
     std::env::var_os(RUN).map(PathBuf::from)
 }
 
@@ -32,7 +32,7 @@ pub fn command(program: &Path, test: &str, run: &Path) -> Command {
     command
 }
 
-/// The same as another user, who may run any program that everybody may run.
+/// The same as another user, who may run any program that all users may run.
 pub fn command_as(user: u32, program: &Path, test: &str, run: &Path) -> Command {
     let other = command(program, test, run);
     let mut command = Command::new("setpriv");
@@ -44,8 +44,8 @@ pub fn command_as(user: u32, program: &Path, test: &str, run: &Path) -> Command 
     command
 }
 
-/// A copy of this program that everybody may run, wherever it lies. None where this user cannot
-/// become another one, which is said.
+/// A copy of this program that all users may run, in any folder. None if this user cannot become
+/// another one, which is printed.
 pub fn program_for_all(folder: &Path) -> Option<PathBuf> {
     if !rustix::process::geteuid().is_root() {
         assert!(std::env::var_os("CI").is_none(), "CI runs this as root");
@@ -71,14 +71,14 @@ impl Other {
     pub fn start(test: &str, run: &Path) -> Self {
         let mut command = command(&std::env::current_exe().unwrap(), test, run);
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
-        let mut said = BufReader::new(child.stdout.take().unwrap());
+        let mut output = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
         while !line.contains("ready") {
             line.clear();
-            assert!(said.read_line(&mut line).unwrap() > 0, "it ended early");
+            assert!(output.read_line(&mut line).unwrap() > 0, "it ended early");
         }
-        // Whatever else it says goes nowhere.
-        std::thread::spawn(move || said.read_to_end(&mut Vec::new()));
+        // The rest of its output is discarded.
+        std::thread::spawn(move || output.read_to_end(&mut Vec::new()));
         Self { child }
     }
 
@@ -102,7 +102,7 @@ impl Other {
 
 impl Drop for Other {
     fn drop(&mut self) {
-        // Where a test failed before it was ended.
+        // If a test failed before it was ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

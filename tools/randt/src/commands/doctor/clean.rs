@@ -6,7 +6,7 @@ use crate::exit::Outcome;
 use crate::output::print;
 use crate::units::{bytes, count};
 use anyhow::{bail, ensure};
-use randt_stage::{CleanUp, Registry, clean_up, leftovers, slots_of_nobody, wipe};
+use randt_stage::{CleanUp, Registry, clean_up, leftovers, orphaned_slots, wipe};
 
 /// Cleans, or names who lives.
 pub fn run(snapshot: &DomainSnapshot, state: bool) -> anyhow::Result<Outcome> {
@@ -33,7 +33,7 @@ pub fn run(snapshot: &DomainSnapshot, state: bool) -> anyhow::Result<Outcome> {
     };
     if !state {
         // The user that cleans knows that they are dead.
-        Registry::settle(domain)?;
+        Registry::mark_dead_as_ended(domain)?;
     }
     let sum = bytes(removed.iter().map(|file| file.bytes).sum());
     let removed = count(removed.len() as u64, "file", "files");
@@ -59,7 +59,7 @@ fn beside_the_living(snapshot: &DomainSnapshot, here: &str) -> anyhow::Result<Ou
     print(&format!(
         "{here}: freed {freed}, removed {nodes} and {services}; the living were left alone\n"
     ))?;
-    let left: usize = slots_of_nobody(&snapshot.domain).values().sum();
+    let left: usize = orphaned_slots(&snapshot.domain).values().sum();
     ensure!(
         left == 0,
         "{here}: {left} slots are still held by nobody: stop all stages, then clean once more"

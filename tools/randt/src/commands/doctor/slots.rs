@@ -3,7 +3,7 @@
 use super::finding::Finding;
 use super::snapshot::DomainSnapshot;
 use crate::units::count;
-use randt_stage::slots_of_nobody;
+use randt_stage::orphaned_slots;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -35,12 +35,12 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
 
 /// Those that are nobody's now and a moment later.
 fn held_by_nobody(snapshot: &DomainSnapshot) -> BTreeMap<String, usize> {
-    let before = slots_of_nobody(&snapshot.domain);
+    let before = orphaned_slots(&snapshot.domain);
     if before.is_empty() {
         return before;
     }
     std::thread::sleep(AGAIN);
-    let mut still = slots_of_nobody(&snapshot.domain);
+    let mut still = orphaned_slots(&snapshot.domain);
     still.retain(|service, _| before.contains_key(service));
     still
 }

@@ -3,14 +3,12 @@
 use super::{owner, target};
 use crate::mission::Mission;
 use anyhow::{Context, bail, ensure};
-use randt_stage::{Domain, Entry, Registry};
+use randt_stage::{Domain, Entry, Registry, STAGES};
 use rustix::process::{Pid, Signal, kill_process};
 use std::time::{Duration, Instant};
 
-/// The order of the data's way, so that each gets what the one before sent last. `up` ends all that it has started.
-const ORDER: [&str; 9] = [
-    "up", "play", "radar", "imu", "filter", "odometry", "mapper", "view", "recorder",
-];
+/// Ended before all stages; `up` ends all that it has started.
+const FIRST: [&str; 2] = ["up", "play"];
 /// A stage ends within this time ...
 const END_MAX: Duration = Duration::from_secs(5);
 /// ... but one that brings a log to a busy disk, or a whole pipeline, within this.
@@ -36,7 +34,7 @@ pub fn stop(mission: &Mission, domain: &Domain) -> anyhow::Result<bool> {
 }
 
 fn stop_by_signals(domain: &Domain) -> anyhow::Result<()> {
-    for name in ORDER {
+    for name in FIRST.into_iter().chain(STAGES.map(|stage| stage.name)) {
         if let Some(stage) = living(domain).into_iter().find(|stage| stage.name == name) {
             end(domain, &stage)?;
         }

@@ -189,6 +189,20 @@ mod tests {
     }
 
     #[test]
+    fn every_registered_topic_that_a_stage_reads_is_a_row() {
+        let mut health = word("recorder", 0, 1, false, 0);
+        health.port_count = TOPICS.len() as u32;
+        for (port, qos) in health.ports.iter_mut().zip(TOPICS) {
+            port.topic = fixed_text(qos.topic);
+            assert!(qos.topic.len() <= 20, "too wide for the table");
+        }
+        let mut traffic = Traffic::default();
+        traffic.push(&health);
+        let rows = traffic.topics(0).into_iter().map(|row| row.name);
+        assert!(rows.eq(TOPICS.iter().map(|qos| qos.topic)));
+    }
+
+    #[test]
     fn a_rate_is_exact_however_few_messages_there_were() {
         let mut traffic = Traffic::default();
         for at_ms in [400, 900, 1400, 1900] {

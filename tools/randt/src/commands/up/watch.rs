@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 /// A stage that has reported nothing for this time is dead or stopped: twice a second it would.
 const SILENT: Duration = Duration::from_millis(1500);
 /// Stages between the log and the map.
-pub const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
+pub const STAGES: [&str; 3] = randt_stage::COMPUTING_STAGES;
 
 /// All states, each once, and the last word of every stage.
 pub struct Watch {

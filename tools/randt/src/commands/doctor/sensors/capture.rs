@@ -114,7 +114,7 @@ pub fn capture(
         bus = Bus::open(domain, lives("radar"), use_imu && lives("imu"))?;
     }
     // Without a pipeline there may be no folder for its clock.
-    let clock = Clock::of(domain).unwrap_or_else(|_| Clock::alone());
+    let clock = Clock::in_domain(domain).unwrap_or_else(|_| Clock::alone());
     let mut radar = match bus.scans {
         None => Some(Radar::new(config)?),
         Some(_) => None,
