@@ -99,7 +99,6 @@ const USERS: &[(&str, &[&str])] = &[
     ("memmap2", &["randt-stage"]),
     ("nix", &["randt-radar", "randt-stage"]),
     ("plotters", &["randt-evaluation"]),
-    ("postcard", &["randt-mapper"]),
     ("png", &["randt-radar", "randt-readers"]),
     ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),

@@ -7,7 +7,8 @@ mod shared;
 
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
-use randt_mapper::graph::{Edge, PoseGraph};
+use randt_mapper::KeyframeIdx;
+use randt_mapper::pose_graph::{Edge, PoseGraph};
 use shared::{machine, print};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -17,7 +18,7 @@ use std::time::Instant;
 const KEYFRAMES: usize = 1000;
 /// Keyframes of a lap; every second one closes a loop with the lap before.
 const LAP: usize = 100;
-/// Keyframes of a submap: each is tied to the first one, and loops lead there.
+/// Keyframes of a submap: each is held by the first one, and loops lead there.
 const SUBMAP: usize = 30;
 /// Loops that come one by one.
 const WARM_RUNS: usize = 400;
@@ -55,14 +56,14 @@ fn measured(from: usize, to: usize, turn: usize) -> Edge {
     );
     let error = Pose2::new(1e-3 * a, 1e-3 * b, 2e-4 * a);
     Edge {
-        from,
-        to,
+        from: KeyframeIdx(from),
+        to: KeyframeIdx(to),
         measured: circle(from).between(&circle(to)).compose(&error),
         information: Matrix3::from_diagonal(&[1e4, 1e4, 3e5].into()),
     }
 }
 
-/// A drive as the mapper adds it: a chain, and every keyframe tied to the root of its submap.
+/// A drive as the mapper adds it: a chain, and every keyframe held by the root of its submap.
 fn drive(keyframes: usize) -> Result<PoseGraph, Box<dyn Error>> {
     let mut graph = PoseGraph::default();
     graph.add_node(Pose2::IDENTITY)?;
@@ -134,14 +135,14 @@ fn whole(file: &Path) -> Result<(), Box<dyn Error>> {
         graph.add_node(Pose2::IDENTITY)?;
         let (mut odometry, mut loops) = (Vec::new(), Vec::new());
         for edge in &read.edges {
-            let of = if edge.to == edge.from + 1 {
+            let list = if edge.to == edge.from + 1 {
                 &mut odometry
             } else {
                 &mut loops
             };
-            of.push(Edge {
-                from: usize::try_from(edge.from)?,
-                to: usize::try_from(edge.to)?,
+            list.push(Edge {
+                from: KeyframeIdx(usize::try_from(edge.from)?),
+                to: KeyframeIdx(usize::try_from(edge.to)?),
                 measured: edge.measured,
                 information: Matrix3::from_row_slice(&edge.information.concat()),
             });

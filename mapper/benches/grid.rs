@@ -5,8 +5,8 @@
 mod shared;
 
 use randt_geometry::Pose2;
-use randt_mapper::grid::{Grid, GridKeyframe};
-use randt_mapper::{LazySight, Sight};
+use randt_mapper::occupancy::{Grid, GridKeyframe};
+use randt_mapper::{LazyObservation, Observation};
 use randt_messages::{KeyframeBeam, KeyframePoint};
 use shared::{machine, milliseconds, print};
 use std::f64::consts::TAU;
@@ -23,12 +23,12 @@ const RETURNS: u32 = 7;
 const BIN_M: f64 = 0.0161;
 /// Closures.
 const RUNS: usize = 100;
-/// May take so long; more and the map lags behind the loop that made it, ms.
+/// The longest that it may take; more and the map lags behind the loop that made it, ms.
 const ALLOWED_MS: f64 = 200.0;
 
 fn main() {
     println!("machine: {}", machine());
-    let sight = LazySight::from(keyframe());
+    let observation = LazyObservation::from(keyframe());
     // Around a block of 40 m, again and again.
     let pose = |id: u64| {
         let angle = id as f64 * 0.02;
@@ -36,11 +36,11 @@ fn main() {
         Pose2::new(20.0 * cos, 20.0 * sin, angle + 0.25 * TAU)
     };
     let keyframes = |correction: Pose2| {
-        let sight = &sight;
+        let observation = &observation;
         let keyframe = |id| GridKeyframe {
             id,
-            pose: correction.compose(&pose(id)),
-            sight,
+            map_from_base: correction.compose(&pose(id)),
+            observation,
         };
         (0..KEYFRAMES).map(keyframe).collect::<Vec<_>>()
     };
@@ -77,8 +77,8 @@ fn main() {
     for id in 0..RUNS as u64 {
         let new = GridKeyframe {
             id: KEYFRAMES + id,
-            pose: pose(id),
-            sight: &sight,
+            map_from_base: pose(id),
+            observation: &observation,
         };
         let begin = Instant::now();
         grid.update(&[new]);
@@ -88,7 +88,7 @@ fn main() {
 }
 
 /// Beams all around, each with a cluster at the same range.
-fn keyframe() -> Sight {
+fn keyframe() -> Observation {
     let (mut beams, mut points) = (Vec::new(), Vec::new());
     for beam in 0..BEAMS {
         let azimuth = f64::from(beam) / f64::from(BEAMS) * TAU;
@@ -110,5 +110,5 @@ fn keyframe() -> Sight {
             });
         }
     }
-    Sight { beams, points }
+    Observation { beams, points }
 }

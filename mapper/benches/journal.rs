@@ -8,24 +8,22 @@
 )]
 
 mod shared;
-#[path = "../tests/support/mod.rs"]
-mod support;
 
 use randt_config::Config;
+use randt_drives::{Drive, config};
 use randt_mapper::journal::{Bytes, Contents};
 use randt_mapper::{Known, Mapper, journal};
 use randt_simulator::World;
 use shared::{machine, milliseconds, print};
 use std::sync::Arc;
 use std::time::Instant;
-use support::{Drive, config};
 
 /// Sweeps of a lap, and those in which the building's robot makes a thousand keyframes: three laps and a little.
 const LAP_SCANS: u64 = 1380;
 const SCANS: u64 = 4600;
 const SCAN_S: f64 = 0.2;
 const RESTARTS: usize = 15;
-/// A mapper may be there after, and have all keyframes after so long, a drive may write so much: ms, kB/s.
+/// Limits: after this a mapper is there, after this it has all keyframes, and what a drive writes: ms, ms, kB/s.
 const RECALL_MAX_MS: f64 = 150.0;
 const RESTART_MAX_MS: f64 = 500.0;
 const RATE_MAX_KB_S: f64 = 50.0;
@@ -113,7 +111,7 @@ fn judge(config: &Config, written: &Written) {
     let mut only = Vec::new();
     journal::begin(config, &mut only);
     let (_, records) = journal::records(&written.bytes).unwrap();
-    for keyframe in records.of(journal::Kind::Keyframe) {
+    for keyframe in records.of_kind(journal::Kind::Keyframe) {
         only.extend_from_slice(keyframe.bytes);
     }
     let begin = Instant::now();
@@ -147,12 +145,12 @@ fn recall(config: &Config, bytes: &[u8]) {
     let bytes: Bytes = Arc::new(bytes.to_vec());
     let times = (0..RESTARTS).map(|_| {
         let begin = Instant::now();
-        let _recalled = Mapper::recall(config, Contents::of(&bytes).unwrap(), None);
+        let _recalled = Mapper::recall(config, Contents::read(&bytes).unwrap(), None);
         begin.elapsed()
     });
     print("recalled", times.collect(), Some(RECALL_MAX_MS));
     // After every keyframe one goes into memory; the first has all candidates and keys.
-    let mapper = Mapper::recall(config, Contents::of(&bytes).unwrap(), None).mapper;
+    let mapper = Mapper::recall(config, Contents::read(&bytes).unwrap(), None).mapper;
     for (what, known) in [
         ("a snapshot", mapper.known()),
         ("the first", Known::default()),

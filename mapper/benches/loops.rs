@@ -7,21 +7,19 @@
 )]
 
 mod shared;
-#[path = "../tests/support/mod.rs"]
-mod support;
 
+use randt_drives::{Drive, config};
 use randt_geometry::Pose2;
-use randt_mapper::{Mapper, Place, Registrar, Search, Submaps, Trail};
+use randt_mapper::{Mapper, QuerySubmap, Registrar, Search, Submaps};
 use randt_simulator::World;
 use shared::{machine, print};
 use std::fs;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
-use support::{Drive, config};
 
 /// Keyframes of the map.
 const KEYFRAMES: usize = 1000;
-/// Sweeps that make so many: three laps and a little.
+/// Sweeps that make that many: three laps and a little.
 const SCANS: u64 = 4600;
 /// Searches that are timed.
 const SEARCHES: usize = 500;
@@ -51,17 +49,17 @@ fn main() {
     let memory_mb = resident_mb() - before_mb;
     println!(
         "\nbuilding, {} keyframes of {} points, {} loops",
-        mapper.places().len(),
+        mapper.keyframes().len(),
         drive.keyframes.iter().map(|k| k.items.len()).sum::<usize>() / KEYFRAMES,
-        mapper.loops().count(),
+        mapper.accepted().count(),
     );
     print("keyframe, all of the mapper but the grid", pushes, None);
     println!("memory, grid included    {memory_mb:.0} MB (at most {MEMORY_MAX_MB:.0})");
 
-    let places = mapper.places();
+    let keyframes = mapper.keyframes();
     let mut search = Search::new(&config);
-    places.iter().for_each(|place| search.push(place));
-    let searches = (0..SEARCHES).map(|_| time(|| search.look_alikes(places, |_| None)));
+    keyframes.iter().for_each(|keyframe| search.push(keyframe));
+    let searches = (0..SEARCHES).map(|_| time(|| search.by_appearance(keyframes, |_| None)));
     print(
         "ScanContext search",
         searches.collect(),
@@ -69,21 +67,20 @@ fn main() {
     );
 
     let mut submaps = Submaps::new(&config);
-    for end in 1..=places.len() {
-        submaps.push(&places[..end]);
+    for end in 1..=keyframes.len() {
+        submaps.push(&keyframes[..end]);
     }
-    let (mut trail, mut registrar) = (Trail::new(&config), Registrar::new(&config));
+    let (mut query, mut registrar) = (QuerySubmap::new(&config), Registrar::new(&config));
     let mut refinements = Vec::new();
-    for found in mapper.loops() {
-        trail.follow(&places[..=found.to]);
-        let grid = submaps.grid(found.from, places).unwrap();
-        let start = found.relative.compose(&Pose2::from_array(OFF));
-        refinements.push(time(|| registrar.register(grid, &trail, &start)));
+    for found in mapper.accepted() {
+        query.build(&keyframes[..=found.newer.0]);
+        let grid = submaps.grid(found.older, keyframes).unwrap();
+        let start = found.older_from_newer.compose(&Pose2::from_array(OFF));
+        refinements.push(time(|| registrar.register(grid, &query, &start)));
     }
     print("loop refinement", refinements, Some(REFINEMENT_MAX_MS));
-    let followed = places.iter().enumerate();
-    let trails = followed.map(|(i, _): (usize, &Place)| time(|| trail.follow(&places[..=i])));
-    print("trail, once a search", trails.collect(), None);
+    let queries = (0..keyframes.len()).map(|i| time(|| query.build(&keyframes[..=i])));
+    print("query submap, once a search", queries.collect(), None);
 }
 
 fn time<T>(work: impl FnOnce() -> T) -> Duration {

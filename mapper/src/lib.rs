@@ -1,13 +1,16 @@
 //! odometry/keyframe to loops, pose graph and occupancy grid.
 //!
-//! Responsible for the global map: which places are the same, where every keyframe stands once that is known, and
-//! the grid to navigate by; and for coming back with the same map after a kill. Not responsible for the live pose (odometry)
-//! nor for carrying messages. A struct with `push` methods: no I/O, no clock, no thread, no randomness; only
+//! Responsible for the global map: which keyframes are of one spot, where every keyframe is once that is known, and the
+//! grid to navigate by; and for coming back with the same map after a kill. Not responsible for the live pose (odometry)
+//! nor for carrying messages.
+//!
+//! [`Mapper`] is composed of a keyframe store, place recognition, loop verification, the pose graph and the occupancy
+//! grid, each in a folder of its name; `persistence` is what outlives the process. A struct with `push` methods: no I/O, no clock, no thread, no randomness; only
 //! [`journal::JournalFile`] touches a file.
 //!
 //! ```
 //! use randt_config::Config;
-//! use randt_mapper::Mapper;
+//! use randt_mapper::{ComponentIdx, KeyframeIdx, Mapper};
 //! use randt_messages::{Keyframe, Message};
 //!
 //! let mut mapper = Mapper::new(&Config::default());
@@ -20,30 +23,26 @@
 //! }
 //! mapper.finish();
 //! assert_eq!(mapper.poses().len(), 3);
-//! assert_eq!(mapper.part_of(2), 0);
+//! assert_eq!(mapper.component_of(KeyframeIdx(2)), ComponentIdx(0));
 //! ```
 
-mod candidate;
-mod divergence;
-pub mod graph;
-pub mod grid;
-pub mod journal;
+mod index;
+mod keyframe;
 mod mapper;
-mod place;
-mod plain;
+pub mod occupancy;
+mod persistence;
+mod place_recognition;
+pub mod pose_graph;
 pub mod publication;
-mod registration;
-mod scan_context;
-mod search;
-mod sight;
-mod submap;
-mod verify;
+mod verification;
 
-pub use candidate::{Candidate, Fate, Scores};
-pub use mapper::{Counters, Known, Mapper, PassedOver, Recalled, Restored, SECTIONS};
-pub use place::Place;
-pub use registration::{Registrar, Registration};
-pub use scan_context::{Likeness, RingKey, ScanContext};
-pub use search::{Lead, Search, Source};
-pub use sight::{LazySight, Sight};
-pub use submap::{Submaps, Trail};
+pub use index::{CandidateIdx, ComponentIdx, KeyframeIdx};
+pub use keyframe::{LazyObservation, MapKeyframe, Observation};
+pub use mapper::{Counters, Mapper, SECTIONS};
+pub use persistence::{Known, Recalled, Restored, SnapshotRejection, journal};
+pub use place_recognition::{
+    CandidateOrigin, Likeness, LoopCandidate, RingKey, ScanContext, Search,
+};
+pub use verification::{
+    LoopClosure, LoopStatus, QuerySubmap, Registrar, Registration, Scores, Submaps,
+};

@@ -1,28 +1,14 @@
 //! The mapper: keyframes in, the global map out (paper, III-D).
 
-mod close;
-mod confirm;
-mod join;
-mod node;
-mod paint;
-mod restore;
-mod settle;
-mod snapshot;
-
-pub use restore::{PassedOver, Recalled, Restored};
-pub use snapshot::Known;
-
-use crate::{
-    Candidate, Fate, Place,
-    graph::{Loop, LoopId, PoseGraph},
-    grid::Grid,
-    registration::Registrar,
-    search::Search,
-    submap::{Submaps, Trail},
-};
+use crate::index::{ComponentIdx, KeyframeIdx};
+use crate::keyframe::{KeyframeStore, MapKeyframe};
+use crate::occupancy::{Grid, GridUpdate};
+use crate::place_recognition::PlaceRecognition;
+use crate::pose_graph::{KeyframeGraph, Loop};
+use crate::verification::{ComponentMerger, LoopClosure, LoopStatus, LoopVerification};
 use randt_config::Config;
 use randt_geometry::Pose2;
-use randt_messages::{Keyframe, MessageRef};
+use randt_messages::{Keyframe, KeyframeHead, MessageRef};
 
 /// The sections of the configuration that the map is computed by.
 pub const SECTIONS: [&str; 8] = [
@@ -34,11 +20,8 @@ pub(crate) fn fingerprint(config: &Config) -> u64 {
     config.fingerprint_of(|section| SECTIONS.contains(&section))
 }
 
-/// Loops are searched for every so many keyframe distances of path.
-const SEARCH_KEYFRAMES: f64 = 2.0;
-
 /// What was dropped or failed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Keyframes left out: numbers, frames or stamps that do not rise, values that are not finite.
     pub keyframes_rejected: u64,
@@ -48,43 +31,30 @@ pub struct Counters {
 
 /// The global map.
 pub struct Mapper {
-    config: Config,
-    places: Vec<Place>,
-    graph: PoseGraph,
-    submaps: Submaps,
-    search: Search,
-    trail: Trail,
-    registrar: Registrar,
+    /// Of the configuration that the map is computed by.
+    pub(crate) fingerprint: u64,
+    pub(crate) keyframes: KeyframeStore,
+    pub(crate) recognition: PlaceRecognition,
+    pub(crate) verification: LoopVerification,
+    pub(crate) merger: ComponentMerger,
+    pub(crate) graph: KeyframeGraph,
     grid: Grid,
-    candidates: Vec<Candidate>,
-    /// Loops of the graph: name there, index of the candidate.
-    loops: Vec<(LoopId, usize)>,
-    /// Path at which loops were last searched for, and at which a part was last tried to be joined, m.
-    searched_m: f64,
-    joined_m: f64,
-    counters: Counters,
     /// Rises with every change of the map.
-    version: u64,
+    pub(crate) version: u64,
 }
 
 impl Mapper {
     /// Empty.
     pub fn new(config: &Config) -> Self {
         Self {
-            places: Vec::new(),
-            graph: PoseGraph::default(),
-            submaps: Submaps::new(config),
-            search: Search::new(config),
-            trail: Trail::new(config),
-            registrar: Registrar::new(config),
+            fingerprint: fingerprint(config),
+            keyframes: KeyframeStore::default(),
+            recognition: PlaceRecognition::new(config),
+            verification: LoopVerification::new(config),
+            merger: ComponentMerger::new(config),
+            graph: KeyframeGraph::new(config),
             grid: Grid::new(&config.grid),
-            candidates: Vec::new(),
-            loops: Vec::new(),
-            searched_m: f64::NEG_INFINITY,
-            joined_m: f64::NEG_INFINITY,
-            counters: Counters::default(),
             version: 0,
-            config: config.clone(),
         }
     }
 
@@ -93,73 +63,76 @@ impl Mapper {
     ///
     /// What is kept from one keyframe to the next is what [`Mapper::restore`] brings back, no more: the graph's
     /// equations are made anew for every new node.
-    pub fn push(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
-        if !self.add(keyframe) {
-            self.counters.keyframes_rejected += 1;
+    pub fn push(&mut self, message: MessageRef<'_, Keyframe>) -> bool {
+        let keyframe = MapKeyframe::new(message, self.keyframes.last());
+        if !self.is_next(message.head) || !self.graph.append(&keyframe, &self.keyframes) {
+            self.keyframes.reject();
             return false;
         }
         self.version += 1;
-        self.enter();
-        let Some(place) = self.places.last() else {
-            return true;
-        };
-        // Neither turning on the spot nor a step shows anything new.
-        let since_m = place.path_m - self.searched_m;
-        if self.config.loops.enabled
-            && since_m >= SEARCH_KEYFRAMES * self.config.keyframe.distance_m
-        {
-            self.searched_m = place.path_m;
+        self.recognition.push(&keyframe);
+        self.keyframes.push(keyframe);
+        self.verification.push(&self.keyframes);
+        if self.recognition.is_due(self.path_m()) {
             self.close_loops();
-            self.join();
         }
         true
+    }
+
+    /// Searches for loops of the newest keyframe, takes those that hold, and merges components that prove to be one.
+    fn close_loops(&mut self) {
+        let (keyframes, graph) = (&self.keyframes, &mut self.graph);
+        let candidates = self.recognition.candidates(keyframes, graph);
+        self.verification.verify(&candidates, keyframes, graph);
+        self.merger.merge(keyframes, &mut self.verification, graph);
     }
 
     /// The drive is over: the map is judged as a whole once more.
     pub fn finish(&mut self) {
         self.version += 1;
-        self.recheck();
+        let pruned = self.graph.recheck();
+        self.verification.withdraw(&pruned);
         self.update_grid();
     }
 
-    /// All keyframes, in order.
-    pub fn places(&self) -> &[Place] {
-        &self.places
+    /// Whether a keyframe can follow those that are there; others are left out.
+    pub fn is_next(&self, head: &KeyframeHead) -> bool {
+        self.keyframes.is_next(head)
     }
 
-    /// Where they stand; poses of different parts have nothing in common.
+    /// How many keyframes it was given, those left out included.
+    pub fn taken(&self) -> usize {
+        self.keyframes.taken()
+    }
+
+    /// All keyframes, in order.
+    pub fn keyframes(&self) -> &[MapKeyframe] {
+        &self.keyframes
+    }
+
+    /// Where they are in the map; poses of different components have nothing in common.
     pub fn poses(&self) -> &[Pose2] {
         self.graph.poses()
     }
 
-    /// The part of the map that a keyframe belongs to, named by the part's first keyframe.
-    pub fn part_of(&self, place: usize) -> usize {
-        self.graph.component_of(place).unwrap_or(place)
+    /// The component of the map that a keyframe belongs to.
+    pub fn component_of(&self, keyframe: KeyframeIdx) -> ComponentIdx {
+        self.graph.component_of(keyframe)
     }
 
-    /// The part with most keyframes, the older one of equals.
-    pub fn largest_part(&self) -> usize {
-        let mut sizes = vec![0_usize; self.places.len()];
-        for place in 0..self.places.len() {
-            if let Some(size) = sizes.get_mut(self.part_of(place)) {
-                *size += 1;
-            }
-        }
-        let largest = sizes.iter().copied().max().unwrap_or(0);
-        sizes.iter().position(|size| *size == largest).unwrap_or(0)
+    /// The component with most keyframes, the older one of equals.
+    pub fn largest_component(&self) -> ComponentIdx {
+        self.graph.largest_component()
     }
 
-    /// How many parts there are that nothing joins.
-    pub fn parts(&self) -> usize {
-        let places = 0..self.places.len();
-        places
-            .filter(|place| self.part_of(*place) == *place)
-            .count()
+    /// How many components there are that no loop connects.
+    pub fn components(&self) -> usize {
+        self.graph.components()
     }
 
     /// Path over all keyframes, m.
     pub fn path_m(&self) -> f64 {
-        self.places.last().map_or(0.0, |place| place.path_m)
+        self.keyframes.path_m()
     }
 
     /// Loops as the graph has them, in order of their names.
@@ -167,16 +140,32 @@ impl Mapper {
         self.graph.loops()
     }
 
-    /// All candidates so far, in order.
-    pub fn candidates(&self) -> &[Candidate] {
-        &self.candidates
+    /// All candidates that were registered so far, in order.
+    pub fn closures(&self) -> &[LoopClosure] {
+        self.verification.closures()
     }
 
-    /// Loops in the graph.
-    pub fn loops(&self) -> impl Iterator<Item = &Candidate> {
-        self.candidates
-            .iter()
-            .filter(|candidate| candidate.fate == Fate::Accepted)
+    /// Closures whose loops are in the graph.
+    pub fn accepted(&self) -> impl Iterator<Item = &LoopClosure> {
+        let closures = self.closures().iter();
+        closures.filter(|closure| closure.status == LoopStatus::Accepted)
+    }
+
+    /// Brings the occupancy grid of the largest component up to the keyframes and where they are now. Not part of every
+    /// step: whichever stage needs the grid decides how often.
+    pub fn update_grid(&mut self) -> GridUpdate {
+        self.update_grid_by(usize::MAX)
+    }
+
+    /// The same with no more than this many keyframes painted for the first time: where it added as many, more may be
+    /// left.
+    pub fn update_grid_by(&mut self, added_max: usize) -> GridUpdate {
+        self.grid.follow(&self.keyframes, &self.graph, added_max)
+    }
+
+    /// The grid as of the last [`Mapper::update_grid`].
+    pub fn grid(&self) -> &Grid {
+        &self.grid
     }
 
     /// Rises with every change of the map; after a restart it goes on.
@@ -186,6 +175,9 @@ impl Mapper {
 
     /// What was dropped or failed.
     pub fn counters(&self) -> Counters {
-        self.counters
+        Counters {
+            keyframes_rejected: self.keyframes.rejected(),
+            solver_failures: self.graph.failures(),
+        }
     }
 }

@@ -1,30 +1,31 @@
-//! What a mapper tells the others: its messages, filled. Sequence, epoch and time of publishing are the publisher's.
+//! The messages of a mapper, filled. Sequence, epoch and time of publishing are the publisher's.
 
-use crate::{
-    Mapper,
-    grid::{CellState, TileIndex},
-};
+use crate::Mapper;
+use crate::index::KeyframeIdx;
+use crate::occupancy::{CellState, TileIndex};
 use randt_messages::{
     Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphEntryKind, Header, MapperGraph, MapperGrid,
     Message, TILE_CELLS,
 };
 
-/// A cell as [`MapperGrid`] has it: what `map.pgm` would say.
+/// A cell as [`MapperGrid`] has it, and `map.pgm` with other grey values.
 const FREE: u8 = 0;
 const OCCUPIED: u8 = 100;
 const UNKNOWN: u8 = 255;
 
 /// Where `odom` lies in `map`, for the frame of the newest keyframe; `None` before there is one.
 pub fn correction(mapper: &Mapper) -> Option<Correction> {
-    let place = mapper.places().last()?;
-    let pose = mapper.poses().last()?;
-    let part = mapper.part_of(mapper.places().len() - 1);
+    let keyframe = mapper.keyframes().last()?;
+    let map_from_base = mapper.poses().last()?;
+    let map_from_odom = map_from_base.compose(&keyframe.odom_from_base.inverse());
+    let newest = KeyframeIdx(mapper.keyframes().len() - 1);
+    let first = mapper.component_of(newest).first_keyframe();
     Some(Correction {
         header: header(mapper),
         graph_version: mapper.version(),
-        odom_frame_id: place.odom_frame_id,
-        component: mapper.places().get(part)?.odom_frame_id,
-        map_from_odom: pose.compose(&place.odom.inverse()).to_array(),
+        odom_frame_id: keyframe.odom_frame_id,
+        component: mapper.keyframes().get(first.0)?.odom_frame_id,
+        map_from_odom: map_from_odom.to_array(),
     })
 }
 
@@ -36,36 +37,37 @@ pub fn fill_graph(
     first_entry: usize,
     message: &mut Message<MapperGraph>,
 ) -> Option<usize> {
-    let (places, loops) = (mapper.places(), mapper.graph_loops());
+    let (keyframes, loops) = (mapper.keyframes(), mapper.graph_loops());
     let head = &mut *message.head;
     head.header = header(mapper);
     head.graph_version = mapper.version();
-    head.keyframes = places.len() as u64;
-    let newest = places.last();
-    head.wanted_keyframe = newest.map_or(0, |place| place.keyframe_id.saturating_add(1));
-    head.odom_frame_id = newest.map_or(0, |place| place.odom_frame_id);
+    head.keyframes = keyframes.len() as u64;
+    let newest = keyframes.last();
+    head.wanted_keyframe = newest.map_or(0, |keyframe| keyframe.keyframe_id.saturating_add(1));
+    head.odom_frame_id = newest.map_or(0, |keyframe| keyframe.odom_frame_id);
     head.loops = loops.len() as u64;
-    head.components = mapper.parts() as u64;
+    head.components = mapper.components() as u64;
     head.path_m = mapper.path_m();
     head.tiles = mapper.grid().tiles().count() as u64;
     head.first_entry = first_entry as u32;
 
     message.items.clear();
-    let nodes = (first_entry..places.len()).filter_map(|index| node(mapper, index));
-    let loops_from = first_entry.saturating_sub(places.len());
+    let nodes = (first_entry..keyframes.len()).filter_map(|index| node(mapper, index));
+    let loops_from = first_entry.saturating_sub(keyframes.len());
     let edges = (loops_from..loops.len()).filter_map(|index| edge(mapper, index));
     let entries = nodes.chain(edges).take(GRAPH_ENTRIES_MAX);
     message.items.extend(entries);
     let next = first_entry + message.items.len();
-    (next < places.len() + loops.len()).then_some(next)
+    (next < keyframes.len() + loops.len()).then_some(next)
 }
 
 fn node(mapper: &Mapper, index: usize) -> Option<GraphEntry> {
-    let place = mapper.places().get(index)?;
+    let keyframe = mapper.keyframes().get(index)?;
+    let first = mapper.component_of(KeyframeIdx(index)).first_keyframe();
     Some(GraphEntry {
-        a: place.keyframe_id,
-        b: keyframe_id(mapper, mapper.part_of(index))?,
-        stamp_ns: place.stamp_ns,
+        a: keyframe.keyframe_id,
+        b: keyframe_id(mapper, first)?,
+        stamp_ns: keyframe.stamp_ns,
         pose: mapper.poses().get(index)?.to_array(),
         weight: 1.0,
         kind: GraphEntryKind::Node as u32,
@@ -84,8 +86,8 @@ fn edge(mapper: &Mapper, index: usize) -> Option<GraphEntry> {
     })
 }
 
-fn keyframe_id(mapper: &Mapper, index: usize) -> Option<u64> {
-    Some(mapper.places().get(index)?.keyframe_id)
+fn keyframe_id(mapper: &Mapper, index: KeyframeIdx) -> Option<u64> {
+    Some(mapper.keyframes().get(index.0)?.keyframe_id)
 }
 
 /// Lists the tiles that changed after a version of the grid, those that changed first in front. Gives the version to ask
@@ -122,7 +124,10 @@ pub fn fill_tile(mapper: &Mapper, index: TileIndex, message: &mut Message<Mapper
 /// All that the mapper knows of a header: the newest keyframe's stamp.
 fn header(mapper: &Mapper) -> Header {
     Header {
-        stamp_ns: mapper.places().last().map_or(0, |place| place.stamp_ns),
+        stamp_ns: mapper
+            .keyframes()
+            .last()
+            .map_or(0, |keyframe| keyframe.stamp_ns),
         ..Header::default()
     }
 }

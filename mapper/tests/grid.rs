@@ -1,10 +1,10 @@
 //! The grid alone: keyframes of a simulated drive at their true poses must give the walls, all of them, and no others.
 
-use crate::support::Drive;
 use nalgebra::Vector2;
+use randt_drives::Drive;
 use randt_geometry::Pose2;
-use randt_mapper::grid::{CellState, Grid, GridKeyframe, TILE_CELLS};
-use randt_mapper::{LazySight, Sight};
+use randt_mapper::occupancy::{CellState, Grid, GridKeyframe, TILE_CELLS};
+use randt_mapper::{LazyObservation, Observation};
 use randt_messages::{Keyframe, Message};
 use randt_simulator::{Wall, World};
 use std::ops::Range;
@@ -17,7 +17,7 @@ const SEEN_M: Range<f64> = 0.7..8.0;
 /// A keyframe at its true pose.
 struct Kept {
     keyframe: Message<Keyframe>,
-    sight: LazySight,
+    observation: LazyObservation,
     pose: Pose2,
 }
 
@@ -26,8 +26,8 @@ impl Kept {
         let head = &self.keyframe.head;
         GridKeyframe {
             id: head.id,
-            pose: self.pose,
-            sight: &self.sight,
+            map_from_base: self.pose,
+            observation: &self.observation,
         }
     }
 }
@@ -39,7 +39,7 @@ fn drive(world: &World, seed: u64) -> Vec<Kept> {
     keyframes
         .map(|keyframe| Kept {
             pose: drive.truth(keyframe.head.header.stamp_ns),
-            sight: Sight::of(keyframe.as_ref()).into(),
+            observation: Observation::from_message(keyframe.as_ref()).into(),
             keyframe,
         })
         .collect()

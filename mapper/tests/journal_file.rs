@@ -1,4 +1,4 @@
-//! The journal's file: cut at any byte, locked, damaged, foreign, full. Nothing of it is ever thrown away in silence.
+//! The journal's file: cut at any byte, locked, damaged, foreign, full. None is ever thrown away in silence.
 
 use randt_config::Config;
 use randt_mapper::Mapper;
@@ -40,14 +40,14 @@ fn drive(path: &Path, ids: impl IntoIterator<Item = u64>) -> (Opened, Mapper) {
 
 fn ids(mapper: &Mapper) -> Vec<u64> {
     mapper
-        .places()
+        .keyframes()
         .iter()
-        .map(|place| place.keyframe_id)
+        .map(|keyframe| keyframe.keyframe_id)
         .collect()
 }
 
 #[test]
-fn it_is_begun_continued_and_tells_what_is_on_the_disk() {
+fn it_is_begun_and_continued_and_knows_what_is_on_the_disk() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.journal");
     let (mut opened, _) = drive(&path, 0..3);
@@ -59,7 +59,7 @@ fn it_is_begun_continued_and_tells_what_is_on_the_disk() {
     assert_eq!(fs::metadata(&path).unwrap().len(), length);
 
     let (opened, mapper) = drive(&path, 3..40);
-    assert!(opened.cut.is_none() && opened.aside.is_none());
+    assert!(opened.cut.is_none() && opened.quarantined.is_none());
     assert_eq!(
         opened.journal.on_disk(),
         3,
@@ -69,7 +69,7 @@ fn it_is_begun_continued_and_tells_what_is_on_the_disk() {
     drop(opened);
     let bytes = fs::read(&path).unwrap();
     let (_, records) = journal::records(&bytes).unwrap();
-    assert_eq!(records.of(Kind::Snapshot).count(), 10);
+    assert_eq!(records.of_kind(Kind::Snapshot).count(), 10);
     let (again, restored) = Mapper::restore(&Config::default(), &bytes).unwrap();
     assert_eq!(again.poses(), mapper.poses());
     assert_eq!((restored.from_snapshot, restored.replayed), (40, 0));
@@ -123,7 +123,7 @@ fn cut_at_any_byte_of_the_last_record_it_has_the_others() {
             assert_eq!(ids(&mapper), [0, 1, 2, 3], "cut at {end}");
             assert_eq!(opened.cut.is_some(), bytes.len() > start);
             assert_eq!(opened.journal.length(), start as u64);
-            assert_eq!((opened.aside, opened.journal.on_disk()), (None, 4));
+            assert_eq!((opened.quarantined, opened.journal.on_disk()), (None, 4));
             opened
                 .journal
                 .append_keyframe(keyframe(4).as_ref())
@@ -135,7 +135,7 @@ fn cut_at_any_byte_of_the_last_record_it_has_the_others() {
 }
 
 #[test]
-fn what_is_damaged_is_set_aside_and_what_is_none_refused() {
+fn what_is_damaged_is_quarantined_and_what_is_none_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.journal");
     drop(drive(&path, 0..6));
@@ -146,12 +146,12 @@ fn what_is_damaged_is_set_aside_and_what_is_none_refused() {
     damaged[ends[2] + 30] ^= 4;
     fs::write(&path, &damaged).unwrap();
     let (opened, mapper) = drive(&path, []);
-    let (aside, why) = opened.aside.unwrap();
+    let (quarantined, why) = opened.quarantined.unwrap();
     assert!(
         opened.cut.is_none() && why.contains(&ends[2].to_string()),
         "{why}"
     );
-    assert_eq!(fs::read(&aside).unwrap(), damaged);
+    assert_eq!(fs::read(&quarantined).unwrap(), damaged);
     assert_eq!((ids(&mapper), opened.journal.on_disk()), (vec![0, 1, 2], 3));
     drop(opened.journal);
     assert_eq!(fs::read(&path).unwrap(), whole[..ends[2]]);
@@ -159,11 +159,11 @@ fn what_is_damaged_is_set_aside_and_what_is_none_refused() {
     let beginning = whole[..10].to_vec();
     fs::write(&path, &beginning).unwrap();
     let (opened, mapper) = drive(&path, [7]);
-    let (another, _) = opened.aside.unwrap();
-    assert!(another != aside && fs::read(&another).unwrap() == beginning);
+    let (another, _) = opened.quarantined.unwrap();
+    assert!(another != quarantined && fs::read(&another).unwrap() == beginning);
     assert_eq!(ids(&mapper), [7]);
     drop(opened.journal);
-    // What never was a journal is somebody's file under a wrong name.
+    // What never was a journal is another program's file under a wrong name.
     let picture = b"P5\n640 480\n255\n";
     fs::write(&path, picture).unwrap();
     let refused = JournalFile::open(&path, &Config::default()).unwrap_err();
@@ -174,7 +174,7 @@ fn what_is_damaged_is_set_aside_and_what_is_none_refused() {
     assert_eq!(fs::read(&path).unwrap(), picture);
     // An empty one is no journal yet.
     fs::write(&path, b"").unwrap();
-    assert_eq!(drive(&path, []).0.aside, None);
+    assert_eq!(drive(&path, []).0.quarantined, None);
 }
 
 #[test]

@@ -6,10 +6,10 @@
     reason = "a test says by panicking what is wrong"
 )]
 
-mod support;
-
+mod components;
 mod grid;
 mod journal;
 mod journal_file;
-mod parts;
 mod publication;
+mod snapshots;
+mod undisturbed;

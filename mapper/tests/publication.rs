@@ -85,7 +85,7 @@ fn the_correction_puts_the_newest_keyframe_where_the_map_has_it() {
     let correction = correction(&mapper).unwrap();
     assert_eq!((correction.odom_frame_id, correction.component), (4, 4));
     assert_eq!(correction.graph_version, 30);
-    let odom = mapper.places()[29].odom;
+    let odom = mapper.keyframes()[29].odom_from_base;
     let map = Pose2::from_array(correction.map_from_odom).compose(&odom);
     assert!((map.translation() - mapper.poses()[29].translation()).norm() < 1e-12);
 }

@@ -1,0 +1,337 @@
+//! The journal as a file: opened by one mapper, appended to, cut back, quarantined, written anew; never deleted.
+
+use super::tail::Tail;
+use super::{
+    Bytes, Contents, Damage, Error, append_keyframe, append_snapshot, begin, compacted,
+    is_snapshot_due, read_head,
+};
+use crate::{Known, Mapper};
+use randt_config::Config;
+use randt_messages::{Keyframe, KeyframeHead, MessageRef};
+use std::ffi::OsString;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A journal that was opened.
+#[derive(Debug)]
+pub struct Opened {
+    /// To append to.
+    pub journal: JournalFile,
+    /// All that it holds, for [`Mapper::recall`].
+    pub contents: Contents,
+    /// What was cut off its end.
+    pub cut: Option<Damage>,
+    /// Where a file that is no journal, or one damaged in the middle, was moved, and why. Of the latter the part before
+    /// the damage goes on.
+    pub quarantined: Option<(PathBuf, String)>,
+}
+
+/// The file that a mapper writes to, alone meanwhile.
+///
+/// A caller that appends a keyframe before it pushes it never has a map with one that the journal lacks.
+#[derive(Debug)]
+pub struct JournalFile {
+    path: PathBuf,
+    tail: Tail<File>,
+    count: Count,
+    /// What the snapshots have; of those from before it was opened nothing, because they may be of another form.
+    known: Known,
+    /// As [`Self::end`], of the newest keyframe that is on the disk.
+    on_disk: u64,
+    bytes: Vec<u8>,
+    /// Held, not used. A file of its own, because the journal is renamed.
+    _lock: File,
+}
+
+/// What is in a file.
+#[derive(Clone, Copy, Debug, Default)]
+struct Count {
+    keyframes: u64,
+    /// Of them, those that the last snapshot has.
+    in_snapshot: u64,
+    /// One more than the number of the newest.
+    end: u64,
+}
+
+impl Count {
+    fn from_contents(contents: &Contents) -> Self {
+        let mut head = KeyframeHead::default();
+        let newest = contents.keyframes.last();
+        let is_read = newest.is_some_and(|packed| read_head(packed, &mut head));
+        Self {
+            keyframes: contents.keyframes.len() as u64,
+            in_snapshot: contents
+                .snapshots
+                .last()
+                .map_or(0, |(_, before)| *before as u64),
+            end: if is_read {
+                head.id.saturating_add(1)
+            } else {
+                0
+            },
+        }
+    }
+}
+
+impl JournalFile {
+    /// Opens a journal, or begins one. Waits for no other mapper: two never write one journal.
+    pub fn open(path: impl Into<PathBuf>, config: &Config) -> Result<Opened, Error> {
+        Self::open_by(path, config, |path| Ok(Arc::new(fs::read(path)?)))
+    }
+
+    /// The same, with another way to read a file. Its bytes must stay what they are: the file only grows.
+    pub fn open_by(
+        path: impl Into<PathBuf>,
+        config: &Config,
+        read: impl FnOnce(&Path) -> io::Result<Bytes>,
+    ) -> Result<Opened, Error> {
+        let path = path.into();
+        let lock = lock(&named(&path, ".lock"))?;
+        let mut beginning = Vec::new();
+        begin(config, &mut beginning);
+        let bytes = match read(&path) {
+            Ok(bytes) => bytes,
+            Err(cause) if cause.kind() == io::ErrorKind::NotFound => Arc::new([0_u8; 0]),
+            Err(cause) => return Err(io_error(&path, "read", cause)),
+        };
+        let all = (*bytes).as_ref();
+        let (mut quarantined, mut cut) = (None, None);
+        let mut contents = Contents::default();
+        let mut anew = all.is_empty().then_some(&beginning[..]);
+        if !all.is_empty() {
+            match Contents::read(&bytes) {
+                Ok(found) => {
+                    contents = found;
+                    cut = contents.damage.clone();
+                    if let Some(damage) = cut.take_if(|damage| damage.in_the_middle) {
+                        let why = format!("offset {}: {}", damage.offset, damage.what);
+                        quarantined = Some((quarantine(&path)?, why));
+                        anew = all.get(..contents.good);
+                    }
+                }
+                // Another program's file under a wrong name is not moved.
+                Err(cause @ Error::NotAJournal { .. }) => {
+                    let cause = Box::new(cause);
+                    return Err(Error::Foreign { path, cause });
+                }
+                Err(why) => {
+                    quarantined = Some((quarantine(&path)?, why.to_string()));
+                    anew = Some(&beginning);
+                }
+            }
+        }
+        if let Some(anew) = anew {
+            write_whole(&path, anew)?;
+            contents.good = anew.len();
+        }
+        let mut journal = Self {
+            tail: tail(&path, contents.good as u64)?,
+            path,
+            count: Count::from_contents(&contents),
+            known: Known::default(),
+            on_disk: 0,
+            bytes: Vec::new(),
+            _lock: lock,
+        };
+        journal.sync()?;
+        Ok(Opened {
+            journal,
+            contents,
+            cut,
+            quarantined,
+        })
+    }
+
+    /// Appends a keyframe. It is not on the disk before [`Self::sync`].
+    pub fn append_keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) -> Result<(), Error> {
+        self.append(|bytes| append_keyframe(keyframe, bytes))?;
+        self.count.keyframes += 1;
+        self.count.end = keyframe.head.id.saturating_add(1);
+        Ok(())
+    }
+
+    /// Appends a snapshot of the mapper, which has taken no keyframes but the journal's.
+    pub fn append_snapshot(&mut self, mapper: &Mapper) -> Result<(), Error> {
+        let known = self.known;
+        self.append(|bytes| append_snapshot(mapper, known, bytes))?;
+        self.has_snapshot(mapper);
+        Ok(())
+    }
+
+    /// A snapshot that goes with the journal as it is, for somewhere else.
+    pub fn checkpoint(&self, mapper: &Mapper) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        mapper.snapshot(self.known, &mut bytes);
+        bytes
+    }
+
+    /// The mapper was recalled: snapshots of what it has not taken are none of this program's.
+    pub fn recalled(&mut self, mapper: &Mapper) {
+        self.count.in_snapshot = self.count.in_snapshot.min(mapper.taken() as u64);
+    }
+
+    /// Whether the mapper has taken enough keyframes since the last snapshot that the next restart would take too long
+    /// without another.
+    pub fn is_snapshot_due(&self, mapper: &Mapper) -> bool {
+        is_snapshot_due(self.count.keyframes, self.after_snapshot(mapper))
+    }
+
+    /// Whether the mapper has taken keyframes that no snapshot has.
+    pub fn has_news(&self, mapper: &Mapper) -> bool {
+        self.after_snapshot(mapper) > 0
+    }
+
+    fn has_snapshot(&mut self, mapper: &Mapper) {
+        self.count.in_snapshot = mapper.taken() as u64;
+        self.known = mapper.known();
+    }
+
+    fn after_snapshot(&self, mapper: &Mapper) -> u64 {
+        (mapper.taken() as u64).saturating_sub(self.count.in_snapshot)
+    }
+
+    /// Comes back when everything is on the disk.
+    pub fn sync(&mut self) -> Result<(), Error> {
+        self.check()?;
+        let synced = self.tail.sync();
+        synced.map_err(|cause| io_error(&self.path, "bring onto the disk", cause))?;
+        self.on_disk = self.count.end;
+        Ok(())
+    }
+
+    /// The number after the newest keyframe's.
+    pub fn end(&self) -> u64 {
+        self.count.end
+    }
+
+    /// Keyframes below this number are on the disk.
+    pub fn on_disk(&self) -> u64 {
+        self.on_disk
+    }
+
+    /// Moves the journal out of the way, for one that begins anew; gives where it is.
+    pub fn quarantine(self) -> Result<PathBuf, Error> {
+        let quarantined = quarantine(&self.path)?;
+        match fs::remove_file(&self.path) {
+            Err(cause) if cause.kind() != io::ErrorKind::NotFound => {
+                Err(io_error(&self.path, "quarantine", cause))
+            }
+            _ => Ok(quarantined),
+        }
+    }
+
+    /// Bytes of the file.
+    pub fn length(&self) -> u64 {
+        self.tail.good()
+    }
+
+    /// Writes the journal anew: its keyframes and one snapshot of the mapper, which has taken all of them.
+    pub fn compact(&mut self, mapper: &Mapper) -> Result<(), Error> {
+        self.check()?;
+        let bytes = compacted(&self.read()?, mapper)?;
+        write_whole(&self.path, &bytes)?;
+        // Until the new file is open the old one is, which no longer has a name.
+        self.tail.doubt();
+        self.tail = tail(&self.path, bytes.len() as u64)?;
+        self.has_snapshot(mapper);
+        self.on_disk = self.count.end;
+        Ok(())
+    }
+
+    /// Writes the same as a map file somewhere else.
+    pub fn export(&self, mapper: &Mapper, to: &Path) -> Result<(), Error> {
+        self.check()?;
+        write_whole(to, &compacted(&self.read()?, mapper)?)
+    }
+
+    fn read(&self) -> Result<Vec<u8>, Error> {
+        fs::read(&self.path).map_err(|cause| io_error(&self.path, "read", cause))
+    }
+
+    fn append(
+        &mut self,
+        fill: impl FnOnce(&mut Vec<u8>) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        self.check()?;
+        self.bytes.clear();
+        fill(&mut self.bytes)?;
+        let appended = self.tail.append(&self.bytes);
+        appended.map_err(|cause| io_error(&self.path, "append", cause))
+    }
+
+    fn check(&self) -> Result<(), Error> {
+        match self.tail.is_unsure() {
+            true => Err(Error::Unsure {
+                path: self.path.clone(),
+            }),
+            false => Ok(()),
+        }
+    }
+}
+
+/// Opens the end of a file behind its good bytes.
+fn tail(path: &Path, good: u64) -> Result<Tail<File>, Error> {
+    let file = OpenOptions::new().append(true).open(path);
+    let file = file.map_err(|cause| io_error(path, "open", cause))?;
+    file.set_len(good)
+        .map_err(|cause| io_error(path, "cut the damaged end off", cause))?;
+    Ok(Tail::new(file, good))
+}
+
+fn lock(path: &Path) -> Result<File, Error> {
+    let mut options = OpenOptions::new();
+    let file = options.create(true).append(true).open(path);
+    let file = file.map_err(|cause| io_error(path, "create", cause))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(TryLockError::WouldBlock) => Err(Error::Locked {
+            path: path.to_owned(),
+        }),
+        Err(TryLockError::Error(cause)) => Err(io_error(path, "lock", cause)),
+    }
+}
+
+/// Gives a file another name, the first that is free. Where the disk can, it keeps the old one until that is written
+/// anew: a kill in between loses nothing.
+fn quarantine(path: &Path) -> Result<PathBuf, Error> {
+    let names = (1..).map(|n: u64| named(path, &format!(".aside-{n}")));
+    let mut free = names.filter(|name| !name.exists());
+    let quarantined = free.next().unwrap_or_else(|| named(path, ".aside"));
+    fs::hard_link(path, &quarantined)
+        .or_else(|_| fs::rename(path, &quarantined))
+        .map_err(|cause| io_error(path, "quarantine", cause))?;
+    Ok(quarantined)
+}
+
+/// Writes a file whole or not at all.
+fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
+    let part = named(path, ".part");
+    let write = || {
+        let mut file = File::create(&part)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        fs::rename(&part, path)?;
+        // The new name, too, is only safe once its folder is on the disk.
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
+        File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
+    };
+    write().map_err(|cause| io_error(path, "write", cause))
+}
+
+fn named(path: &Path, ending: &str) -> PathBuf {
+    let mut name = OsString::from(path);
+    name.push(ending);
+    name.into()
+}
+
+fn io_error(path: &Path, action: &'static str, cause: io::Error) -> Error {
+    Error::Io {
+        path: path.to_owned(),
+        action,
+        cause,
+    }
+}

@@ -1,0 +1,175 @@
+//! Which old keyframes the newest one may have come back to: by what it looks like, and by where the estimate has it.
+//!
+//! Responsible for candidates and for when they are searched for. Not responsible for whether they are loops.
+
+mod scan_context;
+mod search;
+
+pub use scan_context::{Likeness, RingKey, ScanContext};
+pub use search::Search;
+
+use crate::index::KeyframeIdx;
+use crate::keyframe::{KeyframeStore, MapKeyframe};
+use crate::pose_graph::KeyframeGraph;
+use randt_config::Config;
+use randt_persist::{Error, Persist, Reader, Writer, persist_enum};
+
+/// Loops are searched for at every this many keyframe distances of path.
+const SEARCH_KEYFRAMES: f64 = 2.0;
+/// Keyframes are near within this many standard deviations of the estimate, at least and at most this many metres.
+const NEAR_DEVIATIONS: f64 = 3.0;
+const NEAR_MIN_M: f64 = 2.0;
+pub(crate) const NEAR_MAX_M: f64 = 8.0;
+/// The estimate counts as no sharper than this for what looks alike, m.
+const SIGMA_MIN_M: f64 = 0.1;
+
+/// Why an old keyframe is a candidate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum CandidateOrigin {
+    /// The keyframes look alike under this turn.
+    Appearance {
+        /// ScanContext distance, with odometry's part.
+        distance: f64,
+        /// Heading of the newest keyframe in the frame of the old one, rad.
+        yaw_rad: f64,
+    },
+    /// The estimate has the robot there again.
+    #[default]
+    Proximity,
+}
+
+persist_enum!(CandidateOrigin {
+    Appearance { distance, yaw_rad },
+    Proximity,
+});
+
+impl CandidateOrigin {
+    /// Its name in the report.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Appearance { .. } => "appearance",
+            Self::Proximity => "proximity",
+        }
+    }
+}
+
+/// An old keyframe that the newest one may be at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopCandidate {
+    /// The old keyframe.
+    pub keyframe: KeyframeIdx,
+    /// Why.
+    pub origin: CandidateOrigin,
+}
+
+/// The search for loop candidates, at every few metres of path.
+pub(crate) struct PlaceRecognition {
+    search: Search,
+    /// Path at which loops were last searched for, m.
+    searched_m: f64,
+    every_m: f64,
+    is_enabled: bool,
+    is_verified: bool,
+}
+
+impl PlaceRecognition {
+    /// Nothing seen yet.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            search: Search::new(config),
+            searched_m: f64::NEG_INFINITY,
+            every_m: SEARCH_KEYFRAMES * config.keyframe.distance_m,
+            is_enabled: config.loops.enabled,
+            is_verified: config.loops.verify,
+        }
+    }
+
+    /// Takes the newest keyframe.
+    pub fn push(&mut self, keyframe: &MapKeyframe) {
+        if self.is_enabled {
+            self.search.push(keyframe);
+        }
+    }
+
+    /// Takes the newest keyframe of a map that comes back; `None` where its key is not there.
+    pub fn recall(&mut self, keys: &mut impl Iterator<Item = RingKey>) -> Option<()> {
+        if self.is_enabled {
+            self.search.recall(keys.next()?);
+        }
+        Some(())
+    }
+
+    /// Whether a search is due at this path; it counts as done. Neither turning on the spot nor a step shows anything
+    /// new.
+    pub fn is_due(&mut self, path_m: f64) -> bool {
+        let is_due = self.is_enabled && path_m - self.searched_m >= self.every_m;
+        if is_due {
+            self.searched_m = path_m;
+        }
+        is_due
+    }
+
+    /// Candidates of both origins for the newest keyframe.
+    pub fn candidates(
+        &self,
+        keyframes: &KeyframeStore,
+        graph: &mut KeyframeGraph,
+    ) -> Vec<LoopCandidate> {
+        let Some(newest) = keyframes.newest() else {
+            return Vec::new();
+        };
+        if !self.is_verified {
+            let mut candidates = self.search.by_appearance(keyframes, |_| None);
+            candidates.truncate(1);
+            return candidates;
+        }
+        // One covariance for all: that of the keyframe against the start of its component.
+        let component = graph.component_of(newest);
+        let prior = graph.prior(component.first_keyframe(), newest);
+        let sigma_m = prior.map_or(f64::INFINITY, |prior| prior.sigma_m());
+        let away_m = |old: KeyframeIdx| {
+            let (here, there) = (graph.pose(newest)?, graph.pose(old)?);
+            let is_same = graph.component_of(old) == component;
+            is_same.then(|| (here.translation() - there.translation()).norm())
+        };
+        let mut candidates = self.search.by_appearance(keyframes, |old| {
+            let beyond_m = (away_m(old)? - NEAR_MIN_M).max(0.0);
+            Some(beyond_m / sigma_m.max(SIGMA_MIN_M))
+        });
+        let radius_m = (NEAR_DEVIATIONS * sigma_m).clamp(NEAR_MIN_M, NEAR_MAX_M);
+        candidates.extend(self.search.by_proximity(keyframes, radius_m, away_m));
+        candidates
+    }
+
+    /// The ring keys of all keyframes.
+    pub fn keys(&self) -> &[RingKey] {
+        self.search.keys()
+    }
+}
+
+/// A snapshot has the path of the last search; the keys are in its increment.
+impl Persist for PlaceRecognition {
+    fn save(&self, out: &mut Writer<'_>) {
+        self.searched_m.save(out);
+    }
+
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        self.searched_m.restore(from)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_is_due_at_every_second_keyframe_distance() {
+        let config = Config::default();
+        let mut recognition = PlaceRecognition::new(&config);
+        let step_m = config.keyframe.distance_m;
+        let due: Vec<bool> = [0.0, 1.0, 2.0, 3.0, 5.0, 5.0]
+            .map(|steps| recognition.is_due(steps * step_m))
+            .into();
+        assert_eq!(due, [true, false, true, false, true, false]);
+    }
+}

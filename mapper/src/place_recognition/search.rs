@@ -1,0 +1,148 @@
+//! The search for loop candidates: by what a keyframe looks like and by where the estimate has it.
+
+use super::{CandidateOrigin, LoopCandidate, RingKey, ScanContext};
+use crate::index::KeyframeIdx;
+use crate::keyframe::MapKeyframe;
+use randt_config::{Config, Loops};
+use randt_geometry::elementary::exp;
+use std::cell::OnceCell;
+
+/// Candidates of each origin; each costs a registration.
+const CANDIDATES_MAX: usize = 3;
+
+/// The descriptors of all keyframes, and their ring keys.
+#[derive(Clone, Debug)]
+pub struct Search {
+    config: Loops,
+    apart_m: f64,
+    keys: Vec<RingKey>,
+    /// A recalled keyframe has its descriptor from its first comparison on.
+    contexts: Vec<OnceCell<ScanContext>>,
+}
+
+impl Search {
+    /// None yet.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            config: config.loops.clone(),
+            apart_m: config.map_reach_m(),
+            keys: Vec::new(),
+            contexts: Vec::new(),
+        }
+    }
+
+    /// Takes the newest keyframe.
+    pub fn push(&mut self, keyframe: &MapKeyframe) {
+        let (context, key) = ScanContext::new(&keyframe.observation.points, &self.config);
+        self.keys.push(key);
+        self.contexts.push(context.into());
+    }
+
+    /// Takes the newest keyframe, whose key is known.
+    pub(crate) fn recall(&mut self, key: RingKey) {
+        self.keys.push(key);
+        self.contexts.push(OnceCell::new());
+    }
+
+    /// The keys of all keyframes.
+    pub(crate) fn keys(&self) -> &[RingKey] {
+        &self.keys
+    }
+
+    fn context(&self, index: usize, keyframes: &[MapKeyframe]) -> Option<&ScanContext> {
+        let (context, keyframe) = (self.contexts.get(index)?, keyframes.get(index)?);
+        let made = || ScanContext::new(&keyframe.observation.points, &self.config).0;
+        Some(context.get_or_init(made))
+    }
+
+    /// Keyframes whose revisit is a loop: those of an earlier stretch of the path, or of another frame.
+    fn old<'a>(
+        &self,
+        keyframes: &'a [MapKeyframe],
+    ) -> impl Iterator<Item = (usize, &'a MapKeyframe)> + use<'a> {
+        let path_min_m = self.config.path_min_m;
+        let newest = keyframes.last();
+        keyframes.iter().enumerate().filter(move |(_, keyframe)| {
+            newest.is_some_and(|newest| {
+                keyframe.odom_frame_id != newest.odom_frame_id
+                    || newest.path_m - keyframe.path_m >= path_min_m
+            })
+        })
+    }
+
+    /// The keyframes that look most like the newest one, best first, one of each neighbourhood.
+    ///
+    /// `deviations(keyframe)`: how many standard deviations away from there the estimate has the robot, where it is
+    /// known. It adds 1 - exp(-d^2 / 2) to the distance (odometry similarity, as in TBV SLAM).
+    pub fn by_appearance(
+        &self,
+        keyframes: &[MapKeyframe],
+        mut deviations: impl FnMut(KeyframeIdx) -> Option<f64>,
+    ) -> Vec<LoopCandidate> {
+        let newest = self.keys.len().saturating_sub(1);
+        let (Some(key), Some(context)) = (self.keys.last(), self.context(newest, keyframes)) else {
+            return Vec::new();
+        };
+        let mut sieve: Vec<(f32, usize)> = self
+            .old(keyframes)
+            .filter_map(|(i, _)| Some((key.distance(self.keys.get(i)?), i)))
+            .collect();
+        let keep = self.config.candidates as usize;
+        if sieve.len() > keep {
+            sieve.select_nth_unstable_by(keep, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            sieve.truncate(keep);
+        }
+        let alike = sieve.iter().filter_map(|&(_, index)| {
+            let keyframe = KeyframeIdx(index);
+            let likeness = self.context(index, keyframes)?.compare(context);
+            let odometry = deviations(keyframe).map_or(0.0, |d| 1.0 - exp(-0.5 * d * d));
+            let distance = likeness.distance + odometry;
+            let origin = CandidateOrigin::Appearance {
+                distance,
+                yaw_rad: likeness.yaw_rad,
+            };
+            Some((distance, LoopCandidate { keyframe, origin }))
+        });
+        self.best(keyframes, alike.collect())
+    }
+
+    /// The old keyframes nearest to the newest one, within `radius_m`, one of each neighbourhood. `away_m(keyframe)`:
+    /// how far away the estimate has a keyframe, where it is known.
+    pub fn by_proximity(
+        &self,
+        keyframes: &[MapKeyframe],
+        radius_m: f64,
+        away_m: impl Fn(KeyframeIdx) -> Option<f64>,
+    ) -> Vec<LoopCandidate> {
+        let old = self.old(keyframes).filter_map(|(index, _)| {
+            let keyframe = KeyframeIdx(index);
+            let origin = CandidateOrigin::Proximity;
+            Some((away_m(keyframe)?, LoopCandidate { keyframe, origin }))
+        });
+        let near = old.filter(|(away_m, _)| *away_m <= radius_m);
+        self.best(keyframes, near.collect())
+    }
+
+    /// The best candidates, no two of them of one neighbourhood of the path.
+    fn best(
+        &self,
+        keyframes: &[MapKeyframe],
+        mut candidates: Vec<(f64, LoopCandidate)>,
+    ) -> Vec<LoopCandidate> {
+        candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.keyframe.cmp(&b.1.keyframe)));
+        let at = |candidate: &LoopCandidate| keyframes.get(candidate.keyframe.0);
+        let near = |a: &LoopCandidate, b: &LoopCandidate| match (at(a), at(b)) {
+            (Some(a), Some(b)) => {
+                a.odom_frame_id == b.odom_frame_id && (a.path_m - b.path_m).abs() < self.apart_m
+            }
+            _ => true,
+        };
+        let mut best: Vec<LoopCandidate> = Vec::new();
+        for (_, candidate) in candidates {
+            if best.len() < CANDIDATES_MAX && !best.iter().any(|other| near(other, &candidate)) {
+                best.push(candidate);
+            }
+        }
+        best
+    }
+}

@@ -1,0 +1,290 @@
+//! The pose graph of the map: a node for every keyframe, constraints of odometry, loop closures.
+
+use super::saved::{SavedGraph, SavedLoop};
+use super::{Edge, Error, Loop, LoopId, PoseGraph, Prior, position_sigma_m};
+use crate::index::{CandidateIdx, ComponentIdx, KeyframeIdx};
+use crate::keyframe::{KeyframeStore, MapKeyframe};
+use crate::verification::LoopClosure;
+use nalgebra::Matrix3;
+use randt_config::Config;
+use randt_geometry::Pose2;
+
+/// Weight below which a loop has proved wrong: the rest of the map disagrees with it.
+const WEIGHT_MIN: f64 = 0.3;
+
+/// Least standard deviations of a step of odometry, m and rad: a covariance of zero would make the graph stiff.
+const STEP_SIGMA_MIN: [f64; 3] = [1e-3, 1e-3, 1e-4];
+
+/// How well a keyframe is known from its submap's root: at least, and per metre of distance (m and rad). Simulated drives
+/// show 0.015 m + 0.004 a metre and 0.002 rad + 0.0006 a metre where a submap grows, one room much less than that. The
+/// graph takes intra-submap constraints and steps for independent though both are of the same odometry: sharper than
+/// this, it turns true loops of the tunnel away.
+const SUBMAP_SIGMA_M: [f64; 2] = [0.015, 0.003];
+const SUBMAP_SIGMA_RAD: [f64; 2] = [0.003, 0.0003];
+
+/// A keyframe is held by its submap where its step is this sure in every direction, m: half of the keyframes in building
+/// and yard.
+const INTRA_SUBMAP_SIGMA_MAX_M: f64 = 0.02;
+
+/// The graph, and which closure each of its loops is of.
+pub(crate) struct KeyframeGraph {
+    graph: PoseGraph,
+    /// Loops of the graph: name there, index of the closure.
+    closures: Vec<(LoopId, CandidateIdx)>,
+    odometry_covariance_factor: f64,
+    is_verified: bool,
+    failures: u64,
+}
+
+impl KeyframeGraph {
+    /// Empty.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            graph: PoseGraph::default(),
+            closures: Vec::new(),
+            odometry_covariance_factor: config.loops.odometry_covariance_factor,
+            is_verified: config.loops.verify,
+            failures: 0,
+        }
+    }
+
+    /// Adds the node of a keyframe that comes next; `false` where its numbers are none of a robot's.
+    pub fn append(&mut self, keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> bool {
+        let node = match self.odometry_step(keyframe, keyframes) {
+            Some(edge) => self.graph.append(edge),
+            // A frame's own coordinates, until a loop merges it.
+            None => self.graph.add_node(keyframe.odom_from_base),
+        };
+        if node.is_ok()
+            && let Some(edge) = intra_submap_constraint(keyframe, keyframes)
+        {
+            // Both nodes are there and the numbers are good: the step's edge was accepted.
+            let _ = self.graph.add_odometry(edge);
+        }
+        node.is_ok()
+    }
+
+    /// The constraints of odometry that hold a keyframe that comes next.
+    pub fn odometry_constraints(
+        &self,
+        keyframe: &MapKeyframe,
+        keyframes: &KeyframeStore,
+    ) -> impl Iterator<Item = Edge> + use<> {
+        let step = self.odometry_step(keyframe, keyframes);
+        step.into_iter()
+            .chain(intra_submap_constraint(keyframe, keyframes))
+    }
+
+    /// Odometry's step to a keyframe that comes next, where it is of the same frame.
+    fn odometry_step(&self, keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> Option<Edge> {
+        let (from, before) = keyframes.newest().zip(keyframes.last())?;
+        let covariance = keyframe.step_covariance * self.odometry_covariance_factor;
+        (before.odom_frame_id == keyframe.odom_frame_id).then(|| Edge {
+            from,
+            to: KeyframeIdx(keyframes.len()),
+            measured: before.odom_from_base.between(&keyframe.odom_from_base),
+            information: step_information(&covariance),
+        })
+    }
+
+    /// Adds the loop of a closure.
+    pub fn add_closure(&mut self, closure: CandidateIdx, edge: Edge) -> Result<(), Error> {
+        let id = self.graph.add_loop(edge)?;
+        self.closures.push((id, closure));
+        Ok(())
+    }
+
+    /// Optimises; takes out loops that proved wrong and optimises again. Gives the closures of those.
+    pub fn optimise_and_prune(&mut self) -> Vec<CandidateIdx> {
+        let mut pruned = Vec::new();
+        loop {
+            if self.graph.optimise().is_err() {
+                self.failures += 1;
+                return pruned;
+            }
+            let before = pruned.len();
+            if self.is_verified {
+                self.prune(&mut pruned);
+            }
+            if pruned.len() == before {
+                return pruned;
+            }
+        }
+    }
+
+    /// Judges all loops anew, as if the drive were driven again: one that was let in while the map was uncertain can
+    /// prove wrong by what came later. Then optimises and prunes.
+    pub fn recheck(&mut self) -> Vec<CandidateIdx> {
+        let mut pruned = Vec::new();
+        if self.is_verified && !self.closures.is_empty() {
+            if self.graph.recheck().is_err() {
+                self.failures += 1;
+            }
+            self.prune(&mut pruned);
+        }
+        pruned.extend(self.optimise_and_prune());
+        pruned
+    }
+
+    /// Takes out the loops that the graph has switched off.
+    fn prune(&mut self, pruned: &mut Vec<CandidateIdx>) {
+        let loops = self.graph.loops().iter();
+        let wrong: Vec<_> = loops
+            .filter(|l| l.weight < WEIGHT_MIN)
+            .map(|l| l.id)
+            .collect();
+        for id in wrong {
+            self.graph.remove_loop(id);
+            if let Some(at) = self.closures.iter().position(|(name, _)| *name == id) {
+                pruned.push(self.closures.remove(at).1);
+            }
+        }
+    }
+
+    /// The estimate of `newer` seen from `older`, where they are of one component.
+    pub fn prior(&mut self, older: KeyframeIdx, newer: KeyframeIdx) -> Option<Prior> {
+        if self.component_of(older) != self.component_of(newer) {
+            return None;
+        }
+        let covariance = if older == newer {
+            Matrix3::zeros()
+        } else {
+            self.graph.relative_covariance(older, newer).ok()?
+        };
+        let older_from_newer = self.pose(older)?.between(self.pose(newer)?);
+        Some(Prior {
+            older_from_newer,
+            covariance,
+        })
+    }
+
+    /// Where all keyframes are in the map; poses of different components have nothing in common.
+    pub fn poses(&self) -> &[Pose2] {
+        self.graph.poses()
+    }
+
+    /// Where a keyframe is in the map.
+    pub fn pose(&self, keyframe: KeyframeIdx) -> Option<&Pose2> {
+        self.graph.poses().get(keyframe.0)
+    }
+
+    /// The component that a keyframe belongs to.
+    pub fn component_of(&self, keyframe: KeyframeIdx) -> ComponentIdx {
+        let component = self.graph.component_of(keyframe);
+        component.unwrap_or(ComponentIdx(keyframe.0))
+    }
+
+    /// How many keyframes each component has, by its first keyframe; 0 for keyframes that are no first one.
+    fn component_sizes(&self) -> Vec<usize> {
+        let mut sizes = vec![0_usize; self.poses().len()];
+        for node in 0..sizes.len() {
+            if let Some(size) = sizes.get_mut(self.component_of(KeyframeIdx(node)).0) {
+                *size += 1;
+            }
+        }
+        sizes
+    }
+
+    /// The component with most keyframes, the older one of equals.
+    pub fn largest_component(&self) -> ComponentIdx {
+        let sizes = self.component_sizes();
+        let largest = sizes.iter().copied().max().unwrap_or(0);
+        let first = sizes.iter().position(|size| *size == largest);
+        ComponentIdx(first.unwrap_or(0))
+    }
+
+    /// How many components there are.
+    pub fn components(&self) -> usize {
+        let sizes = self.component_sizes();
+        sizes.iter().filter(|size| **size > 0).count()
+    }
+
+    /// Moves all keyframes of a component as one body.
+    pub fn move_component(&mut self, component: ComponentIdx, by: &Pose2) {
+        self.graph.move_component(component, by);
+    }
+
+    /// The loops of the graph, in order of their names.
+    pub fn loops(&self) -> &[Loop] {
+        self.graph.loops()
+    }
+
+    /// Optimisations without a result; the estimate stayed where it was.
+    pub fn failures(&self) -> u64 {
+        self.failures
+    }
+
+    /// What a snapshot has of the graph.
+    pub fn saved(&self) -> SavedGraph {
+        let loops = self.graph.loops().iter().zip(&self.closures);
+        let poses = self.graph.poses();
+        SavedGraph {
+            poses: poses.iter().copied().map(Into::into).collect(),
+            loops: loops
+                .map(|(found, (_, closure))| SavedLoop::new(found, *closure, poses))
+                .collect(),
+            next_loop: self.graph.next_loop(),
+            failures: self.failures,
+        }
+    }
+
+    /// The graph that was saved, with its constraints of odometry; `None` where they do not fit each other.
+    pub fn restore(
+        &mut self,
+        saved: SavedGraph,
+        odometry: Vec<Edge>,
+        closures: &[LoopClosure],
+    ) -> Option<()> {
+        let poses: Vec<Pose2> = saved.poses.iter().map(|pose| pose.0).collect();
+        let mut ends = closures.iter().flat_map(|c| [c.older, c.newer]);
+        if ends.any(|keyframe| keyframe.0 >= poses.len()) {
+            return None;
+        }
+        let loops = saved.loops.iter().map(|l| l.restored(closures, &poses));
+        let loops = loops.collect::<Option<Vec<_>>>()?;
+        self.closures = loops
+            .iter()
+            .map(|l| l.id)
+            .zip(saved.loops.iter().map(|l| l.closure))
+            .collect();
+        self.graph = PoseGraph::restore(poses, odometry, loops, saved.next_loop).ok()?;
+        self.failures = saved.failures;
+        Some(())
+    }
+}
+
+/// Holds a keyframe that comes next by the root of the submap that odometry registered it to: within a submap errors do
+/// not add up as those of its steps would.
+fn intra_submap_constraint(keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> Option<Edge> {
+    let to = KeyframeIdx(keyframes.len());
+    let from = keyframes.find(keyframe.submap_root)?;
+    let root = keyframes.get(from.0)?;
+    // The step before is this constraint already, and another frame has none.
+    if from.0 + 1 >= to.0 || root.odom_frame_id != keyframe.odom_frame_id {
+        return None;
+    }
+    // Along a bare wall the scan did not hold on to the submap: errors do add up there.
+    if position_sigma_m(&keyframe.step_covariance) > INTRA_SUBMAP_SIGMA_MAX_M {
+        return None;
+    }
+    let measured = root.odom_from_base.between(&keyframe.odom_from_base);
+    let distance_m = measured.translation().norm();
+    let sigma = |[least, per_m]: [f64; 2]| least + per_m * distance_m;
+    let (position, yaw) = (sigma(SUBMAP_SIGMA_M), sigma(SUBMAP_SIGMA_RAD));
+    let information = [position, position, yaw].map(|sigma| 1.0 / (sigma * sigma));
+    Some(Edge {
+        from,
+        to,
+        measured,
+        information: Matrix3::from_diagonal(&information.into()),
+    })
+}
+
+/// Information of a step from its covariance, with floors; not finite ones count as unknown.
+fn step_information(covariance: &Matrix3<f64>) -> Matrix3<f64> {
+    let floor = Matrix3::from_diagonal(&STEP_SIGMA_MIN.map(|sigma| sigma * sigma).into());
+    let symmetric = (covariance + covariance.transpose()) * 0.5 + floor;
+    let information = symmetric.cholesky().map(|cholesky| cholesky.inverse());
+    let information = information.filter(|i| i.iter().all(|value| value.is_finite()));
+    information.map_or_else(Matrix3::identity, |i| (i + i.transpose()) * 0.5)
+}

@@ -1,0 +1,133 @@
+//! A loop closure: two keyframes of one spot, what was measured between them, and its status.
+
+use crate::index::KeyframeIdx;
+use crate::place_recognition::CandidateOrigin;
+use crate::pose_graph::Edge;
+use nalgebra::Matrix3;
+use randt_geometry::Pose2;
+use randt_persist::{persist, persist_enum};
+
+/// Whether a loop closure is in the graph, or why not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum LoopStatus {
+    /// In the graph.
+    Accepted,
+    /// Good by itself, but the estimate is too uncertain to believe one loop alone and no other has agreed.
+    Unconfirmed,
+    /// Was in the graph; later loops proved it wrong.
+    Withdrawn,
+    /// Odometry cannot have drifted this far.
+    AgainstOdometry,
+    /// The registration found no pose.
+    #[default]
+    Unregistered,
+    /// Too much of one is not found in the other.
+    Unlike,
+    /// The mixtures diverge.
+    Divergent,
+    /// Along a bare wall the position is free.
+    Degenerate,
+    /// The opposite heading fits nearly as well.
+    Ambiguous,
+}
+
+persist_enum!(LoopStatus {
+    Accepted,
+    Unconfirmed,
+    Withdrawn,
+    AgainstOdometry,
+    Unregistered,
+    Unlike,
+    Divergent,
+    Degenerate,
+    Ambiguous,
+});
+
+impl LoopStatus {
+    /// Its name in the report.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::Unconfirmed => "unconfirmed",
+            Self::Withdrawn => "withdrawn",
+            Self::AgainstOdometry => "against_odometry",
+            Self::Unregistered => "unregistered",
+            Self::Unlike => "unlike",
+            Self::Divergent => "divergent",
+            Self::Degenerate => "degenerate",
+            Self::Ambiguous => "ambiguous",
+        }
+    }
+}
+
+/// What a closure was judged by; `None` for what was not measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scores {
+    /// Share of the newer keyframe's surroundings that the older one's explain.
+    pub forward: Option<f64>,
+    /// The other way round.
+    pub backward: Option<f64>,
+    /// The better-fitting share under the opposite heading, where that was possible.
+    pub flipped: Option<f64>,
+    /// Largest share explained of the newer surroundings where they are moved along their least certain direction.
+    pub displaced: Option<f64>,
+    /// Cauchy-Schwarz divergence.
+    pub divergence: Option<f64>,
+    /// Standard deviation of the position along its least certain direction, m.
+    pub sigma_m: Option<f64>,
+    /// Squared deviation from the estimate, weighed by both covariances (3 degrees of freedom).
+    pub chi2: Option<f64>,
+    /// Standard deviation of the estimate's position along its least certain direction, m.
+    pub prior_sigma_m: Option<f64>,
+}
+persist!(Scores {
+    forward,
+    backward,
+    flipped,
+    displaced,
+    divergence,
+    sigma_m,
+    chi2,
+    prior_sigma_m,
+});
+
+/// Two keyframes of one spot, registered and judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LoopClosure {
+    /// The older keyframe: the root of the submap.
+    pub older: KeyframeIdx,
+    /// The newer keyframe.
+    pub newer: KeyframeIdx,
+    /// Why it was registered.
+    pub origin: CandidateOrigin,
+    /// Pose of the newer keyframe in the frame of the older one.
+    pub older_from_newer: Pose2,
+    /// Information of that pose, in the newer keyframe's frame; 1/m^2, 1/(m rad), 1/rad^2.
+    pub information: Matrix3<f64>,
+    /// What it was judged by.
+    pub scores: Scores,
+    /// Whether it is in the graph, or why not.
+    pub status: LoopStatus,
+}
+
+persist!(LoopClosure {
+    older,
+    newer,
+    origin,
+    older_from_newer,
+    information,
+    scores,
+    status
+});
+
+impl LoopClosure {
+    /// Its edge of the graph.
+    pub(crate) fn edge(&self) -> Edge {
+        Edge {
+            from: self.older,
+            to: self.newer,
+            measured: self.older_from_newer,
+            information: (self.information + self.information.transpose()) * 0.5,
+        }
+    }
+}

@@ -1,0 +1,117 @@
+//! Which of the closures that passed their gates enter the graph, within one component of the map.
+//!
+//! Where the estimate is sharp, a loop within its gate cannot be false and is taken alone. Where it is not, two of one
+//! passage must agree.
+
+use super::LoopVerification;
+use super::closure::{LoopClosure, LoopStatus};
+use super::gates::{CHI2_MAX, is_tight};
+use crate::index::{CandidateIdx, KeyframeIdx};
+use crate::keyframe::{KeyframeStore, MapKeyframe};
+use crate::pose_graph::{KeyframeGraph, Prior};
+use nalgebra::Matrix3;
+use randt_geometry::Pose2;
+use std::ops::Range;
+
+/// Loops that agree must lie this many keyframe distances of path apart: neighbours share their errors.
+const APART_KEYFRAMES: f64 = 2.0;
+/// ... and at most this many: beyond it the drive between is no sharper than the estimate.
+const TOGETHER_KEYFRAMES: f64 = 40.0;
+
+impl LoopVerification {
+    /// Takes the unconfirmed closures of a range, and older ones that they support.
+    pub(super) fn confirm(
+        &mut self,
+        new: Range<usize>,
+        keyframes: &KeyframeStore,
+        graph: &mut KeyframeGraph,
+    ) {
+        let mut accepted = Vec::new();
+        for index in new {
+            let Some(closure) = self.closures.get(index).copied() else {
+                continue;
+            };
+            if closure.status != LoopStatus::Unconfirmed {
+                continue;
+            }
+            let prior = graph.prior(closure.older, closure.newer);
+            if !self.config.loops.verify || prior.is_some_and(|prior| is_tight(&prior)) {
+                accepted.push(CandidateIdx(index));
+            } else if prior.is_some() {
+                let support = self.support(&closure, keyframes, graph);
+                if !support.is_empty() {
+                    accepted.extend(support);
+                    accepted.push(CandidateIdx(index));
+                }
+            }
+        }
+        accepted.sort_unstable();
+        accepted.dedup();
+        self.accept(&accepted, graph);
+    }
+
+    /// Unconfirmed closures of the last metres that agree with this one.
+    fn support(
+        &self,
+        closure: &LoopClosure,
+        keyframes: &[MapKeyframe],
+        graph: &mut KeyframeGraph,
+    ) -> Vec<CandidateIdx> {
+        let step_m = self.config.keyframe.distance_m;
+        let path_m = |i: KeyframeIdx| keyframes.get(i.0).map_or(0.0, |keyframe| keyframe.path_m);
+        let here_m = path_m(closure.newer);
+        let range_m = APART_KEYFRAMES * step_m..TOGETHER_KEYFRAMES * step_m;
+        self.closures
+            .iter()
+            .enumerate()
+            .filter(|(_, other)| other.status == LoopStatus::Unconfirmed)
+            .filter(|(_, other)| range_m.contains(&(here_m - path_m(other.newer))))
+            .filter(|(_, other)| agree(other, closure, graph))
+            .map(|(index, _)| CandidateIdx(index))
+            .collect()
+    }
+
+    /// Puts closures into the graph and lets the map follow.
+    pub(super) fn accept(&mut self, accepted: &[CandidateIdx], graph: &mut KeyframeGraph) {
+        if accepted.is_empty() {
+            return;
+        }
+        for &index in accepted {
+            let Some(closure) = self.closures.get_mut(index.0) else {
+                continue;
+            };
+            closure.status = match graph.add_closure(index, closure.edge()) {
+                Ok(()) => LoopStatus::Accepted,
+                Err(_) => LoopStatus::Degenerate,
+            };
+        }
+        let pruned = graph.optimise_and_prune();
+        self.withdraw(&pruned);
+    }
+}
+
+/// Whether two closures and the drives between their ends close up.
+fn agree(a: &LoopClosure, b: &LoopClosure, graph: &mut KeyframeGraph) -> bool {
+    let (Some(old), Some(new)) = (graph.prior(b.older, a.older), graph.prior(a.newer, b.newer))
+    else {
+        return false;
+    };
+    let (Some(a_covariance), Some(b_covariance)) =
+        (a.information.try_inverse(), b.information.try_inverse())
+    else {
+        return false;
+    };
+    // b as the others say it is: back to a's old keyframe, over loop a, on to b's new keyframe.
+    let onward = a.older_from_newer.compose(&new.older_from_newer);
+    let carried = |covariance: &Matrix3<f64>, by: &Pose2| {
+        let adjoint = by.inverse().adjoint();
+        adjoint * covariance * adjoint.transpose()
+    };
+    let expected = Prior {
+        older_from_newer: old.older_from_newer.compose(&onward),
+        covariance: carried(&old.covariance, &onward)
+            + carried(&a_covariance, &new.older_from_newer)
+            + new.covariance,
+    };
+    expected.chi2(&b.older_from_newer, &b_covariance) <= CHI2_MAX
+}
