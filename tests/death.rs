@@ -105,7 +105,7 @@ fn check(ordeal: &Ordeal) {
     command.arg(&log).arg("--out").arg(at("run")).args(PATIENT);
     let ended = ended_within(command, COMPUTED_MAX);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    let accepted = &report(&at("run"))["loops"]["fates"]["accepted"];
+    let accepted = &report(&at("run"))["loops"]["statuses"]["accepted"];
     assert!(accepted.as_u64().unwrap() > 0, "a drive without loops");
 
     let own = Pipeline::new("death");
@@ -358,7 +358,7 @@ fn check_result(ordeal: &Ordeal, found: &Path, expected: &Path) {
     let bytes = fs::read(found.join("map.journal")).unwrap();
     let (_, records) = journal::records(&bytes).unwrap();
     let mut message = Message::default();
-    for (expected, record) in records.of(journal::Kind::Keyframe).enumerate() {
+    for (expected, record) in records.of_kind(journal::Kind::Keyframe).enumerate() {
         assert!(journal::read_keyframe(record.payload, &mut message));
         assert_eq!(
             message.head.id, expected as u64,

@@ -174,9 +174,11 @@ fn two_rounds() -> String {
 fn loops_of_a_report_are_judged() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.tum"), two_rounds()).unwrap();
-    let candidate = |fate: &str, to_s: f64, x_m: f64| {
+    let candidate = |status: &str, to_s: f64, x_m: f64| {
         let (from_ns, to_ns) = (((to_s - 40.0) * 1e9) as i64, (to_s * 1e9) as i64);
-        format!(r#"{{"from_ns":{from_ns},"to_ns":{to_ns},"relative":[{x_m},0,0],"fate":"{fate}"}}"#)
+        format!(
+            r#"{{"from_ns":{from_ns},"to_ns":{to_ns},"relative":[{x_m},0,0],"status":"{status}"}}"#
+        )
     };
     let report = format!(
         r#"{{"scans":320,"loops":{{"candidates":[{},{},{}]}}}}"#,

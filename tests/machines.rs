@@ -81,11 +81,11 @@ fn a_drive_with_loops_ends_in_the_same_map() {
         run.arg("run").arg(at("a.mcap")).arg("--out").arg(at(name));
         printed(run);
     }
-    let report = |name: &str| crate::support::report(&at(name))["loops"]["fates"].take();
-    let fates = report("here");
-    println!("loops: {fates}");
-    assert!(fates["accepted"].as_u64().unwrap() >= 5, "{fates}");
-    assert_eq!(report("old"), fates);
+    let report = |name: &str| crate::support::report(&at(name))["loops"]["statuses"].take();
+    let statuses = report("here");
+    println!("loops: {statuses}");
+    assert!(statuses["accepted"].as_u64().unwrap() >= 5, "{statuses}");
+    assert_eq!(report("old"), statuses);
     let text = |name: &str| fs::read_to_string(at(name)).unwrap();
     assert_eq!(text("old/odometry.tum"), text("here/odometry.tum"));
     for name in ["trajectory.tum", "keyframes.tum"] {

@@ -277,7 +277,7 @@ fn keyframes_in(bytes: &[u8]) -> Vec<Message<Keyframe>> {
     let Ok((_, records)) = journal::records(bytes) else {
         return Vec::new();
     };
-    let keyframes = records.of(Kind::Keyframe).map(|record| {
+    let keyframes = records.of_kind(Kind::Keyframe).map(|record| {
         let mut keyframe = Message::default();
         assert!(journal::read_keyframe(record.payload, &mut keyframe));
         without_journey(keyframe)

@@ -113,7 +113,7 @@ fn a_simulated_log_and_its_map_are_the_same_bytes_every_way() {
     // Without loops in the graph the final poses would only be odometry's.
     let out = folder.path().join("out");
     run(&log, &out, &[]);
-    let accepted = &report(&out)["loops"]["fates"]["accepted"];
+    let accepted = &report(&out)["loops"]["statuses"]["accepted"];
     println!("{accepted} loops");
     assert!(accepted.as_u64().unwrap() > 0);
     check_every_way(&log);

@@ -70,7 +70,7 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
     assert_eq!(live.code, Some(0), "{}", live.stderr);
     let (offline, live) = (report(&at("run")), report(&at("up")));
     println!("{} scans, {} keyframes", live["scans"], live["keyframes"]);
-    assert!(offline["loops"]["fates"]["accepted"].as_u64().unwrap() > 0);
+    assert!(offline["loops"]["statuses"]["accepted"].as_u64().unwrap() > 0);
     // Not one counter more, such as messages_lost, states_missed or stage_restarts; and as many scans that wait in vain
     // for a sample of the IMU as offline.
     assert_eq!(live["counters"], offline["counters"]);

@@ -12,7 +12,7 @@ pub fn heads(path: &Path) -> Vec<KeyframeHead> {
         return Vec::new();
     };
     let mut message = Message::default();
-    let read = records.of(Kind::Keyframe).map(|record| {
+    let read = records.of_kind(Kind::Keyframe).map(|record| {
         assert!(journal::read_keyframe(record.payload, &mut message));
         *message.head
     });

@@ -109,7 +109,7 @@ pub fn write(scans: u64, path: &Path) {
 /// Correction, the whole graph and the tiles that changed.
 fn publish_map(
     mapper: &Mapper,
-    tiles: &[randt_mapper::grid::TileIndex],
+    tiles: &[randt_mapper::occupancy::TileIndex],
     published_ns: i64,
     log: &mut LogFile,
 ) {

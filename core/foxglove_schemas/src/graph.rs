@@ -8,22 +8,22 @@ use randt_geometry::elementary::sin_cos;
 use randt_messages::{GraphEntry, GraphEntryKind, MapperGraph, MessageRef};
 use std::collections::BTreeMap;
 
-/// Keyframes of the part of the map in which the newest one is.
+/// Keyframes of the component of the map that the newest one belongs to.
 const PATH: Colour = [0.98, 0.55, 0.24, 1.0];
-/// Those of other parts: they stand in frames of their own, and only happen to lie where they are drawn.
-const OTHER_PART: Colour = [0.55, 0.55, 0.6, 0.5];
+/// Those of other components: each has a frame of its own, and where they are drawn says nothing of where they are.
+const OTHER_COMPONENT: Colour = [0.55, 0.55, 0.6, 0.5];
 /// A loop that is believed, and one that is hardly.
 const BELIEVED: Colour = [0.16, 0.75, 0.35, 1.0];
 const DOUBTED: Colour = [0.85, 0.6, 0.1, 0.5];
 /// Length of the mark that says which way a keyframe looks, m.
 const MARK_M: f64 = 0.3;
 
-/// The newest whole graph that was heard of.
+/// The newest whole graph that was received.
 #[derive(Debug, Default)]
 pub struct Graph {
     nodes: BTreeMap<u64, GraphEntry>,
     loops: Vec<GraphEntry>,
-    /// Odometry frame of each keyframe, as far as somebody has said it.
+    /// Odometry frame of each keyframe, as far as it is known.
     frames: BTreeMap<u64, u64>,
     /// The pages of the next one, and its version.
     pages: Vec<GraphEntry>,
@@ -31,12 +31,12 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// Says in which odometry frame a keyframe was made: two frames are not joined by an edge of odometry.
+    /// Sets the odometry frame of a keyframe: no edge of odometry connects two frames.
     pub fn know(&mut self, keyframe_id: u64, odom_frame_id: u64) {
         self.frames.insert(keyframe_id, odom_frame_id);
     }
 
-    /// Takes a page; says whether with it a whole graph has become known. Of one that lacks a page there is nothing.
+    /// Takes a page; whether with it a whole graph has become known. A graph that lacks a page is dropped.
     pub fn take(&mut self, message: MessageRef<'_, MapperGraph>) -> bool {
         let head = message.head;
         if message.items.is_empty() {
@@ -71,19 +71,19 @@ impl Graph {
         self.nodes.get(&keyframe_id)
     }
 
-    /// The loops in force, with the nodes that they join, the older one first.
+    /// The loops in force, with the nodes that they connect, the older one first.
     pub fn loops(&self) -> impl Iterator<Item = (&GraphEntry, [&GraphEntry; 2])> {
         let ends = |edge: &GraphEntry| Some([self.nodes.get(&edge.a)?, self.nodes.get(&edge.b)?]);
         let edges = self.loops.iter();
         edges.filter_map(move |edge| Some((edge, ends(edge)?)))
     }
 
-    /// Runs of keyframes that odometry joins.
+    /// Runs of keyframes that odometry connects.
     pub fn runs(&self) -> Vec<Vec<&GraphEntry>> {
         let mut runs: Vec<Vec<&GraphEntry>> = Vec::new();
         for node in self.nodes.values() {
             match runs.last_mut() {
-                Some(run) if run.last().is_some_and(|last| self.joined(last, node)) => {
+                Some(run) if run.last().is_some_and(|last| self.is_connected(last, node)) => {
                     run.push(node);
                 }
                 _ => runs.push(vec![node]),
@@ -92,7 +92,7 @@ impl Graph {
         runs
     }
 
-    fn joined(&self, from: &GraphEntry, to: &GraphEntry) -> bool {
+    fn is_connected(&self, from: &GraphEntry, to: &GraphEntry) -> bool {
         let frame = |node: &GraphEntry| self.frames.get(&node.a);
         let same_frame = match (frame(from), frame(to)) {
             (Some(from), Some(to)) => from == to,
@@ -103,18 +103,18 @@ impl Graph {
 
     /// Keyframes and the edges of odometry between them, in `map`.
     pub fn draw(&self, stamp_ns: i64) -> SceneUpdate {
-        let part = self.nodes.values().next_back().map(|node| node.b);
+        let component = self.nodes.values().next_back().map(|node| node.b);
         let mut drawn = Vec::new();
         for run in self.runs() {
-            let is_here = run.first().map(|node| node.b) == part;
-            let colour = if is_here { PATH } else { OTHER_PART };
-            let strip = run.iter().map(|node| place(node)).collect();
+            let is_here = run.first().map(|node| node.b) == component;
+            let colour = if is_here { PATH } else { OTHER_COMPONENT };
+            let strip = run.iter().map(|node| position(node)).collect();
             drawn.push(lines(Type::LineStrip, strip, colour));
             let marks = run.iter().flat_map(|node| {
                 let [x_m, y_m, yaw_rad] = node.pose;
                 let (sine, cosine) = sin_cos(yaw_rad);
                 let tip = [x_m + MARK_M * cosine, y_m + MARK_M * sine];
-                [place(node), point(tip)]
+                [position(node), point(tip)]
             });
             drawn.push(lines(Type::LineList, marks.collect(), colour));
         }
@@ -131,7 +131,7 @@ impl Graph {
                 *from += weight * (to - *from);
             }
             for end in ends {
-                line.points.push(place(end));
+                line.points.push(position(end));
                 line.colors.push(color(colour));
             }
         }
@@ -139,7 +139,7 @@ impl Graph {
     }
 }
 
-fn place(node: &GraphEntry) -> foxglove::messages::Point3 {
+fn position(node: &GraphEntry) -> foxglove::messages::Point3 {
     point([node.pose[0], node.pose[1]])
 }
 
@@ -148,10 +148,10 @@ mod tests {
     use super::*;
     use randt_messages::Message;
 
-    fn node(id: u64, part: u64) -> GraphEntry {
+    fn node(id: u64, component: u64) -> GraphEntry {
         GraphEntry {
             a: id,
-            b: part,
+            b: component,
             pose: [id as f64, 0.0, 0.0],
             weight: 1.0,
             kind: GraphEntryKind::Node as u32,
@@ -183,7 +183,7 @@ mod tests {
         let mut graph = Graph::default();
         let nodes: Vec<_> = (0..4).map(|id| node(id, 0)).collect();
         assert!(!graph.take(page(1, 0, [4, 1], &nodes[..2]).as_ref()));
-        // The beat says nothing of entries.
+        // The heartbeat has no entries.
         assert!(!graph.take(page(1, 0, [4, 1], &[]).as_ref()));
         assert!(graph.take(page(1, 2, [4, 1], &[nodes[2], nodes[3], edge(0, 3, 1.0)]).as_ref()));
         assert_eq!((graph.nodes().count(), graph.loops().count()), (4, 1));
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn neither_parts_nor_frames_are_joined_by_odometry() {
+    fn odometry_connects_neither_components_nor_frames() {
         let mut graph = Graph::default();
         let nodes = [node(0, 0), node(1, 0), node(2, 0), node(3, 3), node(4, 3)];
         assert!(graph.take(page(1, 0, [5, 0], &nodes).as_ref()));
@@ -211,7 +211,7 @@ mod tests {
         );
         let lines = &graph.draw(0).entities[0].lines;
         assert_eq!(lines.len(), 6);
-        assert_eq!(lines[0].color.unwrap().a, OTHER_PART[3]);
+        assert_eq!(lines[0].color.unwrap().a, OTHER_COMPONENT[3]);
         assert_eq!(lines[4].color.unwrap().a, PATH[3]);
         assert_eq!(lines[5].points.len(), 4);
     }

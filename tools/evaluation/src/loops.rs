@@ -1,4 +1,4 @@
-//! Loops against the truth: which are false, and how many of the places seen again were recognised.
+//! Loops against the truth: which are false, and how many of the revisits were recognised.
 
 use crate::timeline::{Instant, Timeline};
 use crate::{Error, Trajectory};
@@ -24,9 +24,9 @@ pub struct LoopLimits {
     pub rotation_deg: f64,
     /// A pose this near to an old one is a revisit, m.
     pub revisit_m: f64,
-    /// Old is what lies at least so much path back, m.
+    /// A pose is old that lies at least this much path back, m.
     pub revisit_path_m: f64,
-    /// A revisit is recalled by a true loop whose newer end is at most so much path away, m.
+    /// A revisit is recalled by a true loop whose newer end is at most this much path away, m.
     pub recall_path_m: f64,
 }
 
@@ -43,7 +43,7 @@ impl Default for LoopLimits {
     }
 }
 
-/// A loop that is not where it says.
+/// A loop whose pose the truth contradicts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FalseLoop {
     /// The loop.
@@ -54,7 +54,7 @@ pub struct FalseLoop {
     pub error_deg: f64,
 }
 
-/// What loops are worth.
+/// Loops judged by the truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoopEvaluation {
     /// Loops given.
@@ -161,7 +161,7 @@ mod tests {
         pose * 1_000_000_000 / RATE
     }
 
-    /// The pose after so much path around a circle.
+    /// The pose after some path around a circle.
     fn on_circle(path_m: f64) -> Pose2 {
         let twist = [ROUND_M, 0.0, TAU].map(|v| v * path_m / ROUND_M);
         Pose2::exp(twist.into())

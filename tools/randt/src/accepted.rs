@@ -4,23 +4,23 @@ use crate::report::Report;
 use anyhow::Context;
 use randt_evaluation::LoopEdge;
 use randt_geometry::Pose2;
-use randt_mapper::Mapper;
+use randt_mapper::{KeyframeIdx, LoopClosure, Mapper};
 use std::path::Path;
 
-/// The fate of a candidate that entered the graph.
+/// The status of a candidate that is in the graph.
 const ACCEPTED: &str = "accepted";
 
 /// The loops in a mapper's graph, in the order in which they were found.
-pub fn of(mapper: &Mapper) -> Vec<LoopEdge> {
-    let stamp_ns = |place: usize| mapper.places().get(place).map(|place| place.stamp_ns);
-    let edge = |candidate: &randt_mapper::Candidate| {
+pub fn accepted_loops(mapper: &Mapper) -> Vec<LoopEdge> {
+    let keyframe = |index: KeyframeIdx| mapper.keyframes().get(index.0);
+    let edge = |closure: &LoopClosure| {
         Some(LoopEdge {
-            from_ns: stamp_ns(candidate.from)?,
-            to_ns: stamp_ns(candidate.to)?,
-            relative: candidate.relative,
+            from_ns: keyframe(closure.older)?.stamp_ns,
+            to_ns: keyframe(closure.newer)?.stamp_ns,
+            relative: closure.older_from_newer,
         })
     };
-    mapper.loops().filter_map(edge).collect()
+    mapper.accepted().filter_map(edge).collect()
 }
 
 /// Reads the loops of a report that were accepted, in its order.
@@ -37,7 +37,7 @@ fn accepted(report: Report) -> anyhow::Result<Vec<LoopEdge>> {
     let loops = report.loops.context("missing field `loops`")?;
     let accepted = loops.candidates.into_iter();
     Ok(accepted
-        .filter(|candidate| candidate.fate == ACCEPTED)
+        .filter(|candidate| candidate.status == ACCEPTED)
         .map(|candidate| LoopEdge {
             from_ns: candidate.from_ns,
             to_ns: candidate.to_ns,
@@ -57,12 +57,19 @@ mod tests {
     #[test]
     fn only_what_was_accepted_counts_and_other_fields_do_not_matter() {
         let json = br#"{"randt": "0.1.0", "loops": {"enabled": true, "candidates": [
-            {"from_ns": 1, "to_ns": 2, "relative": [1, 2.5, -0.5], "fate": "accepted", "score": 3.1},
-            {"from_ns": 3, "to_ns": 4, "relative": [0, 0, 0], "fate": "inconsistent"}]}}"#;
+            {"from_ns": 1, "to_ns": 2, "relative": [1, 2.5, -0.5], "status": "accepted", "score": 3.1},
+            {"from_ns": 3, "to_ns": 4, "relative": [0, 0, 0], "status": "inconsistent"}]}}"#;
         let loops = parse(json).unwrap();
         assert_eq!(loops.len(), 1);
         assert_eq!((loops[0].from_ns, loops[0].to_ns), (1, 2));
         assert_eq!(loops[0].relative.to_array(), [1.0, 2.5, -0.5]);
+    }
+
+    #[test]
+    fn a_report_of_an_earlier_build_is_read() {
+        let json = br#"{"loops": {"fates": {"accepted": 1}, "parts": 1, "candidates": [
+            {"from_ns": 1, "to_ns": 2, "relative": [1, 2, 0], "fate": "accepted", "source": "estimate"}]}}"#;
+        assert_eq!(parse(json).unwrap().len(), 1);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use randt_evaluation::Trajectory;
 use randt_geometry::Pose2;
-use randt_mapper::Mapper;
+use randt_mapper::{KeyframeIdx, Mapper};
 use randt_messages::OdometryState;
 use std::collections::BTreeMap;
 
@@ -71,14 +71,15 @@ pub fn carry_into_map(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
 
 /// The keyframes, in order of their frames and stamps.
 fn knots(mapper: &Mapper) -> Vec<Knot> {
-    let places = mapper.places();
+    let keyframes = mapper.keyframes();
     let knot = |(index, map): (usize, &Pose2)| {
-        let place = places.get(index)?;
-        let first = places.get(mapper.part_of(index))?;
+        let keyframe = keyframes.get(index)?;
+        let first = mapper.component_of(KeyframeIdx(index)).first_keyframe();
+        let first = keyframes.get(first.0)?;
         Some(Knot {
-            key: (place.odom_frame_id, place.stamp_ns),
+            key: (keyframe.odom_frame_id, keyframe.stamp_ns),
             component: first.odom_frame_id,
-            odom: place.odom,
+            odom: keyframe.odom_from_base,
             map: *map,
         })
     };

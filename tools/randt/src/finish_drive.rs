@@ -84,12 +84,12 @@ pub fn finish_drive(
     let mut report = Report {
         randt: randt_version::VERSION.to_owned(),
         scans: results.states.len() as u64,
-        keyframes: mapper.places().len() as u64,
+        keyframes: mapper.keyframes().len() as u64,
         path_m: results.path_m(),
         frames: results.frames(),
         trust: results.trust(),
         trust_spans: Some(trust_spans),
-        loops: Some(Loops::of(mapper)),
+        loops: Some(Loops::from_mapper(mapper)),
         accuracy: evaluation.as_ref().map(|e| Accuracy {
             ate_rmse_m: e.ate_rmse_m,
             odometry_ate_rmse_m: of_odometry.and_then(|e| e.ate_rmse_m),

@@ -18,8 +18,8 @@ pub struct Judgement {
 }
 
 impl Judgement {
-    /// Of a trajectory, and of the loops that made it.
-    pub fn of(
+    /// Judges a trajectory, and the loops that made it.
+    pub fn new(
         estimate: &Trajectory,
         truth: &Trajectory,
         loops: Option<&[LoopEdge]>,
@@ -33,14 +33,14 @@ impl Judgement {
         })
     }
 
-    /// Of a computation whose input has the truth: of its final poses.
-    pub fn of_run(done: &Done) -> Result<Self, Error> {
+    /// Judges the final poses of a computation whose input has the truth.
+    pub fn from_run(done: &Done) -> Result<Self, Error> {
         let mapper = done.pipeline.mapper();
         let trajectory = final_poses(&done.results.states, mapper);
-        Self::of(
+        Self::new(
             &trajectory,
             done.results.truth(),
-            Some(&accepted::of(mapper)),
+            Some(&accepted::accepted_loops(mapper)),
             &LoopLimits::default(),
         )
     }

@@ -1,24 +1,24 @@
-//! The loops in `report.json`: every candidate, what it was judged by, what became of it.
+//! The loops in `report.json`: every candidate, what it was judged by, and its status.
 
-use randt_mapper::{Candidate, Mapper, Source};
+use randt_mapper::{CandidateOrigin, KeyframeIdx, LoopClosure, Mapper};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// All candidates and their fates.
+/// All candidates and what became of them. Reports of earlier builds have other names for some of it.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Loops {
-    /// How many met which fate.
-    #[serde(default)]
-    pub fates: BTreeMap<String, u64>,
-    /// Unjoined parts of the map: 1 where everything hangs together.
-    #[serde(default)]
-    pub parts: usize,
+    /// How many have which status.
+    #[serde(default, alias = "fates")]
+    pub statuses: BTreeMap<String, u64>,
+    /// Components of the map that no loop connects: 1 where everything is connected.
+    #[serde(default, alias = "parts")]
+    pub components: usize,
     /// Each candidate, in the order in which they were found.
     pub candidates: Vec<Entry>,
 }
 
-/// One candidate. What it did not come to be judged by is left out.
+/// One candidate. Its fields are those of the report; what was not measured is left out.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Entry {
     /// Stamp of the older keyframe.
@@ -28,10 +28,11 @@ pub struct Entry {
     /// Pose of the newer keyframe's `base_link` in the older one's: x m, y m, yaw rad.
     pub relative: [f64; 3],
     /// What became of it, and why.
-    pub fate: Cow<'static, str>,
-    /// `appearance` or `estimate`.
-    #[serde(default)]
-    pub source: Cow<'static, str>,
+    #[serde(alias = "fate")]
+    pub status: Cow<'static, str>,
+    /// `appearance` or `proximity`.
+    #[serde(default, alias = "source")]
+    pub origin: Cow<'static, str>,
     /// ScanContext distance with odometry's part.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub appearance_distance: Option<f64>,
@@ -63,40 +64,36 @@ pub struct Entry {
 
 impl Loops {
     /// What a mapper found.
-    pub fn of(mapper: &Mapper) -> Self {
-        let mut fates = BTreeMap::new();
-        for candidate in mapper.candidates() {
-            *fates.entry(candidate.fate.name().to_owned()).or_default() += 1;
+    pub fn from_mapper(mapper: &Mapper) -> Self {
+        let mut statuses = BTreeMap::new();
+        for closure in mapper.closures() {
+            *statuses
+                .entry(closure.status.name().to_owned())
+                .or_default() += 1;
         }
-        let count = mapper.places().len();
+        let closures = mapper.closures().iter();
         Self {
-            fates,
-            parts: (0..count)
-                .filter(|place| mapper.part_of(*place) == *place)
-                .count(),
-            candidates: mapper
-                .candidates()
-                .iter()
-                .map(|c| entry(mapper, c))
-                .collect(),
+            statuses,
+            components: mapper.components(),
+            candidates: closures.map(|closure| entry(mapper, closure)).collect(),
         }
     }
 }
 
-fn entry(mapper: &Mapper, candidate: &Candidate) -> Entry {
-    let stamp = |place: usize| mapper.places().get(place).map_or(0, |place| place.stamp_ns);
-    let scores = &candidate.scores;
-    let (source, appearance_distance) = match candidate.source {
-        Source::Appearance { distance, .. } => ("appearance", Some(distance)),
-        Source::Estimate => ("estimate", None),
-    };
+fn entry(mapper: &Mapper, closure: &LoopClosure) -> Entry {
+    let keyframe = |index: KeyframeIdx| mapper.keyframes().get(index.0);
+    let stamp_ns = |index| keyframe(index).map_or(0, |keyframe| keyframe.stamp_ns);
+    let scores = &closure.scores;
     Entry {
-        from_ns: stamp(candidate.from),
-        to_ns: stamp(candidate.to),
-        relative: candidate.relative.to_array(),
-        fate: candidate.fate.name().into(),
-        source: source.into(),
-        appearance_distance,
+        from_ns: stamp_ns(closure.older),
+        to_ns: stamp_ns(closure.newer),
+        relative: closure.older_from_newer.to_array(),
+        status: closure.status.name().into(),
+        origin: closure.origin.name().into(),
+        appearance_distance: match closure.origin {
+            CandidateOrigin::Appearance { distance, .. } => Some(distance),
+            CandidateOrigin::Proximity => None,
+        },
         forward: scores.forward,
         backward: scores.backward,
         flipped: scores.flipped,

@@ -2,7 +2,7 @@
 
 use randt_config::Config;
 use randt_filter::ClusterFilter;
-use randt_mapper::{Mapper, Place};
+use randt_mapper::{MapKeyframe, Mapper};
 use randt_messages::{
     Keyframe, KeyframeHead, Message, MessageRef, OdometryState, RadarPoints, Topic,
 };
@@ -54,12 +54,12 @@ struct Joint {
 impl Joint {
     /// Whether the map takes a keyframe.
     fn takes(&mut self, mapper: &Mapper, head: &KeyframeHead) -> bool {
-        let last = mapper.places().last();
+        let last = mapper.keyframes().last();
         if let Some(last) = last.filter(|last| head.id <= last.keyframe_id) {
             if head.id == last.keyframe_id {
                 self.is_shown = last.stamp_ns == head.header.stamp_ns
                     && last.odom_frame_id == head.odom_frame_id
-                    && last.odom.to_array() == head.pose;
+                    && last.odom_from_base.to_array() == head.pose;
             }
             // The map has it.
             return false;
@@ -114,7 +114,7 @@ impl Pipeline {
             points,
             odometry,
             joint: Joint {
-                is_shown: is_one_drive || mapper.places().is_empty(),
+                is_shown: is_one_drive || mapper.keyframes().is_empty(),
                 refused: 0,
             },
             mapper,
@@ -173,9 +173,9 @@ impl Pipeline {
     /// Numbers the estimate's frames on after this one, and its keyframes after the map's of frames up to it: what a start
     /// without a past does when it receives a map.
     pub fn continue_after(&mut self, odom_frame_id: u64) {
-        let before = |place: &&Place| place.odom_frame_id <= odom_frame_id;
-        let last = self.mapper.places().iter().rev().find(before);
-        let next = last.map_or(0, |place| place.keyframe_id + 1);
+        let before = |keyframe: &&MapKeyframe| keyframe.odom_frame_id <= odom_frame_id;
+        let last = self.mapper.keyframes().iter().rev().find(before);
+        let next = last.map_or(0, |keyframe| keyframe.keyframe_id + 1);
         self.odometry.continue_after(next, odom_frame_id);
     }
 

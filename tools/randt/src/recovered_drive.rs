@@ -113,7 +113,7 @@ fn count_quarantined(folder: &Path, counters: &mut Counters) {
 /// Whether odometry numbers the drive that the map is of. Where the ring has no keyframe that the map has too, nothing
 /// speaks against it.
 fn is_of_map(mapper: &Mapper, ring: Option<&KeyframeRing>, odometry: Option<&Odometry>) -> bool {
-    let Some(last) = mapper.places().last() else {
+    let Some(last) = mapper.keyframes().last() else {
         return true;
     };
     let is_counted = odometry.is_none_or(|it| it.pose_record().next_keyframe > last.keyframe_id);
@@ -124,9 +124,9 @@ fn is_of_map(mapper: &Mapper, ring: Option<&KeyframeRing>, odometry: Option<&Odo
 /// Gives the map the keyframes that it had no time for, up to `end` where that is known; gives how many are nowhere.
 fn push_ring(mapper: &mut Mapper, ring: &KeyframeRing, end: Option<u64>) -> u64 {
     let first = mapper
-        .places()
+        .keyframes()
         .last()
-        .map_or(0, |place| place.keyframe_id + 1);
+        .map_or(0, |keyframe| keyframe.keyframe_id + 1);
     let end = end
         .or(ring.newest().map(|newest| newest + 1))
         .unwrap_or(first);

@@ -5,7 +5,7 @@ use randt_evaluation::{
     Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
 };
 use randt_geometry::Pose2;
-use randt_mapper::Mapper;
+use randt_mapper::{KeyframeIdx, Mapper};
 use randt_messages::{Keyframe, MessageRef, OdometryState, Trust, TruthPose};
 use randt_odometry::Sink;
 use std::collections::HashSet;
@@ -198,10 +198,11 @@ impl Results {
             [] => Vec::new(),
             _ => truth_on_estimate(trajectory, &self.truth)?,
         };
-        let position = |place: usize| mapper.poses().get(place).map(|pose| [pose.x_m, pose.y_m]);
+        let pose = |keyframe: KeyframeIdx| mapper.poses().get(keyframe.0);
+        let position = |keyframe| pose(keyframe).map(|pose| [pose.x_m, pose.y_m]);
         let loops: Vec<[[f64; 2]; 2]> = mapper
-            .loops()
-            .filter_map(|l| Some([position(l.from)?, position(l.to)?]))
+            .accepted()
+            .filter_map(|l| Some([position(l.older)?, position(l.newer)?]))
             .collect();
         Ok(plot_trajectories(&Plot {
             title,
@@ -242,25 +243,27 @@ pub fn remove(path: &Path) -> anyhow::Result<()> {
 /// The keyframes as the graph has them.
 fn keyframes(mapper: &Mapper) -> Trajectory {
     let mut trajectory = Trajectory::stamped();
-    for (index, (place, pose)) in mapper.places().iter().zip(mapper.poses()).enumerate() {
-        trajectory.push(place.stamp_ns, mapper.part_of(index) as u64, *pose);
+    for (index, (keyframe, pose)) in mapper.keyframes().iter().zip(mapper.poses()).enumerate() {
+        let component = mapper.component_of(KeyframeIdx(index));
+        trajectory.push(keyframe.stamp_ns, component.0 as u64, *pose);
     }
     trajectory
 }
 
 /// Returns of the map's largest component, thinned out.
 fn returns(mapper: &Mapper) -> Vec<[f64; 2]> {
-    let part = mapper.largest_part();
-    let places = || {
-        let all = mapper.places().iter().zip(mapper.poses()).enumerate();
-        all.filter(|(index, _)| mapper.part_of(*index) == part)
-            .map(|(_, place)| place)
+    let component = mapper.largest_component();
+    let keyframes = || {
+        let all = mapper.keyframes().iter().zip(mapper.poses()).enumerate();
+        all.filter(|(index, _)| mapper.component_of(KeyframeIdx(*index)) == component)
+            .map(|(_, keyframe)| keyframe)
     };
-    let total: usize = places().map(|(place, _)| place.sight.points.len()).sum();
-    let stride = (total / PICTURE_POINTS_MAX).max(PICTURE_STRIDE);
-    places()
-        .flat_map(|(place, pose)| {
-            place.sight.points.iter().step_by(stride).map(|point| {
+    let points = keyframes().map(|(keyframe, _)| keyframe.observation.points.len());
+    let stride = (points.sum::<usize>() / PICTURE_POINTS_MAX).max(PICTURE_STRIDE);
+    keyframes()
+        .flat_map(|(keyframe, pose)| {
+            let points = keyframe.observation.points.iter().step_by(stride);
+            points.map(|point| {
                 let p = pose.transform([f64::from(point.x_m), f64::from(point.y_m)].into());
                 [p.x, p.y]
             })

@@ -185,7 +185,7 @@ fn trial(
         bail!("interrupted; nothing was written");
     }
     Ok(Trial {
-        judgement: Judgement::of_run(&done)?,
+        judgement: Judgement::from_run(&done)?,
         scan_ns: done.pipeline.timing.filter_and_odometry_ns(),
     })
 }

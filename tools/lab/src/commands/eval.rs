@@ -102,7 +102,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         ..LoopLimits::default()
     };
     let loops = arguments.loops.as_deref().map(accepted::read).transpose()?;
-    let found = Judgement::of(&estimate, &truth, loops.as_deref(), &limits)?;
+    let found = Judgement::new(&estimate, &truth, loops.as_deref(), &limits)?;
     let trust = arguments.trust.as_deref();
     let trust = trust.map(trust_spans::read).transpose()?;
     let silent = trust.map(|trust| silently_wrong(&estimate, &truth, &trust));

@@ -12,7 +12,8 @@ use problem::Problem;
 use randt::exit::Outcome;
 use randt::output::print;
 use randt_evaluation::{Trajectory, evaluate};
-use randt_mapper::graph::PoseGraph;
+use randt_mapper::KeyframeIdx;
+use randt_mapper::pose_graph::PoseGraph;
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -131,11 +132,11 @@ fn trial(
 
 /// Root mean square of the positions' differences after rigid alignment, m; every component by itself.
 fn ate_m(graph: &PoseGraph, clean: &PoseGraph) -> anyhow::Result<f64> {
-    let trajectory = |of: &PoseGraph| {
+    let trajectory = |graph: &PoseGraph| {
         let mut trajectory = Trajectory::unstamped();
-        for (node, pose) in of.poses().iter().enumerate() {
-            let frame = clean.component_of(node).unwrap_or_default();
-            trajectory.push(0, frame as u64, *pose);
+        for (node, pose) in graph.poses().iter().enumerate() {
+            let component = clean.component_of(KeyframeIdx(node)).unwrap_or_default();
+            trajectory.push(0, component.0 as u64, *pose);
         }
         trajectory
     };

@@ -46,8 +46,12 @@ pub fn text(report: &Report, out: &Path) -> String {
     }
     let (closed, candidates, components) = match &report.loops {
         Some(loops) => {
-            let closed = loops.fates.get("accepted").copied();
-            (closed.unwrap_or(0), loops.candidates.len(), loops.parts)
+            let closed = loops.statuses.get("accepted").copied();
+            (
+                closed.unwrap_or(0),
+                loops.candidates.len(),
+                loops.components,
+            )
         }
         None => (0, 0, 1),
     };

@@ -3,7 +3,8 @@
 use anyhow::{bail, ensure};
 use randt_geometry::Pose2;
 use randt_geometry::elementary::{PI, sin_cos};
-use randt_mapper::graph::{Edge, PoseGraph};
+use randt_mapper::KeyframeIdx;
+use randt_mapper::pose_graph::{Edge, PoseGraph};
 use randt_simulator::Random;
 
 /// A loop is false when it is off by more than this, m and rad: what a grid to navigate by does not forgive.
@@ -149,8 +150,8 @@ fn with_information(
 ) -> Edge {
     let like = &clean.loops()[below(random, clean.loops().len())].edge;
     Edge {
-        from,
-        to,
+        from: KeyframeIdx(from),
+        to: KeyframeIdx(to),
         measured,
         information: like.information,
     }

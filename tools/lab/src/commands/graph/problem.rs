@@ -3,7 +3,8 @@
 use anyhow::ensure;
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
-use randt_mapper::graph::{Edge, PoseGraph};
+use randt_mapper::KeyframeIdx;
+use randt_mapper::pose_graph::{Edge, PoseGraph};
 use randt_readers::g2o;
 use std::collections::BTreeMap;
 
@@ -42,12 +43,12 @@ impl Problem {
             let node = |id: u64| ids.partition_point(|other| *other < id);
             let [a, b, c] = edge.information;
             let read = Edge {
-                from: node(edge.from),
-                to: node(edge.to),
+                from: KeyframeIdx(node(edge.from)),
+                to: KeyframeIdx(node(edge.to)),
                 measured: edge.measured,
                 information: Matrix3::from_row_slice(&[a, b, c].concat()),
             };
-            match odometry.get_mut(read.to) {
+            match odometry.get_mut(read.to.0) {
                 Some(slot @ None) if edge.to == edge.from + 1 => *slot = Some(read),
                 _ => loops.push(read),
             }
