@@ -3,7 +3,7 @@
 use crate::undisturbed::{LAP, finished, memory, payload, record};
 use randt_mapper::journal::{Bytes, Contents};
 use randt_mapper::{Mapper, SnapshotRejection, journal};
-use randt_messages::Message;
+use randt_messages::{Keyframe, Message};
 use std::sync::Arc;
 
 /// Bytes before a snapshot's state: magic, form, configuration, length, checksum.
