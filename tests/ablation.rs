@@ -126,7 +126,7 @@ fn the_table_is_aligned_and_written_as_it_is_printed() {
 fn wrong_arguments_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let taken = folder.path().to_str().unwrap();
-    for (arguments, code, said) in [
+    for (arguments, code, printed) in [
         (&["--worlds", "castle"][..], 2, "castle"),
         (&["--seeds", "0"], 2, "--seeds"),
         (&["--scans", "0"], 2, "--scans"),
@@ -137,7 +137,7 @@ fn wrong_arguments_are_named() {
         command.args(arguments);
         let ended = ended(command);
         assert_eq!(ended.code, Some(code), "{arguments:?}: {}", ended.stderr);
-        assert!(ended.says(said), "{}", ended.stderr);
+        assert!(ended.stderr_contains(printed), "{}", ended.stderr);
         assert_eq!(ended.stdout, "");
     }
 }

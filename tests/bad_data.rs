@@ -1,6 +1,8 @@
 //! A good log with bad data in it: every scan that can have a pose has one, and the rest is counted.
 
-use crate::support::corrupt_inputs::{BAD, Ran, SCANS, corrupted, corrupted_with, place, scan};
+use crate::support::corrupt_inputs::{
+    BAD, Ran, SCANS, corrupted, corrupted_with, scan, scan_index,
+};
 use crate::support::{drive, report};
 use randt_messages::{MAX_RETURNS, Message, RadarScan};
 use randt_simulator::Event;
@@ -29,7 +31,7 @@ fn without_imu_every_scan_has_its_pose() {
 #[test]
 fn an_imu_that_stops_half_way_stops_nothing() {
     let ran = corrupted(|events| {
-        let last = place(events, BAD);
+        let last = scan_index(events, BAD);
         let mut number = 0;
         events.retain(|event| {
             number += 1;
@@ -49,7 +51,7 @@ fn an_imu_that_stops_half_way_stops_nothing() {
 fn a_clock_that_is_set_back_opens_a_new_frame() {
     for seconds in [5, 3600] {
         let ran = corrupted(|events| {
-            let from = place(events, BAD - 1) + 1;
+            let from = scan_index(events, BAD - 1) + 1;
             events[from..]
                 .iter_mut()
                 .for_each(|event| drive::shift(event, -seconds * 1_000_000_000));
@@ -70,8 +72,8 @@ fn one_scan_with_a_stamp_of_another_time_leaves_the_others() {
         3_600_000_000_000,
     ] {
         let ran = corrupted(|events| {
-            let place = place(events, BAD);
-            drive::shift(&mut events[place], by_ns);
+            let index = scan_index(events, BAD);
+            drive::shift(&mut events[index], by_ns);
         });
         let rows = ran.rows();
         assert!(
@@ -90,8 +92,8 @@ fn stamps_at_the_ends_of_time_are_only_numbers() {
             let scan = scan(events, BAD);
             scan.head.header.stamp_ns = stamp_ns;
             (scan.head.sweep.begin_ns, scan.head.sweep.end_ns) = (stamp_ns, stamp_ns);
-            let place = place(events, BAD + 5);
-            if let Event::Imu(sample) = &mut events[place + 1] {
+            let index = scan_index(events, BAD + 5);
+            if let Event::Imu(sample) = &mut events[index + 1] {
                 sample.header.stamp_ns = stamp_ns;
             }
         });
@@ -112,9 +114,9 @@ fn stamps_at_the_ends_of_time_are_only_numbers() {
 #[test]
 fn a_scan_that_comes_twice_counts_once() {
     let ran = corrupted(|events| {
-        let place = place(events, BAD);
-        let again = events[place].clone();
-        events.insert(place + 1, again);
+        let index = scan_index(events, BAD);
+        let again = events[index].clone();
+        events.insert(index + 1, again);
     });
     ran.finished(3, SCANS);
     assert_eq!(ran.counter("odometry_scans_repeated"), 1);
@@ -150,7 +152,7 @@ fn values_that_are_no_numbers_are_left_out_and_the_rest_is_used() {
     assert_eq!((ran.counter("sweeps_malformed"), ran.frames()), (2, 1));
 
     let ran = corrupted(|events| {
-        let from = place(events, BAD);
+        let from = scan_index(events, BAD);
         for (number, event) in events[from..].iter_mut().enumerate() {
             if let Event::Imu(sample) = event {
                 let wrong = [f64::NAN, f64::INFINITY, -f64::INFINITY][number % 3];
@@ -189,7 +191,7 @@ fn numbers_beyond_all_measure_do_no_harm() {
             beam.azimuth_rad = if i % 2 == 0 { f32::MAX } else { -1e20 };
             beam.stamp_ns = if i % 2 == 0 { i64::MAX } else { i64::MIN };
         }
-        let from = place(events, BAD + 6);
+        let from = scan_index(events, BAD + 6);
         for event in &mut events[from..from + 40] {
             if let Event::Imu(sample) = event {
                 sample.rate_rad_s = [f64::MAX, -f64::MAX, 1e200];

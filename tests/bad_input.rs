@@ -57,7 +57,7 @@ fn a_bag_that_is_cut_anywhere_gives_the_scans_before_the_cut() {
 }
 
 #[test]
-fn what_has_no_radar_says_so() {
+fn what_has_no_radar_is_refused_by_name() {
     for (name, words) in [
         ("no-messages.bag", "no radar"),
         ("example-bz2.bag", "no radar"),
@@ -73,7 +73,7 @@ fn what_has_no_radar_says_so() {
 }
 
 #[test]
-fn what_is_no_log_says_so() {
+fn what_is_no_log_is_refused_by_name() {
     let (_folder, path) = file("notes.txt", b"to be or not to be");
     checked(&path, &[]).refused(1, &["notes.txt", "to be or not", "expected"]);
     let folder = tempfile::tempdir().unwrap();
@@ -236,7 +236,7 @@ fn where_nothing_can_be_written_nothing_is_left() {
         );
     }
     assert_eq!(fs::read_to_string(&taken).unwrap(), "mine");
-    // A folder stands where a file should be: the others are there, and the report says which one is not.
+    // A folder is where a file should be: the others are written, and the report names the one that is not.
     let out = folder.path().join("out");
     fs::create_dir_all(out.join("plot.svg")).unwrap();
     let ended = run(&log, &out, &[]);
@@ -249,7 +249,7 @@ fn where_nothing_can_be_written_nothing_is_left() {
         lost["first"].as_str().unwrap().contains("plot.svg"),
         "{lost}"
     );
-    // Nothing tells what happened where the report cannot be written.
+    // Nothing records what happened where the report cannot be written.
     let out = folder.path().join("without");
     fs::create_dir_all(out.join("report.json")).unwrap();
     let ended = run(&log, &out, &[]);
@@ -320,7 +320,7 @@ fn frames_on_both_sides_of_a_gap_are_never_spliced() {
         11
     );
     assert_eq!(ran.frames(), 2);
-    // The new frame begins at its own origin, and is told.
+    // The new frame begins at its own origin, and is reported.
     assert!(rows[11].pose.translation().norm() < 3.0, "{:?}", rows[11]);
     assert!(
         ran.ended.stdout.contains("2 odometry frames"),

@@ -77,7 +77,7 @@ fn child() {
     let drive = Drive::new(&world, SCANS, 1, &ProgressBar::hidden()).unwrap();
     let (mut ran, mut refused, mut slowest) = (0, 0, (Duration::ZERO, Vec::new()));
     for set in cases {
-        // Before the work, so that the last line says what it was that ended the process.
+        // Before the work, so that the last line names what ended the process.
         println!("{set:?}");
         let begin = Instant::now();
         let selection = Selection {
@@ -87,7 +87,7 @@ fn child() {
         let loaded = match Config::load(&selection) {
             Ok(loaded) => loaded,
             Err(error) => {
-                // Alone every bound is good; what is refused says which keys do not go together.
+                // Alone every bound is good; a refusal names the keys that do not go together.
                 let text = error.to_string();
                 let named = set
                     .iter()

@@ -14,7 +14,7 @@ const SCANS: &str = "1500";
 /// What the drives are made with.
 const LATE_MS: f64 = 30.0;
 const YAW_DEG: f64 = 3.0;
-const LEVER_M: [f64; 2] = [0.20, -0.10];
+const LEVER_ARM_M: [f64; 2] = [0.20, -0.10];
 
 /// A hall of 80 m with something at the walls; the route is one straight for the first minute and a half.
 const STRAIGHT: &str = "
@@ -84,13 +84,13 @@ fn errors(log: &Path) -> Vec<Figure> {
         ),
         (
             "x, m",
-            error(&lever["x_m"], LEVER_M[0]),
+            error(&lever["x_m"], LEVER_ARM_M[0]),
             number(&lever["x_sigma_m"]),
             0.03,
         ),
         (
             "y, m",
-            error(&lever["y_m"], LEVER_M[1]),
+            error(&lever["y_m"], LEVER_ARM_M[1]),
             number(&lever["y_sigma_m"]),
             0.03,
         ),
@@ -118,7 +118,7 @@ fn check(folder: &Path, world: &str, seed: u64) -> PathBuf {
             error.abs() < 3.0 * sigma,
             "{world} {seed}: {name} is off by {error}, sigma {sigma}"
         );
-        // A sigma that says nothing would hold too.
+        // A sigma without information would hold too.
         assert!(
             sigma < 0.7 * limit,
             "{world} {seed}: {name} has sigma {sigma}"
@@ -158,7 +158,7 @@ fn a_straight_drive_is_refused() {
     let time = calibrate("time", &log, &[]);
     assert_eq!(time.code, Some(1), "{}", time.stdout);
     assert!(
-        time.says("no time offset: the drive turns too little"),
+        time.stderr_contains("no time offset: the drive turns too little"),
         "{}",
         time.stderr
     );
@@ -169,13 +169,13 @@ fn a_straight_drive_is_refused() {
     let mounting = calibrate("extrinsics", &log, &written);
     assert_eq!(mounting.code, Some(1), "{}", mounting.stdout);
     assert!(
-        mounting.says("no lever arm: too little turning in place"),
+        mounting.stderr_contains("no lever arm: too little turning in place"),
         "{}",
         mounting.stderr
     );
-    assert!(!mounting.says("no yaw"), "{}", mounting.stderr);
+    assert!(!mounting.stderr_contains("no yaw"), "{}", mounting.stderr);
     assert!(!robot.exists(), "half a calibration is not written");
-    // What it did show is said.
+    // What it did show is printed.
     let found: Value = serde_json::from_str(&mounting.stdout).unwrap();
     let yaw_deg = found["yaw"]["yaw_deg"].as_f64().unwrap();
     assert!((yaw_deg - YAW_DEG).abs() < 0.5, "{yaw_deg}");
@@ -211,7 +211,7 @@ fn what_is_found_is_written_for_the_pipeline() {
     // A file that is there stays, unless forced.
     let again = calibrate("extrinsics", &log, &write);
     assert_eq!(again.code, Some(1));
-    assert!(again.says("exists already"), "{}", again.stderr);
+    assert!(again.stderr_contains("exists already"), "{}", again.stderr);
     let forced = calibrate("extrinsics", &log, &[&write[..], &["--force"]].concat());
     assert_eq!(forced.code, Some(0), "{}", forced.stderr);
 }
@@ -229,7 +229,11 @@ fn without_a_gyro_or_with_one_upside_down_there_is_no_offset() {
     drive::write(&scans, &log);
     let ended = calibrate("time", &log, &[]);
     assert_eq!(ended.code, Some(1));
-    assert!(ended.says("no IMU sample in it"), "{}", ended.stderr);
+    assert!(
+        ended.stderr_contains("no IMU sample in it"),
+        "{}",
+        ended.stderr
+    );
 
     let log = folder.path().join("upside-down.mcap");
     let mut turned = events;
@@ -244,11 +248,11 @@ fn without_a_gyro_or_with_one_upside_down_there_is_no_offset() {
     drive::write(&turned, &log);
     let ended = calibrate("time", &log, &[]);
     assert_eq!(ended.code, Some(1));
-    assert!(ended.says("imu_roll_rad"), "{}", ended.stderr);
+    assert!(ended.stderr_contains("imu_roll_rad"), "{}", ended.stderr);
 }
 
 #[test]
-fn the_offset_mends_a_run() {
+fn the_offset_repairs_a_run() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let (log, truth) = (at("late.mcap"), at("truth.tum"));
@@ -256,10 +260,10 @@ fn the_offset_mends_a_run() {
     command.args(["--radar-late", "100"]).arg("--out").arg(&log);
     command.arg("--truth").arg(&truth);
     assert_eq!(ended_within(command, TIME_MAX).code, Some(0));
-    let [as_it_is, mended] = [
+    let [as_it_is, corrected] = [
         ("as-it-is", &["--no-loops"][..]),
         (
-            "mended",
+            "corrected",
             &["--no-loops", "--set", "odometry.radar_late_s=0.1"],
         ),
     ]
@@ -269,6 +273,6 @@ fn the_offset_mends_a_run() {
         let figures = crate::support::figures(&at(name), "trajectory.tum", &truth);
         figures["ate_rmse_m"].as_f64().unwrap()
     });
-    println!("ATE {as_it_is:.4} m as it is, {mended:.4} m mended");
-    assert!(mended < 0.5 * as_it_is, "{mended} {as_it_is}");
+    println!("ATE {as_it_is:.4} m as it is, {corrected:.4} m corrected");
+    assert!(corrected < 0.5 * as_it_is, "{corrected} {as_it_is}");
 }

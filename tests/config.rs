@@ -83,7 +83,7 @@ fn every_shipped_file_is_good() {
 }
 
 #[test]
-fn a_bad_configuration_ends_with_78_and_says_what_would_be_right() {
+fn a_bad_configuration_ends_with_78_and_names_what_would_be_right() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(
         folder.path().join("bad.toml"),

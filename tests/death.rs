@@ -20,10 +20,10 @@ use std::time::{Duration, Instant};
 
 /// Scans that must have a pose.
 const POSES_MIN: f64 = 0.97;
-/// No fault falls in so long before the end of the drive.
+/// No fault falls within this time before the end of the drive.
 const REST_S: f64 = 10.0;
-/// What is left over is counted when nothing has happened for so long.
-const SETTLED: Duration = Duration::from_secs(2);
+/// What is left over is counted when nothing has happened for this long.
+const QUIET: Duration = Duration::from_secs(2);
 /// Simulating and computing ten minutes takes a fraction of that.
 const COMPUTED_MAX: Duration = Duration::from_secs(600);
 
@@ -114,12 +114,12 @@ fn check(ordeal: &Ordeal) {
     let processes = killer.kills();
     let Killer { observer, rows, .. } = killer;
     observer.leave();
-    // A child that failed by itself has said so; being killed says nothing.
-    let said = up.end();
-    let failed: Vec<&str> = said.lines().filter(|l| l.contains("error")).collect();
+    // A child that failed by itself has written why; one that was killed writes nothing.
+    let output = up.end();
+    let failed: Vec<&str> = output.lines().filter(|l| l.contains("error")).collect();
     assert!(
         failed.is_empty(),
-        "a stage failed by itself: {failed:#?}\n{said}"
+        "a stage failed by itself: {failed:#?}\n{output}"
     );
     check_result(ordeal, &at("up"), &at("run"));
     check_counters(&at("up"), &at("run"), processes);
@@ -158,7 +158,7 @@ impl Up {
             .spawn()
             .unwrap();
         let mut up = Self { child, stderr };
-        // Whoever enters before it would keep it from starting.
+        // A process that enters before it would keep it from starting.
         let begin = Instant::now();
         let runs = || {
             let all = randt_stage::Registry::all(domain);
@@ -166,39 +166,39 @@ impl Up {
                 .any(|(entry, lives)| entry.name == "play" && *lives)
         };
         while !runs() {
-            assert!(begin.elapsed() < Duration::from_secs(60), "{}", up.said());
-            assert!(up.child.try_wait().unwrap().is_none(), "{}", up.said());
+            assert!(begin.elapsed() < Duration::from_secs(60), "{}", up.stderr());
+            assert!(up.child.try_wait().unwrap().is_none(), "{}", up.stderr());
             std::thread::sleep(Duration::from_millis(20));
         }
         up
     }
 
-    fn said(&self) -> String {
+    fn stderr(&self) -> String {
         fs::read_to_string(&self.stderr).unwrap()
     }
 
-    /// Waits for its end, which comes by itself; gives what it said.
+    /// Waits for its end, which comes by itself; gives what it wrote.
     fn end(&mut self) -> String {
         let begin = Instant::now();
         let status = loop {
             if let Some(status) = self.child.try_wait().unwrap() {
                 break status;
             }
-            assert!(begin.elapsed() < COMPUTED_MAX, "{}", self.said());
+            assert!(begin.elapsed() < COMPUTED_MAX, "{}", self.stderr());
             std::thread::sleep(Duration::from_millis(50));
         };
-        assert_eq!(status.code(), Some(0), "{}", self.said());
-        self.said()
+        assert_eq!(status.code(), Some(0), "{}", self.stderr());
+        self.stderr()
     }
 }
 
 impl Drop for Up {
     fn drop(&mut self) {
         if std::thread::panicking() {
-            let said = self.said();
-            let lines: Vec<&str> = said.lines().collect();
+            let output = self.stderr();
+            let lines: Vec<&str> = output.lines().collect();
             let last = &lines[lines.len().saturating_sub(40)..];
-            println!("randt up said last:\n{}", last.join("\n"));
+            println!("randt up wrote last:\n{}", last.join("\n"));
         }
         // Its children end with it.
         let _ = self.child.kill();
@@ -216,7 +216,7 @@ fn drive(ordeal: &Ordeal, domain: &Domain, up: &mut Up) -> (Killer, [usize; 2]) 
         |seed| seed.parse().unwrap(),
     );
     let mut killer = Killer::enter(domain, seed);
-    killer.observer.until(SETTLED, |_| false);
+    killer.observer.until(QUIET, |_| false);
     let before = leftovers(domain);
 
     let end_s = ordeal.scans as f64 * 0.2 - REST_S;
@@ -255,9 +255,9 @@ fn drive(ordeal: &Ordeal, domain: &Domain, up: &mut Up) -> (Killer, [usize; 2]) 
         let spare_s = spare_s.clamp(0.0, 5.0) * killer.random.below(1000) as f64 / 1000.0;
         let pause = APART + Duration::from_secs_f64(spare_s);
         killer.observer.until(pause, |_| false);
-        assert!(up.child.try_wait().unwrap().is_none(), "{}", up.said());
+        assert!(up.child.try_wait().unwrap().is_none(), "{}", up.stderr());
     }
-    killer.observer.until(SETTLED, |_| false);
+    killer.observer.until(QUIET, |_| false);
     let after = leftovers(domain);
     println!("{}", kinds(&before, &after));
     let entries = [before.len(), after.len()];

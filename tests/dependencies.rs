@@ -273,7 +273,7 @@ fn dependencies_are_as_agreed() {
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }
 
-/// Whoever computes offline builds neither shared memory nor the process shell.
+/// A program that computes offline contains neither shared memory nor the process shell.
 #[test]
 fn the_libraries_do_without_the_process_shell() {
     for package in [

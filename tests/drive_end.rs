@@ -1,5 +1,5 @@
 //! `randt up` never ends without its results: whatever is taken from it, trajectory, map and report of what there is are
-//! written, and the exit code says what was lost.
+//! written, and the exit code shows what was lost.
 
 use crate::support::journal::keyframes;
 use crate::support::pipeline::{Pipeline, log, signal, until};
@@ -99,7 +99,11 @@ impl Trial {
     /// Its files are whole, nobody is left, and it ended with 3 because of this counter; gives its first case.
     fn lost(&self, ended: &Ended, counter: &str) -> String {
         assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-        assert!(ended.says(&format!("{counter} ")), "{}", ended.stderr);
+        assert!(
+            ended.stderr_contains(&format!("{counter} ")),
+            "{}",
+            ended.stderr
+        );
         self.is_whole();
         let count = &report(&self.out())["counters"][counter];
         assert_eq!(count["loss"], true, "{counter}: {count}");
@@ -144,8 +148,8 @@ fn a_recorder_that_cannot_start_takes_nobody_with_it() {
     let ended = trial.drive(&["--record", logs.to_str().unwrap()], |_| {});
     let why = trial.lost(&ended, "stage_failures");
     assert!(why.contains("randt-recorder"), "{why}");
-    let said = ended.stderr.matches("tried again").count();
-    assert_eq!(said, 1, "once: {}", ended.stderr);
+    let count = ended.stderr.matches("tried again").count();
+    assert_eq!(count, 1, "once: {}", ended.stderr);
     trial.is_as_computed();
 }
 
@@ -202,8 +206,8 @@ fn a_stage_that_cannot_start_at_all_ends_it_before_anything_is_played() {
     trial.programs.break_down("odometry", "too old a processor");
     let ended = trial.begin(&[], |_| {});
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    let said = ended.stderr.lines().last().unwrap();
-    assert_eq!(said, "error: randt-odometry: too old a processor");
+    let last = ended.stderr.lines().last().unwrap();
+    assert_eq!(last, "error: randt-odometry: too old a processor");
     assert!(!trial.out().join("report.json").exists());
     assert_eq!(trial.pid("mapper"), None);
 }
@@ -213,7 +217,11 @@ fn a_folder_of_outputs_that_is_removed_is_made_again() {
     let trial = Trial::new("noout");
     let ended = trial.drive(&[], |trial| remove_folder(&trial.out()));
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    assert!(ended.says("it is written again"), "{}", ended.stderr);
+    assert!(
+        ended.stderr_contains("it is written again"),
+        "{}",
+        ended.stderr
+    );
     trial.is_whole();
     trial.is_as_computed();
     let journal = keyframes(&trial.out().join("map.journal"));
@@ -229,7 +237,7 @@ fn a_folder_of_outputs_that_is_removed_is_made_again() {
 }
 
 #[test]
-fn where_nothing_can_be_written_it_says_so() {
+fn where_nothing_can_be_written_it_ends_with_an_error() {
     let trial = Trial::new("nowhere");
     let ended = trial.drive(&[], |trial| {
         // The stages make the folder anew at any moment.
@@ -238,10 +246,10 @@ fn where_nothing_can_be_written_it_says_so() {
         }
     });
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    let said = ended.stderr.lines().last().unwrap();
+    let output = ended.stderr.lines().last().unwrap();
     assert!(
-        said.starts_with("error: ") && said.contains("out: cannot be made"),
-        "{said}"
+        output.starts_with("error: ") && output.contains("out: cannot be made"),
+        "{output}"
     );
     assert_eq!(fs::read_to_string(trial.out()).unwrap(), "in the way");
 }
@@ -254,7 +262,7 @@ fn a_run_folder_that_is_removed_costs_what_is_under_way_at_most() {
     let why = trial.lost(&ended, "memory_gone");
     assert!(why.contains("was removed or cut"), "{why}");
     // Everybody comes back (tests/shared_memory.rs), and the log is played to its end.
-    assert!(!ended.says("interrupted"), "{}", ended.stderr);
+    assert!(!ended.stderr_contains("interrupted"), "{}", ended.stderr);
 }
 
 #[test]
@@ -308,7 +316,11 @@ fn an_interruption_before_the_pipeline_runs_leaves_nobody() {
     let trial = Trial::new("early");
     let ended = trial.begin(&[], |trial| trial.signal("up", Signal::INT));
     assert_eq!(ended.code, Some(1), "{}", ended.stderr);
-    assert!(ended.says("nothing was computed"), "{}", ended.stderr);
+    assert!(
+        ended.stderr_contains("nothing was computed"),
+        "{}",
+        ended.stderr
+    );
     let all = Registry::all(trial.pipeline.domain());
     assert!(all.iter().all(|(_, lives)| !lives), "{all:?}");
 }
@@ -321,7 +333,7 @@ fn a_second_drive_into_a_folder_keeps_the_first_one() {
     for number in 1..=3 {
         let ended = trial.drive(&[], |_| {});
         assert!([Some(0), Some(3)].contains(&ended.code), "{}", ended.stderr);
-        let kept = ended.says("holds an earlier drive");
+        let kept = ended.stderr_contains("holds an earlier drive");
         assert_eq!(kept, number > 1, "{}", ended.stderr);
         let files = OUTPUTS.iter().chain(&["map.journal"]);
         let bytes = files.map(|name| (*name, fs::read(out.join(name)).unwrap()));
@@ -329,7 +341,7 @@ fn a_second_drive_into_a_folder_keeps_the_first_one() {
     }
     // What `randt run` writes there moves the results, and nothing of the journal.
     let ended = run(&trial.log, &out, &PATIENT);
-    assert!(ended.says("before-3"), "{}", ended.stderr);
+    assert!(ended.stderr_contains("before-3"), "{}", ended.stderr);
     for (number, files) in earlier.iter().enumerate() {
         let before = out.join(format!("before-{}", number + 1));
         for (name, bytes) in files {

@@ -57,7 +57,7 @@ fn a_new_drive_goes_on_after_a_map_that_the_mapper_has_yet_to_take_anew() {
         pipeline.play(&log, &["--rate", "4", "--stay"]);
         pipeline.stage("filter");
         pipeline.stage("odometry");
-        // It is there first and listens, so that it hears what the mapper says before it has taken any.
+        // It starts first and subscribes, so that it gets what the mapper publishes before it has taken any.
         let mapper = pipeline.mapper_by(&journal, &["--set", hits]);
         until("keyframes", || keyframes(&journal).len() >= old.len() + 5);
         pipeline.end(mapper, Signal::TERM);
@@ -80,11 +80,11 @@ fn a_drive_that_had_not_heard_of_the_map_is_not_mixed_into_it() {
     // Longer than odometry listens; it has keyframes of its own by then.
     std::thread::sleep(Duration::from_secs(4));
     pipeline.mapper(&journal);
-    let aside = folder.path().join("old.journal.aside-1");
-    until("the old map set aside", || aside.is_file());
+    let quarantined = folder.path().join("old.journal.aside-1");
+    until("the old map quarantined", || quarantined.is_file());
     until("a new map", || keyframes(&journal).len() >= 5);
     assert_eq!(
-        keyframes(&aside),
+        keyframes(&quarantined),
         old,
         "whole, and nothing of the new drive"
     );
@@ -152,7 +152,7 @@ fn a_log_that_was_killed_is_the_end_of_the_drive() {
         let refused = ended(second);
         assert_eq!(refused.code, Some(1), "{}", refused.stderr);
         assert!(
-            refused.says("another pipeline writes its files here"),
+            refused.stderr_contains("another pipeline writes its files here"),
             "{}",
             refused.stderr
         );

@@ -93,7 +93,7 @@ fn too_little_coverage_ends_with_3() {
 }
 
 #[test]
-fn frames_are_told_and_never_spliced() {
+fn frames_are_reported_and_never_spliced() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("truth.tum"), drive(0..100)).unwrap();
     let row = |t: u32, x: f64| format!("{t}.0 0 {x:.1} 0 0 0 0.70710678 0.70710678\n");
@@ -257,13 +257,13 @@ fn metres_that_were_wrong_under_good_trust_are_counted() {
     };
     let report = |spans: &[String]| format!(r#"{{"trust_spans":[{}]}}"#, spans.join(","));
     write("good.json", &report(&[span(0, 100, "good")]));
-    let told = [
+    let degraded = [
         span(0, 44, "good"),
         span(44, 12, "degraded"),
         span(56, 44, "good"),
     ];
-    write("told.json", &report(&told));
-    for (trust, silent_m, good_share) in [("good.json", 10, 1.0), ("told.json", 4, 0.88)] {
+    write("degraded.json", &report(&degraded));
+    for (trust, silent_m, good_share) in [("good.json", 10, 1.0), ("degraded.json", 4, 0.88)] {
         let arguments = ["est.tum", "truth.tum", "--trust", trust];
         let output = eval(folder.path(), &[&arguments[..], &["--json"]].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));

@@ -1,7 +1,7 @@
 //! Every fault that sensors have, injected by the emulators: it is counted, what it spoils is flagged, it costs next to
 //! nothing, and afterwards all is as before.
 //!
-//! The drivers run in this process, without shared memory: their own time on the processor can be told. Each trial has an
+//! The drivers run in this process, without shared memory: their own time on the processor can be measured. Each trial has an
 //! emulator of its own, as a process; all run side by side.
 
 use crate::support::pipeline::log;
@@ -23,7 +23,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const BEGIN_S: f64 = 3.0;
 const DURATION_S: f64 = 1.5;
 const END_S: f64 = 8.0;
-/// Everything is as before so long after the fault's end.
+/// Everything is as before this long after the fault's end.
 const BACK_MAX_S: f64 = 2.0;
 /// Of one core, while it lasts.
 const PROCESSOR_MAX: f64 = 0.05;
@@ -37,13 +37,13 @@ enum Harm {
     None,
     /// Sweeps are flagged as partial, or samples missing and counted.
     Some,
-    /// What was under way when the connection broke: the counter of connections says so.
+    /// What was under way when the connection broke, by the counter of connections.
     Any,
     /// Nothing comes out.
     All,
 }
 
-/// A fault of a protocol: the counter that tells of it, where there is one, and the harm.
+/// A fault of a protocol: the counter that shows it, where there is one, and the harm.
 struct Trial {
     protocol: &'static str,
     fault: &'static str,
@@ -195,7 +195,7 @@ impl Driver {
             .collect()
     }
 
-    fn says(&self) -> String {
+    fn link_text(&self) -> String {
         match self {
             Self::Radar(radar) => radar.link().text().to_owned(),
             Self::Imu(imu) => imu.link().text().to_owned(),
@@ -211,7 +211,7 @@ struct Shown {
     after: BTreeMap<&'static str, Count>,
     /// Share of a core while the fault lasted.
     processor: f64,
-    said: String,
+    link_text: String,
 }
 
 fn thread_s() -> f64 {
@@ -248,7 +248,7 @@ fn show(trial: &Trial, log: &Path) -> Shown {
     };
     let mut driver = Driver::new(trial.is_radar(), &config);
     let (mut came, mut new) = (Vec::new(), Vec::new());
-    let (mut before, mut processor, mut said) = (None, None, String::new());
+    let (mut before, mut processor, mut link_text) = (None, None, String::new());
     loop {
         let at_s = unix_s() - begin_s;
         if at_s > END_S {
@@ -260,7 +260,7 @@ fn show(trial: &Trial, log: &Path) -> Shown {
         if at_s > BEGIN_S + DURATION_S && processor.is_none() {
             let (_, spent_s, from_s) = before.as_ref().unwrap();
             processor = Some((thread_s() - spent_s) / (at_s - from_s));
-            said = driver.says();
+            link_text = driver.link_text();
         }
         driver.poll(boot_ns(), &mut new);
         came.extend(new.drain(..).map(|whole| (at_s, whole)));
@@ -271,7 +271,7 @@ fn show(trial: &Trial, log: &Path) -> Shown {
         before: before.unwrap().0,
         after: driver.counters(),
         processor: processor.unwrap(),
-        said,
+        link_text,
     }
 }
 
@@ -330,7 +330,7 @@ fn judge(trial: &Trial, shown: &Shown) -> (String, Vec<String>) {
             rise(trial.counter)
         },
         100.0 * shown.processor,
-        shown.said,
+        shown.link_text,
     );
     let mut wrong = Vec::new();
     let mut check = |holds: bool, what: &str| {

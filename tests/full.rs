@@ -1,6 +1,6 @@
 //! Shared memory that is too small: a stage ends with a clear error before it begins, and none is killed by a store.
 
-use crate::support::stages::{Place, Running};
+use crate::support::stages::{RunFolder, Running};
 use crate::support::{Ended, drive, ended_within};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
@@ -63,7 +63,7 @@ fn too_little_shared_memory_is_an_error_and_never_a_signal() {
     assert!(refused > 0 && ran > 0, "sizes on both sides");
 }
 
-/// This program once more, with so much shared memory.
+/// This program once more, with that much shared memory.
 fn in_memory_of(size: u32, log: &Path) -> Ended {
     let script = format!("mount -t tmpfs -o size={size}k tmpfs /dev/shm && exec \"$0\" \"$@\"");
     let mut command = Command::new("unshare");
@@ -79,20 +79,20 @@ fn in_the_small_world() {
     let Some(log) = std::env::var_os(LOG).map(PathBuf::from) else {
         return;
     };
-    let place = Place::new();
-    let (profile, _) = place.profile(&log);
+    let folder = RunFolder::new();
+    let (profile, _) = folder.profile(&log);
     for order in [
         ["mapper", "odometry", "filter", "play"],
         ["play", "filter", "odometry", "mapper"],
     ] {
-        let domain = place.domain(order[0]);
+        let domain = folder.domain(order[0]);
         let mut programs = order.map(|name| {
-            let mut command = Place::command(&domain, name);
+            let mut command = RunFolder::command(&domain, name);
             match name {
                 "play" => command.args(["--stay", "--rate", "4"]).arg(&log),
                 _ => command.arg("--profile").arg(&profile),
             };
-            let program = place.start(name, command);
+            let program = folder.start(name, command);
             std::thread::sleep(Duration::from_millis(300));
             program
         });
@@ -102,17 +102,17 @@ fn in_the_small_world() {
     }
 }
 
-/// It ran, or it has said how much is free, how much it needs, and what to do.
+/// It ran, or it has written how much is free, how much it needs, and what to do.
 fn check(program: &mut Running, log: &Path) {
     let ended_early = program.ended().is_some();
     let status = program.stop();
-    let said = program.said();
+    let output = program.stderr();
     let name = &program.name;
-    let last = said.lines().last().unwrap_or_default();
+    let last = output.lines().last().unwrap_or_default();
     assert_eq!(
         status.signal(),
         None,
-        "randt-{name} on {}: {status}: {said}",
+        "randt-{name} on {}: {status}: {output}",
         log.display()
     );
     if !ended_early && status.success() {
@@ -120,8 +120,8 @@ fn check(program: &mut Running, log: &Path) {
         return;
     }
     println!("| {name:<9} {last}");
-    assert_eq!(status.code(), Some(1), "randt-{name}: {said}");
+    assert_eq!(status.code(), Some(1), "randt-{name}: {output}");
     for part in ["MB free", "needs", "mount -o remount,size="] {
-        assert!(last.contains(part), "randt-{name}: {said}");
+        assert!(last.contains(part), "randt-{name}: {output}");
     }
 }

@@ -19,7 +19,7 @@ fn graph(file: &Path, arguments: &[&str]) -> Value {
 /// Seeds of a day. [`they_stay_straight_ten_times`] has more.
 const SEEDS: u64 = 3;
 
-/// Random false loops and groups of false ones that agree, so many seeds of each; prints a row per trial.
+/// Random false loops and groups of false ones that agree, that many seeds of each; prints a row per trial.
 fn stays_straight(name: &str, seeds: u64) {
     let Some(file) = recording(&format!("posegraph/{name}.g2o")) else {
         return;
@@ -213,7 +213,7 @@ fn what_cannot_be_solved_is_refused_in_words() {
         command.arg(&file).args(arguments);
         let ended = ended(command);
         assert_eq!(ended.code, Some(1), "{text}: {ended:?}");
-        assert!(ended.says(says), "{text}: {ended:?}");
+        assert!(ended.stderr_contains(says), "{text}: {ended:?}");
     }
     for arguments in [
         ["--false-loops", "0"],

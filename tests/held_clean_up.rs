@@ -1,10 +1,10 @@
-//! A stage that starts clears the remains of dead ones away. Here it is held at its looks at the nodes, one after the
+//! A stage that starts clears the remains of dead ones away. Here it is held at its polls at the nodes, one after the
 //! other, while another stage is killed: whatever it has seen before, no slot stays taken by nobody.
 //!
-//! A tracer stops it at the look, so that it does not depend on chance which one it is.
+//! A tracer stops it at the poll, so that it does not depend on chance which one it is.
 
 use crate::support::pipeline::{signal, until};
-use crate::support::stages::{Place, Running, program};
+use crate::support::stages::{RunFolder, Running, program};
 use randt_stage::{Domain, Registry, orphaned_slots};
 use rustix::process::{Pid, Signal, kill_process};
 use std::collections::BTreeMap;
@@ -12,11 +12,11 @@ use std::fs;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// A process that is only traced stands for microseconds at a call; one that is stopped still stands after so many looks.
+/// A process that is only traced stands for microseconds at a call; one that is stopped still stands after that many polls.
 const STANDS: u32 = 20;
-const BETWEEN_LOOKS: Duration = Duration::from_millis(4);
-/// A start takes at least so many looks.
-const LOOKS: usize = 8;
+const BETWEEN_POLLS: Duration = Duration::from_millis(4);
+/// A start takes at least that many polls.
+const POLLS: usize = 8;
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
 /// Whether a process is in its loop, or about to enter it.
@@ -27,8 +27,8 @@ fn runs(domain: &Domain, pid: u32) -> bool {
         .any(|(entry, lives)| *lives && entry.pid == u64::from(pid) && entry.topics.len() > 1)
 }
 
-fn start(place: &Place, domain: &Domain, stage: &str) -> Running {
-    let started = place.start(stage, Place::command(domain, stage));
+fn start(folder: &RunFolder, domain: &Domain, stage: &str) -> Running {
+    let started = folder.start(stage, RunFolder::command(domain, stage));
     until(stage, || runs(domain, started.pid()));
     started
 }
@@ -72,51 +72,51 @@ fn go_on(tracer: &Running) {
     }
 }
 
-/// Starts the filter, held at one of its looks; gives whether it took so many.
-fn start_held(place: &Place, domain: &Domain, look: usize) -> (Running, bool) {
+/// Starts the filter, held at one of its polls; gives whether it took that many.
+fn start_held(folder: &RunFolder, domain: &Domain, poll: usize) -> (Running, bool) {
     let mut command = Command::new("strace");
     let calls = "trace=openat,open";
-    let stop = format!("inject=openat,open:signal=SIGSTOP:when={look}");
+    let stop = format!("inject=openat,open:signal=SIGSTOP:when={poll}");
     command.args(["-qq", "-o", "/dev/null", "-e", calls, "-e", &stop, "-P"]);
     command.arg(domain.root().join("nodes"));
     command.arg(program("filter"));
     command
         .args(["--prefix", domain.prefix(), "--run"])
         .arg(domain.run());
-    let mut tracer = place.start("filter", command);
+    let mut tracer = folder.start("filter", command);
     let begin = Instant::now();
     let mut stood = 0;
     while stood < STANDS {
         if traced(&tracer).is_some_and(|pid| runs(domain, pid)) {
             return (tracer, false);
         }
-        assert!(tracer.ended().is_none(), "{}", tracer.said());
-        assert!(begin.elapsed() < WAIT_MAX, "{}", tracer.said());
-        std::thread::sleep(BETWEEN_LOOKS);
+        assert!(tracer.ended().is_none(), "{}", tracer.stderr());
+        assert!(begin.elapsed() < WAIT_MAX, "{}", tracer.stderr());
+        std::thread::sleep(BETWEEN_POLLS);
         stood = if stands(&tracer) { stood + 1 } else { 0 };
     }
     (tracer, true)
 }
 
-/// Holds a start at one look; gives whether it took so many.
-fn hold(look: usize) -> bool {
-    let place = Place::new();
-    let domain = place.domain("held");
-    let mapper = start(&place, &domain, "mapper");
-    let odometry = start(&place, &domain, "odometry");
-    kill(start(&place, &domain, "filter"));
+/// Holds a start at one poll; gives whether it took that many.
+fn hold(poll: usize) -> bool {
+    let folder = RunFolder::new();
+    let domain = folder.domain("held");
+    let mapper = start(&folder, &domain, "mapper");
+    let odometry = start(&folder, &domain, "odometry");
+    kill(start(&folder, &domain, "filter"));
     // What the filter has left is cleared away by the next one, and meanwhile odometry dies.
-    let (mut filter, is_held) = start_held(&place, &domain, look);
+    let (mut filter, is_held) = start_held(&folder, &domain, poll);
     kill(odometry);
     until("filter", || {
         go_on(&filter);
         traced(&filter).is_some_and(|pid| runs(&domain, pid))
     });
-    let mut odometry = start(&place, &domain, "odometry");
+    let mut odometry = start(&folder, &domain, "odometry");
     assert_eq!(
         orphaned_slots(&domain),
         BTreeMap::new(),
-        "held at look {look}"
+        "held at poll {poll}"
     );
     odometry.stop();
     // The tracer ends with what it traces.
@@ -131,7 +131,7 @@ fn a_stage_that_dies_while_another_one_clears_up_leaves_no_slot_taken() {
     if !has_tracer() {
         return;
     }
-    let looks = (1..).take_while(|look| hold(*look)).count();
-    println!("{looks} looks");
-    assert!(looks >= LOOKS, "{looks}");
+    let polls = (1..).take_while(|poll| hold(*poll)).count();
+    println!("{polls} polls");
+    assert!(polls >= POLLS, "{polls}");
 }

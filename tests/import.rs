@@ -37,7 +37,7 @@ fn a_bag_becomes_a_log_that_imports_to_the_same_bytes() {
     let read = |name: &str| fs::read(folder.path().join(name)).unwrap();
     assert!(read("a.mcap") == read("b.mcap"));
 
-    // It overwrites only when told to.
+    // It overwrites only on request.
     let output = import(folder.path(), &[&bag, "a.mcap"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(
@@ -55,7 +55,7 @@ fn a_bag_becomes_a_log_that_imports_to_the_same_bytes() {
 }
 
 #[test]
-fn a_cut_bag_becomes_a_log_of_what_is_there_and_says_what_is_not() {
+fn a_cut_bag_becomes_a_log_of_what_is_there_and_names_what_is_not() {
     let Some(bag) = recording("bags/room.bag") else {
         return;
     };

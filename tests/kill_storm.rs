@@ -8,7 +8,7 @@
 
 use crate::support::observer::Observer;
 use crate::support::pipeline::{Pipeline, log_of, until};
-use crate::support::stages::{Place, Running};
+use crate::support::stages::{RunFolder, Running};
 use crate::support::up::up;
 use crate::support::{Random, ended, randt, report};
 use randt_stage::{Domain, Registry, orphaned_slots};
@@ -31,7 +31,7 @@ const LONG_SCANS: u32 = 10_000;
 const STORM: Duration = Duration::from_secs(600);
 const START_UP_PERCENT: usize = 40;
 const PAIR_PERCENT: usize = 20;
-/// A start-up takes about so long, ms.
+/// A start-up takes about this long, ms.
 const START_UP_MS: usize = 60;
 /// After the last kill every stage delivers within this time.
 const DELIVERS: Duration = Duration::from_secs(2);
@@ -72,31 +72,33 @@ fn pid_of(domain: &Domain, stage: &str) -> Option<u32> {
 
 /// Stages that are started again as soon as they have died.
 struct Keeper {
-    // Ended before the place is wiped: fields are dropped in order.
+    // Ended before the folder is wiped: fields are dropped in order.
     running: Vec<Running>,
-    place: Place,
+    folder: RunFolder,
     domain: Domain,
     starts: usize,
 }
 
 impl Keeper {
     fn start(&mut self, stage: &str) -> Running {
-        let mut command = Place::command(&self.domain, stage);
+        let mut command = RunFolder::command(&self.domain, stage);
         match stage {
-            "mapper" => command.arg("--journal").arg(self.place.file("map.journal")),
-            "recorder" => command.arg("--out").arg(self.place.file("logs")),
+            "mapper" => command
+                .arg("--journal")
+                .arg(self.folder.file("map.journal")),
+            "recorder" => command.arg("--out").arg(self.folder.file("logs")),
             _ => &mut command,
         };
         self.starts += 1;
-        self.place.start(stage, command)
+        self.folder.start(stage, command)
     }
 
-    /// Starts whoever has died; one that has ended by itself was refused.
+    /// Starts each stage that has died; one that has ended by itself was refused.
     fn keep(&mut self) {
         for i in 0..self.running.len() {
             if self.running[i].ended().is_some() {
-                let said = self.running[i].said();
-                assert!(!said.contains("error"), "start {}: {said}", self.starts);
+                let output = self.running[i].stderr();
+                assert!(!output.contains("error"), "start {}: {output}", self.starts);
                 let name = self.running[i].name.clone();
                 self.running[i] = self.start(&name);
             }
@@ -126,10 +128,10 @@ impl Keeper {
 fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
     let folder = tempfile::tempdir().unwrap();
     let log = log_of(folder.path(), 150, 1);
-    let place = Place::new();
+    let run_folder = RunFolder::new();
     let mut keeper = Keeper {
-        domain: place.domain("storm"),
-        place,
+        domain: run_folder.domain("storm"),
+        folder: run_folder,
         running: Vec::new(),
         starts: 0,
     };
@@ -138,9 +140,9 @@ fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
         let started = keeper.start(stage);
         keeper.running.push(started);
     }
-    let mut play = Place::command(&keeper.domain, "play");
+    let mut play = RunFolder::command(&keeper.domain, "play");
     play.arg("--loop").arg(&log);
-    let play = keeper.place.start("play", play);
+    let play = keeper.folder.start("play", play);
     keeper.keep_for(Duration::from_secs(1));
     let mut observer = Observer::enter(&keeper.domain);
     let begin = Instant::now();
@@ -243,7 +245,7 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
         .stderr(File::create(&stderr).unwrap())
         .spawn()
         .unwrap();
-    let said = || fs::read_to_string(&stderr).unwrap();
+    let output = || fs::read_to_string(&stderr).unwrap();
     until("play", || pid_of(&domain, "play").is_some());
     let mut observer = Observer::enter(&domain);
     let mut random = Random(seed());
@@ -251,7 +253,7 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
     let mut kills: Vec<(Kind, &str, i64)> = Vec::new();
     while kills.len() < LONG_KILLS {
         observer.until(gap(&mut random, LONG_GAP_MS), |_| false);
-        assert!(child.try_wait().unwrap().is_none(), "{}", said());
+        assert!(child.try_wait().unwrap().is_none(), "{}", output());
         let stage = stages[random.below(stages.len())];
         let Some(pid) = pid_of(&domain, stage) else {
             continue;
@@ -267,7 +269,7 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
             let next = loop {
                 match pid_of(&domain, stage) {
                     Some(next) if next != pid => break next,
-                    _ => assert!(begin.elapsed() < WAIT_MAX, "{stage} is away: {}", said()),
+                    _ => assert!(begin.elapsed() < WAIT_MAX, "{stage} is away: {}", output()),
                 }
                 std::thread::sleep(Duration::from_millis(1));
             };
@@ -293,11 +295,11 @@ fn a_thousand_kills_under_up_leave_the_result_of_an_undisturbed_run() {
     rows(&kills, &observer);
     observer.leave();
     assert!(is_whole && after < DELIVERS, "{after:?}");
-    assert_eq!(orphaned_slots(&domain), BTreeMap::new(), "{}", said());
+    assert_eq!(orphaned_slots(&domain), BTreeMap::new(), "{}", output());
     let status = child.wait().unwrap();
     let counters = report(&out)["counters"].clone();
     println!("randt up: {status}; {counters:#}");
-    assert!(matches!(status.code(), Some(0 | 3)), "{}", said());
+    assert!(matches!(status.code(), Some(0 | 3)), "{}", output());
     compare(&log, &out, folder.path(), status.code() == Some(0));
 }
 

@@ -1,10 +1,10 @@
-//! The radar's network: the cable is pulled, or its adapter goes and comes back as a new one. The driver says so, and sweeps
+//! The radar's network: the cable is pulled, or its adapter goes and comes back as a new one. The driver reports it, and sweeps
 //! come again.
 //!
 //! Robot and radar have namespaces of their own, with a pair of Ethernet devices between them.
 
 use crate::support::pipeline::until;
-use crate::support::stages::{Place, Running};
+use crate::support::stages::{RunFolder, Running};
 use crate::support::{drive, ended_within, randt};
 use randt_messages::{RadarScan, StageHealthTopic, StageState, health::text_of};
 use randt_stage::{Domain, Observer, Registry, Subscriber};
@@ -15,13 +15,13 @@ use std::time::{Duration, Instant};
 /// Tells this program that it runs in the robot's namespace, and where the log is.
 const LOG: &str = "RANDT_TEST_LINKS_LOG";
 const SCANS: u64 = 120;
-/// What is wrong is said, and sweeps come again, within 2 s; a busy machine has as much again.
-const SAID_MAX: Duration = Duration::from_secs(4);
+/// What is wrong is reported, and sweeps come again, within 2 s; a busy machine has as much again.
+const REPORTED_MAX: Duration = Duration::from_secs(4);
 const AWAY: Duration = Duration::from_secs(2);
 const WAIT_MAX: Duration = Duration::from_secs(30);
 
 #[test]
-fn a_network_that_is_unplugged_and_plugged_in_again_is_said_and_sweeps_come_again() {
+fn a_network_that_is_unplugged_and_plugged_in_again_is_reported_and_sweeps_come_again() {
     let own = Command::new("unshare").args(["-n", "ip", "link"]).output();
     if !own.is_ok_and(|output| output.status.success()) {
         assert!(
@@ -50,7 +50,7 @@ fn in_the_robots_network() {
     };
     ip(&["link", "set", "lo", "up"]);
     let network = Network::new();
-    let place = Place::new();
+    let folder = RunFolder::new();
     for (i, (protocol, heard, sent)) in [
         // Heard from a group, from one radar alone, and by a connection.
         ("beam-udp", "239.7.7.7:6320", "239.7.7.7:6320"),
@@ -60,7 +60,7 @@ fn in_the_robots_network() {
     .into_iter()
     .enumerate()
     {
-        let robot = place.file(&format!("robot-{i}.toml"));
+        let robot = folder.file(&format!("robot-{i}.toml"));
         let interface = if heard == sent && protocol == "beam-udp" {
             "interface = \"192.168.7.1\"\n"
         } else {
@@ -68,11 +68,11 @@ fn in_the_robots_network() {
         };
         let text = format!("[radar]\nsource = \"{protocol}\"\naddress = \"{heard}\"\n{interface}");
         std::fs::write(&robot, text).unwrap();
-        let domain = place.domain(&format!("links{i}"));
+        let domain = folder.domain(&format!("links{i}"));
         let _radar = network.radar(protocol, sent, &log);
-        let mut command = Place::command(&domain, "radar");
+        let mut command = RunFolder::command(&domain, "radar");
         command.arg("--robot").arg(&robot);
-        let mut driver = Driver::new(&domain, place.start("radar", command));
+        let mut driver = Driver::new(&domain, folder.start("radar", command));
         driver.scans_after(Instant::now(), "the first");
         for (how, unplug, plug_in) in [
             (
@@ -88,17 +88,20 @@ fn in_the_robots_network() {
             plug_in(&network);
             let back = driver.scans_after(Instant::now(), how);
             println!(
-                "{protocol} {heard}, {how}: said after {gone:.2?}, scans again after {back:.2?}"
+                "{protocol} {heard}, {how}: reported after {gone:.2?}, scans again after {back:.2?}"
             );
-            assert!(gone < SAID_MAX && back < SAID_MAX, "{protocol} {how}");
+            assert!(
+                gone < REPORTED_MAX && back < REPORTED_MAX,
+                "{protocol} {how}"
+            );
         }
     }
 }
 
 fn run(command: &mut Command) {
     let output = command.output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{command:?}: {said}");
+    let printed = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {printed}");
 }
 
 fn ip(arguments: &[&str]) {
@@ -114,14 +117,14 @@ struct Network {
 
 impl Network {
     fn new() -> Self {
-        let place = || {
+        let namespace = || {
             let mut command = Command::new("unshare");
             command.args(["-n", "sleep", "1000"]);
             command.stdin(Stdio::null()).spawn().unwrap()
         };
         let network = Self {
-            radar: place(),
-            away: place(),
+            radar: namespace(),
+            away: namespace(),
         };
         let own = std::fs::read_link("/proc/self/ns/net").unwrap();
         for child in [&network.radar, &network.away] {
@@ -228,7 +231,7 @@ impl Drop for Emulated {
     }
 }
 
-/// The driver, and what it tells.
+/// The driver, and what it publishes.
 struct Driver {
     process: Running,
     observer: Observer,
@@ -271,13 +274,13 @@ impl Driver {
         (scans, is_wrong)
     }
 
-    /// How long after an instant it says that something is wrong.
+    /// How long after an instant it reports that something is wrong.
     fn is_wrong_after(&mut self, from: Instant) -> Duration {
         while self.listen().1 != Some(true) {
             assert!(
                 from.elapsed() < WAIT_MAX,
-                "nothing said: {}",
-                self.process.said()
+                "nothing reported: {}",
+                self.process.stderr()
             );
         }
         from.elapsed()
@@ -289,7 +292,7 @@ impl Driver {
             assert!(
                 from.elapsed() < WAIT_MAX,
                 "{what}: no scan: {}",
-                self.process.said()
+                self.process.stderr()
             );
         }
         from.elapsed()

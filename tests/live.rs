@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// Stages and drivers are up long before.
 const START: f64 = 4.0;
-/// The emulators begin so long before the log's first stamp.
+/// The emulators begin this long before the log's first stamp.
 const LEAD_NS: i64 = 500_000_000;
 const PERIOD_S: f64 = 0.2;
 
@@ -146,7 +146,7 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
         std::thread::sleep(Duration::from_millis(20));
     }
     let late = memory(own.domain());
-    // 3 would say that a beam, a sample or a message was lost.
+    // 3 would mean that a beam, a sample or a message was lost.
     assert_eq!(up.stop(), Some(0), "{}", report(&at("up"))["counters"]);
     drop(real_time);
     let live = report(&at("up"));

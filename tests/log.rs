@@ -1,4 +1,4 @@
-//! `randt log`: what it says of logs, what it finds wrong, and that what it writes reads back.
+//! `randt log`: what it prints of logs, what it finds wrong, and that what it writes reads back.
 
 use crate::support::pipeline::log;
 use crate::support::{Ended, ended, names, randt, run};
@@ -18,7 +18,7 @@ fn log_command(action: &str, file: &Path, more: &[&str]) -> Ended {
 fn info(file: &Path) -> Value {
     let ended = log_command("info", file, &["--json"]);
     let info: Value = serde_json::from_str(&ended.stdout).unwrap();
-    // 3 where it says that messages were not recorded.
+    // 3 where messages were not recorded.
     let is_whole = info["missing"].as_array().unwrap().is_empty();
     let code = if is_whole { 0 } else { 3 };
     assert_eq!(ended.code, Some(code), "{}", ended.stderr);
@@ -215,7 +215,11 @@ fn viewers_get_what_the_recorder_leaves_out() {
         &input,
         &["--foxglove", "--force", "--out", &itself],
     );
-    assert!(on_itself.says("is the log itself"), "{}", on_itself.stderr);
+    assert!(
+        on_itself.stderr_contains("is the log itself"),
+        "{}",
+        on_itself.stderr
+    );
     let forced = log_command("export", &input, &["--to", "foxglove", "--force"]);
     assert_eq!(forced.code, Some(0), "{}", forced.stderr);
     assert_eq!(names(folder.path()), ["run.foxglove.mcap", "run.mcap"]);
@@ -228,7 +232,7 @@ fn viewers_get_what_the_recorder_leaves_out() {
     let shown = out.display().to_string();
     let ended = log_command("export", &cut, &["--foxglove", "--out", &shown]);
     assert_eq!(ended.code, Some(3), "{}", ended.stderr);
-    assert!(ended.says("stepped over"), "{}", ended.stderr);
+    assert!(ended.stderr_contains("stepped over"), "{}", ended.stderr);
     assert!(
         views(&out)
             .iter()
@@ -237,7 +241,7 @@ fn viewers_get_what_the_recorder_leaves_out() {
 }
 
 #[test]
-fn what_viewers_cannot_be_shown_is_said() {
+fn what_viewers_cannot_be_shown_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let input = log(folder.path(), 10);
     let ended = log_command("export", &input, &["--foxglove"]);
@@ -248,7 +252,7 @@ fn what_viewers_cannot_be_shown_is_said() {
         "the log has no mapper/graph/v1: the pose graph is not shown",
         "the log has no mapper/grid/v1: the occupancy grid is not shown",
     ] {
-        assert!(ended.says(words), "{words}: {}", ended.stderr);
+        assert!(ended.stderr_contains(words), "{words}: {}", ended.stderr);
     }
     let found = views(&input.with_extension("foxglove.mcap"));
     let found: Vec<_> = found
@@ -263,14 +267,18 @@ fn what_viewers_cannot_be_shown_is_said() {
     let ended = log_command("export", &empty, &["--foxglove"]);
     assert_eq!(ended.code, Some(1));
     assert!(
-        ended.says("nothing that a viewer could show"),
+        ended.stderr_contains("nothing that a viewer could show"),
         "{}",
         ended.stderr
     );
     let none = folder.path().join("none.mcap");
     fs::write(&none, "# stamp x y z\n").unwrap();
     let ended = log_command("export", &none, &["--foxglove"]);
-    assert!(ended.says("not an MCAP file"), "{}", ended.stderr);
+    assert!(
+        ended.stderr_contains("not an MCAP file"),
+        "{}",
+        ended.stderr
+    );
     let left = names(folder.path());
     assert!(!left.iter().any(|name| name.ends_with(".part")), "{left:?}");
 }

@@ -1,5 +1,5 @@
 //! Logs without silent holes: what a recorder that was away, or whose publishers were replaced meanwhile, could not get
-//! any more stands in `log/drop`, and whoever looks at the log ends with exit code 3.
+//! any more stands in `log/drop`, and a command that reads the log ends with exit code 3.
 
 use crate::support::pipeline::{Pipeline, log};
 use crate::support::{Ended, ended, names, randt, run};
@@ -25,7 +25,7 @@ struct Held {
 }
 
 impl Held {
-    fn of(files: &[PathBuf]) -> Self {
+    fn in_files(files: &[PathBuf]) -> Self {
         let ours: BTreeSet<String> = channels().into_iter().map(|c| c.topic).collect();
         let mut held = Self::default();
         for file in files {
@@ -55,8 +55,8 @@ impl Held {
         missing
     }
 
-    /// What the logs say is missing of a topic for a cause.
-    fn told(&self, topic: &str, cause: DropCause) -> u64 {
+    /// What is missing of a topic for a cause, by the logs.
+    fn reported(&self, topic: &str, cause: DropCause) -> u64 {
         let drops = self.drops.iter();
         let of = drops.filter(|d| text_of(&d.topic) == topic && d.cause == cause as u32);
         of.map(|drop| drop.count).sum()
@@ -74,7 +74,7 @@ fn of_log(action: &str, file: &Path) -> Ended {
 }
 
 #[test]
-fn what_a_recorder_that_was_away_for_too_long_could_not_get_is_told() {
+fn what_a_recorder_that_was_away_for_too_long_could_not_get_is_in_the_log() {
     let folder = tempfile::tempdir().unwrap();
     // At five times the pace histories reach back 1.3 to 1.6 s.
     let input = log(folder.path(), 200);
@@ -91,12 +91,12 @@ fn what_a_recorder_that_was_away_for_too_long_could_not_get_is_told() {
     assert_eq!(pipeline.end(recorder, Signal::TERM), Some(3));
 
     let files = logs(&out);
-    let held = Held::of(&files);
+    let held = Held::in_files(&files);
     for (topic, missing) in held.missing() {
-        let told = held.told(topic, DropCause::Missed);
-        println!("{topic}: {missing} missing, {told} told");
-        // A kill between a write and the note of it costs a chunk, half a second, that is there and told as missing.
-        assert!((missing..=2 * missing).contains(&told), "{topic}");
+        let reported = held.reported(topic, DropCause::Missed);
+        println!("{topic}: {missing} missing, {reported} reported");
+        // A kill between a write and the note of it costs a chunk, half a second, that is there and reported as missing.
+        assert!((missing..=2 * missing).contains(&reported), "{topic}");
     }
     for topic in [
         RadarScan::NAME,
@@ -118,7 +118,7 @@ fn what_a_recorder_that_was_away_for_too_long_could_not_get_is_told() {
     let computed = run(second, &folder.path().join("run"), &[]);
     assert_eq!(computed.code, Some(3), "{}", computed.stderr);
     assert!(
-        computed.says("messages_not_recorded"),
+        computed.stderr_contains("messages_not_recorded"),
         "{}",
         computed.stderr
     );
@@ -132,15 +132,15 @@ fn what_a_recorder_that_was_away_for_too_long_could_not_get_is_told() {
     let recorder = pipeline.record(&out, &[]);
     std::thread::sleep(Duration::from_secs(1));
     assert_eq!(pipeline.end(recorder, Signal::TERM), Some(3));
-    let held = Held::of(&logs(&out)[files.len()..]);
+    let held = Held::in_files(&logs(&out)[files.len()..]);
     for topic in [RadarScan::NAME, ImuSampleTopic::NAME] {
-        let told = DropCause::Replaced;
-        assert_eq!(held.told(topic, told), 1, "{topic}: {:?}", held.drops);
+        let cause = DropCause::Replaced;
+        assert_eq!(held.reported(topic, cause), 1, "{topic}: {:?}", held.drops);
     }
 }
 
 #[test]
-fn what_a_recorder_that_is_killed_again_and_again_misses_is_told() {
+fn what_a_recorder_that_is_killed_again_and_again_misses_is_in_the_log() {
     let folder = tempfile::tempdir().unwrap();
     let input = log(folder.path(), 150);
     let out = folder.path().join("logs");
@@ -159,18 +159,21 @@ fn what_a_recorder_that_is_killed_again_and_again_misses_is_told() {
     let recorder = pipeline.record(&out, &set);
     std::thread::sleep(Duration::from_millis(500));
     let code = pipeline.end(recorder, Signal::TERM);
-    let held = Held::of(&logs(&out));
+    let held = Held::in_files(&logs(&out));
     let count = |drops: &[LogDrop]| drops.iter().map(|drop| drop.count).sum::<u64>();
-    let told = count(&held.drops);
+    let reported = count(&held.drops);
     println!(
-        "{:?} missing, {told} told, exit code {code:?}",
+        "{:?} missing, {reported} reported, exit code {code:?}",
         held.missing()
     );
     // Nothing, where the disk keeps up: histories reach back for over 5 s.
     for (topic, missing) in held.missing() {
-        assert!(held.told(topic, DropCause::Missed) >= missing, "{topic}");
+        assert!(
+            held.reported(topic, DropCause::Missed) >= missing,
+            "{topic}"
+        );
     }
-    assert!(told > 0 || code == Some(0), "{code:?}");
+    assert!(reported > 0 || code == Some(0), "{code:?}");
     assert!(held.numbers.len() > 8, "{:?}", held.numbers.keys());
 }
 
@@ -191,7 +194,7 @@ fn two_recorders_of_two_pipelines_into_one_folder_lose_nothing() {
     }
     let files = logs(&out);
     assert!(files.iter().all(|file| file.extension().unwrap() == "mcap"));
-    let held = Held::of(&files);
+    let held = Held::in_files(&files);
     let scans = held
         .numbers
         .iter()

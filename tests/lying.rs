@@ -43,7 +43,7 @@ impl<S: Source> Source for Lying<S> {
     }
 }
 
-/// A gyro that says something else than the yaw rate, given that and the time, s.
+/// A gyro that sends something else than the yaw rate, given that and the time, s.
 fn gyro(mut lie: impl FnMut(f64, f64) -> f64 + 'static) -> Fault {
     Box::new(move |event, at_s| {
         if let Event::Imu(sample) = event {
@@ -76,7 +76,7 @@ fn radar_mirrored() -> Fault {
     })
 }
 
-/// The radar repeats one scan for so many seconds.
+/// The radar repeats one scan for that many seconds.
 fn radar_frozen(from_s: f64, for_s: f64) -> Fault {
     let mut last: Option<Message<RadarScan>> = None;
     Box::new(move |event, at_s| {
@@ -123,7 +123,7 @@ fn kidnapped(from_s: f64) -> Fault {
     })
 }
 
-/// What a drive says of itself under a fault, as a row.
+/// What a drive reports under a fault, as a row.
 fn judged(name: &str, drive: &Drive, fault: Fault) -> SilentlyWrong {
     let mut source = Lying {
         source: drive.source(),

@@ -1,84 +1,15 @@
 //! Missions: what begins when a robot starts, what goes on after a power cut, what is left when it is over.
 
+mod robot;
+
 use crate::support::journal::keyframes;
 use crate::support::pipeline::{Pipeline, log, until};
-use crate::support::{Ended, ended, names, randt, report, run};
+use crate::support::{ended, names, randt, report};
+use robot::{Robot, name_in};
 use serde_json::Value;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
-
-/// A robot: the folder of its missions.
-struct Robot {
-    root: tempfile::TempDir,
-}
-
-impl Robot {
-    fn new() -> Self {
-        Self {
-            root: tempfile::tempdir().unwrap(),
-        }
-    }
-
-    fn current(&self) -> PathBuf {
-        self.root.path().join("current")
-    }
-
-    /// `randt mission ...`, without a pipeline.
-    fn mission(&self, arguments: &[&str]) -> Ended {
-        let mut command = randt(&["mission"]);
-        command.args(arguments).arg("--root").arg(self.root.path());
-        ended(command)
-    }
-
-    /// What systemd does at the start.
-    fn boot(&self, pipeline: &Pipeline) -> String {
-        let mut command = pipeline.command(&["mission", "boot"]);
-        command.arg("--root").arg(self.root.path());
-        let ended = ended(command);
-        assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-        ended.stdout
-    }
-
-    /// `randt mission stop` for the pipeline of a run folder.
-    fn stop(&self, pipeline: &Pipeline) -> Ended {
-        let mut command = pipeline.command(&["mission", "stop"]);
-        command.arg("--root").arg(self.root.path());
-        ended(command)
-    }
-
-    /// `randt run` of the mission's only log.
-    fn run(&self) -> PathBuf {
-        let logs = self.current().join("logs");
-        let names = names(&logs);
-        assert_eq!(names.len(), 1, "{names:?}");
-        let out = self.root.path().join("run");
-        let computed = run(&logs.join(&names[0]), &out, &[]);
-        assert_eq!(computed.code, Some(0), "{}", computed.stderr);
-        out
-    }
-
-    /// The stages, and a drive.
-    fn drive(&self, pipeline: &mut Pipeline, log: &Path) {
-        pipeline.record(&self.current().join("logs"), &[]);
-        pipeline.compute(&self.current());
-        pipeline.play(log, &["--rate", "2", "--stay"]);
-    }
-
-    fn list(&self) -> Vec<(String, String)> {
-        let list = self.mission(&["list", "--json"]);
-        assert_eq!(list.code, Some(0), "{}", list.stderr);
-        let rows: Value = serde_json::from_str(&list.stdout).unwrap();
-        let text = |row: &Value, key: &str| row[key].as_str().unwrap().to_owned();
-        let rows = rows.as_array().unwrap().iter();
-        rows.map(|row| (text(row, "name"), text(row, "state")))
-            .collect()
-    }
-}
-
-fn name_in(said: &str) -> String {
-    said.split(':').next().unwrap().to_owned()
-}
 
 #[test]
 fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
@@ -86,9 +17,9 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
     let drive = log(robot.root.path(), 120);
     let journal = robot.current().join("map.journal");
     let mut pipeline = Pipeline::new("m1");
-    let said = robot.boot(&pipeline);
-    assert!(said.ends_with("begins\n"), "{said}");
-    let name = name_in(&said);
+    let output = robot.boot(&pipeline);
+    assert!(output.ends_with("begins\n"), "{output}");
+    let name = name_in(&output);
     robot.drive(&mut pipeline, &drive);
     until("keyframes", || keyframes(&journal).len() >= 12);
     // The power is cut: everybody at once, and the memory is lost.
@@ -99,13 +30,13 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
     assert!(logs.iter().all(|log| log.ends_with(".active")), "{logs:?}");
 
     let mut pipeline = Pipeline::new("m2");
-    let said = robot.boot(&pipeline);
-    assert_eq!(said, format!("{name}: goes on\n"));
+    let output = robot.boot(&pipeline);
+    assert_eq!(output, format!("{name}: goes on\n"));
     robot.drive(&mut pipeline, &drive);
-    // Whoever calls it in between disturbs nothing.
+    // A call in between disturbs nothing.
     assert!(robot.boot(&pipeline).contains("run already"));
-    let mended = robot.mission(&["recover"]);
-    assert_eq!(mended.code, Some(0), "{}", mended.stderr);
+    let repaired = robot.mission(&["recover"]);
+    assert_eq!(repaired.code, Some(0), "{}", repaired.stderr);
     for log in &logs {
         let whole = robot
             .current()
@@ -130,7 +61,11 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
 
     let stopped = robot.stop(&pipeline);
     assert_eq!(stopped.code, Some(3), "{}", stopped.stderr);
-    assert!(stopped.says("power_cuts 1 "), "{}", stopped.stderr);
+    assert!(
+        stopped.stderr_contains("power_cuts 1 "),
+        "{}",
+        stopped.stderr
+    );
     let report = robot.current().join("report");
     for file in ["report.json", "map.pgm", "trajectory.tum", "plot.svg"] {
         assert!(report.join(file).is_file(), "{file}: {}", stopped.stdout);
@@ -146,12 +81,12 @@ fn a_power_cut_interrupts_a_mission_and_a_stop_ends_it() {
 
     // The next start is another drive.
     let pipeline = Pipeline::new("m3");
-    let said = robot.boot(&pipeline);
+    let output = robot.boot(&pipeline);
     assert!(
-        said.ends_with(&format!("begins: {name} was stopped\n")),
-        "{said}"
+        output.ends_with(&format!("begins: {name} was stopped\n")),
+        "{output}"
     );
-    let next = name_in(&said);
+    let next = name_in(&output);
     assert_eq!(
         robot.list(),
         [
@@ -204,7 +139,7 @@ fn a_new_mission_does_not_go_on_where_the_last_one_was() {
 }
 
 #[test]
-fn a_robot_without_missions_says_so() {
+fn a_robot_without_missions_is_reported_as_one() {
     let robot = Robot::new();
     let list = robot.mission(&["list"]);
     assert!(list.stdout.contains("no mission yet"), "{}", list.stdout);
@@ -245,8 +180,8 @@ fn until_driven(pipeline: &Pipeline, journal: &Path) {
     assert!(all.iter().all(|(_, lives)| *lives), "{all:?}");
 }
 
-/// What a report says of the drive, not of how it was computed.
-const SAID: [&str; 9] = [
+/// What a report has about the drive, not about how it was computed.
+const LISTED: [&str; 9] = [
     "scans",
     "keyframes",
     "path_m",
@@ -273,7 +208,7 @@ fn is_as_computed(found: &Path, expected: &Path) {
         assert!(found == expected, "{name}: differs at byte {differs:?}");
     }
     let [found, expected] = [found, expected].map(report);
-    for key in SAID {
+    for key in LISTED {
         assert_eq!(found[key], expected[key], "{key}");
     }
     assert!(expected["keyframes"].as_u64().unwrap() > 5);
@@ -298,7 +233,7 @@ fn a_missions_report_is_what_its_log_gives() {
     is_as_computed(&robot.current().join("report"), &robot.run());
     assert_eq!(names(&robot.current().join("report")).len(), 7);
 
-    // Without odometry's state and the report it is made of the logs alone, by whoever takes it away.
+    // Without odometry's state and the report it is made of the logs alone, by the command that exports it.
     fs::remove_dir_all(robot.current().join("report")).unwrap();
     let out = robot.root.path().join("stick");
     let exported = robot.mission(&["export", "--out", out.to_str().unwrap()]);
@@ -341,7 +276,7 @@ fn a_mission_whose_memory_is_gone_is_computed_from_its_log() {
     if stopped.code != Some(0) {
         assert_eq!(stopped.code, Some(3), "{}", stopped.stderr);
         assert!(
-            stopped.says("window_lost 1 (first: the logs end"),
+            stopped.stderr_contains("window_lost 1 (first: the logs end"),
             "{}",
             stopped.stderr
         );
@@ -352,14 +287,18 @@ fn a_mission_whose_memory_is_gone_is_computed_from_its_log() {
 fn a_mission_is_not_stopped_while_somebody_writes_into_it() {
     let robot = Robot::new();
     let mut pipeline = Pipeline::new("mother");
-    let said = robot.boot(&pipeline);
+    let output = robot.boot(&pipeline);
     pipeline.compute(&robot.current());
     let states = |robot: &Robot| robot.list().remove(0).1;
     // Another run folder: these stages are not that pipeline's.
     let elsewhere = Pipeline::new("melse");
     let refused = robot.stop(&elsewhere);
     assert_eq!(refused.code, Some(1), "{}", refused.stderr);
-    assert!(refused.says("still writes its map"), "{}", refused.stderr);
+    assert!(
+        refused.stderr_contains("still writes its map"),
+        "{}",
+        refused.stderr
+    );
     assert_eq!(states(&robot), "current");
     let all = randt_stage::Registry::all(pipeline.domain());
     assert!(all.iter().all(|(_, lives)| *lives), "{all:?}");
@@ -376,13 +315,13 @@ fn a_mission_is_not_stopped_while_somebody_writes_into_it() {
         (1, 1),
         "{both:?}"
     );
-    assert_eq!(robot.list(), [(name_in(&said), "stopped".to_owned())]);
+    assert_eq!(robot.list(), [(name_in(&output), "stopped".to_owned())]);
     let all = randt_stage::Registry::all(pipeline.domain());
     assert!(all.iter().all(|(_, lives)| !lives), "{all:?}");
 }
 
 #[test]
-fn a_mission_whose_record_is_broken_is_listed_mended_and_taken_away() {
+fn a_mission_whose_record_is_broken_is_listed_repaired_and_exported() {
     let robot = Robot::new();
     let drive = log(robot.root.path(), 10);
     let pipeline = Pipeline::new("mbroken");
@@ -408,17 +347,25 @@ fn a_mission_whose_record_is_broken_is_listed_mended_and_taken_away() {
     );
     let whole = "logs/2026-11-29T10-00-00Z.mcap";
     assert!(out.join(&name).join(whole).is_file());
-    let mended = robot.mission(&["recover"]);
-    assert_eq!(mended.code, Some(0), "{}", mended.stderr);
-    assert!(mended.says("written anew"), "{}", mended.stderr);
+    let repaired = robot.mission(&["recover"]);
+    assert_eq!(repaired.code, Some(0), "{}", repaired.stderr);
+    assert!(
+        repaired.stderr_contains("written anew"),
+        "{}",
+        repaired.stderr
+    );
     assert!(folder.join(whole).is_file() && !cut.exists());
     assert_eq!(robot.list(), [(name.clone(), "current".to_owned())]);
     // The link leads nowhere: the robot can drive all the same.
     fs::rename(&folder, robot.root.path().join("missions/moved")).unwrap();
     let stopped = robot.mission(&["stop"]);
     assert_eq!(stopped.code, Some(1));
-    assert!(stopped.says("leads to no mission"), "{}", stopped.stderr);
-    let said = robot.boot(&pipeline);
-    assert!(said.ends_with(": begins\n"), "{said}");
+    assert!(
+        stopped.stderr_contains("leads to no mission"),
+        "{}",
+        stopped.stderr
+    );
+    let output = robot.boot(&pipeline);
+    assert!(output.ends_with(": begins\n"), "{output}");
     assert_eq!(robot.list().len(), 2);
 }

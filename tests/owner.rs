@@ -1,10 +1,13 @@
 //! Commands of root's in folders of the stages' user, who plants links in them: nothing of root's is read, written, removed
 //! or given away.
 
-use crate::support::{Ended, ended, names, randt};
+mod robot;
+
+use crate::support::{ended, names, randt};
+use robot::{Robot, copy, give, plant};
 use std::fs::{self, Permissions};
 use std::io::{BufRead, BufReader};
-use std::os::unix::fs::{MetadataExt, PermissionsExt, lchown, symlink};
+use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -13,136 +16,12 @@ use std::time::Duration;
 const USER: u32 = 65534;
 /// What is root's alone.
 const SECRET: &str = "what root alone may read";
-/// After so many commands what has become of it is looked at.
+/// After that many commands the result is inspected.
 const ROUND: usize = 50;
-/// So long a link stands where it was put: short beside a command, long beside a step of it.
+/// How long a link stands where it was put: short beside a command, long beside a step of one.
 const HELD: Duration = Duration::from_micros(30);
 /// Tells this program that it is the attacker, and where.
 const ATTACKS: &str = "RANDT_TEST_ATTACKS";
-
-/// A robot whose missions are the stages' user's, and what is root's beside that.
-struct Robot {
-    folder: tempfile::TempDir,
-}
-
-impl Robot {
-    /// None where this user cannot become another one.
-    fn new() -> Option<Self> {
-        if !rustix::process::geteuid().is_root() {
-            assert!(std::env::var_os("CI").is_none(), "CI runs this as root");
-            println!("not run: this user is not root");
-            return None;
-        }
-        let robot = Self {
-            folder: tempfile::tempdir().unwrap(),
-        };
-        let folder = robot.folder.path();
-        fs::set_permissions(folder, Permissions::from_mode(0o755)).unwrap();
-        for name in ["missions", "run", "stick", "victim/state", "victim/bus"] {
-            fs::create_dir_all(folder.join(name)).unwrap();
-        }
-        for name in ["missions", "run"] {
-            give(&folder.join(name));
-        }
-        for name in ["secret", "victim/state/keep", "victim/bus/keep"] {
-            fs::write(folder.join(name), SECRET).unwrap();
-            fs::set_permissions(folder.join(name), Permissions::from_mode(0o600)).unwrap();
-        }
-        Some(robot)
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    /// Where the missions are.
-    fn root(&self) -> PathBuf {
-        self.path("missions")
-    }
-
-    /// The folder of one.
-    fn mission(&self, name: &str) -> PathBuf {
-        self.root().join("missions").join(name)
-    }
-
-    /// `randt mission ...` of root's. No pipeline is there.
-    fn randt(&self, arguments: &[&str]) -> Ended {
-        let mut command = randt(&["mission"]);
-        command.args(arguments).arg("--root").arg(self.root());
-        if matches!(arguments[0], "new" | "stop") {
-            command.arg("--run").arg(self.path("run"));
-        }
-        ended(command)
-    }
-
-    /// Begins a mission, as root.
-    fn begin(&self, name: &str) {
-        let new = self.randt(&["new", name]);
-        assert_eq!(new.code, Some(0), "{}", new.stderr);
-    }
-
-    /// Nothing of root's has changed, and nothing of it lies where others can read it.
-    fn check(&self) {
-        for name in ["secret", "victim/state/keep", "victim/bus/keep"] {
-            let found = fs::metadata(self.path(name)).unwrap();
-            assert_eq!(
-                (found.uid(), found.gid(), found.mode() & 0o777),
-                (0, 0, 0o600),
-                "{name}"
-            );
-            assert_eq!(
-                fs::read_to_string(self.path(name)).unwrap(),
-                SECRET,
-                "{name}"
-            );
-        }
-        assert_eq!(names(&self.path("victim")), ["bus", "state"]);
-        for name in ["victim", "victim/state", "victim/bus"] {
-            assert_eq!(fs::metadata(self.path(name)).unwrap().uid(), 0, "{name}");
-        }
-        // On the stick everybody may read all of it; beside the missions what belongs to their owner.
-        let stick = below(&self.path("stick"));
-        let mut missions = below(&self.path("missions"));
-        missions.retain(|file| fs::symlink_metadata(file).unwrap().uid() == USER);
-        for file in stick.into_iter().chain(missions) {
-            let bytes = fs::read(&file).unwrap();
-            let mut parts = bytes.windows(SECRET.len());
-            let found = parts.any(|part| part == SECRET.as_bytes());
-            assert!(!found, "{}: is root's secret", file.display());
-        }
-    }
-}
-
-/// Gives a file, folder or link to the stages' user.
-fn give(path: &Path) {
-    lchown(path, Some(USER), Some(USER)).unwrap();
-}
-
-/// Copies a program. By another process: one that any thread of this one starts meanwhile would have the copy open for
-/// writing for a moment, and what is open for writing cannot be started.
-fn copy(program: &Path, to: &Path) {
-    let mut cp = Command::new("cp");
-    assert!(cp.arg(program).arg(to).status().unwrap().success());
-}
-
-/// A link of the stages' user's.
-fn plant(to: &Path, at: &Path) {
-    symlink(to, at).unwrap();
-    give(at);
-}
-
-/// Plain files below a folder; links are not followed.
-fn below(folder: &Path) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        match entry.file_type() {
-            Ok(kind) if kind.is_dir() => files.extend(below(&entry.path())),
-            Ok(kind) if kind.is_file() => files.push(entry.path()),
-            _ => {}
-        }
-    }
-    files
-}
 
 #[test]
 fn what_root_begins_and_stops_is_the_stages_users_and_no_link_is_followed() {
@@ -193,7 +72,11 @@ fn what_root_begins_and_stops_is_the_stages_users_and_no_link_is_followed() {
     plant(&robot.path("victim"), &robot.root().join("missions"));
     let new = robot.randt(&["new", "three"]);
     assert_eq!(new.code, Some(1), "{}", new.stdout);
-    assert!(new.says("with the rights of user 65534"), "{}", new.stderr);
+    assert!(
+        new.stderr_contains("with the rights of user 65534"),
+        "{}",
+        new.stderr
+    );
     robot.check();
 }
 
@@ -216,7 +99,7 @@ fn an_export_has_plain_files_of_the_missions_owner_only() {
         ("hard.txt", "the mission's owner may not read it"),
     ] {
         assert!(
-            export.says(&format!("{name}: {why}; it is left out")),
+            export.stderr_contains(&format!("{name}: {why}; it is left out")),
             "{}",
             export.stderr
         );
@@ -244,7 +127,7 @@ fn an_export_has_plain_files_of_the_missions_owner_only() {
     assert_eq!(export.code, Some(3), "{}", export.stderr);
     for name in ["pipe", "2026-11-29T10-00-00Z.mcap.cut"] {
         let words = format!("{name}: is no plain file; it is left out");
-        assert!(export.says(&words), "{}", export.stderr);
+        assert!(export.stderr_contains(&words), "{}", export.stderr);
     }
 
     // Into a folder of another user's root writes with that user's rights.
@@ -277,8 +160,8 @@ fn roots_doctor_cleans_with_the_rights_of_the_domains_owner() {
     // The domain is a link to a folder of root's that has what a domain has.
     plant(&robot.path("victim"), &run.join("theirs"));
     for more in [&["--clean"] as &[&str], &["--clean", "--state"], &[]] {
-        let said = doctor(more);
-        assert_eq!(said.code, Some(1), "{}", said.stdout);
+        let output = doctor(more);
+        assert_eq!(output.code, Some(1), "{}", output.stdout);
         robot.check();
     }
     fs::remove_file(run.join("theirs")).unwrap();
@@ -331,14 +214,14 @@ fn attacks() {
         ];
         for (target, to) in targets {
             swaps += 1;
-            let aside = root.join(format!(".aside-{}", swaps % 7));
+            let moved = root.join(format!(".moved-{}", swaps % 7));
             // Best effort, all of it: the command works on the same files.
-            let _ = fs::rename(&target, &aside);
+            let _ = fs::rename(&target, &moved);
             let _ = symlink(to, &target);
             std::thread::sleep(HELD);
             let _ = fs::remove_file(&target);
-            let _ = fs::rename(&aside, &target);
-            let _ = fs::remove_dir_all(&aside);
+            let _ = fs::rename(&moved, &target);
+            let _ = fs::remove_dir_all(&moved);
         }
     }
 }
@@ -357,11 +240,11 @@ impl Attacker {
         command.env(ATTACKS, robot.folder.path());
         command.stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().unwrap();
-        let mut said = BufReader::new(child.stdout.take().unwrap());
+        let mut output = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
         while !line.contains("begins") {
             line.clear();
-            assert!(said.read_line(&mut line).unwrap() > 0, "it ended early");
+            assert!(output.read_line(&mut line).unwrap() > 0, "it ended early");
         }
         Self(child)
     }

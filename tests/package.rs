@@ -1,7 +1,8 @@
 //! The Debian package: what is in it, and a machine on which it is installed, upgraded in part and whole, and purged.
 
+mod contents;
+
 use crate::support::boot::{Image, Machine};
-use crate::support::ended;
 use crate::support::package::{OTHER_LAYOUT, PROGRAMS, build, collect};
 use crate::support::robot::{BOOTED_MAX, ROBOT, can_boot, emulate, equip, until, until_alive};
 use std::fs;
@@ -11,115 +12,6 @@ use std::time::Instant;
 
 /// This test's own program on the machine.
 const OURS: &str = "/usr/bin/test-package";
-
-/// Runs dpkg-deb on a package.
-fn dpkg_deb(option: &str, package: &Path) -> String {
-    let mut command = std::process::Command::new("dpkg-deb");
-    command.arg(option).arg(package);
-    let said = ended(command);
-    assert_eq!((said.code, said.stderr.as_str()), (Some(0), ""));
-    said.stdout
-}
-
-#[test]
-fn a_package_has_what_debian_asks_for() {
-    if !can_boot() {
-        return;
-    }
-    let folder = tempfile::tempdir().unwrap();
-    let programs = collect(folder.path(), "programs", &[]);
-    let package = build(&programs, "0.1.0", &folder.path().join("a"));
-    let again = build(&programs, "0.1.0", &folder.path().join("b"));
-    assert!(
-        fs::read(&package).unwrap() == fs::read(again).unwrap(),
-        "not the same bytes"
-    );
-
-    let info = dpkg_deb("--info", &package);
-    println!("{info}");
-    for words in [
-        " Package: randt\n",
-        " Version: 0.1.0\n",
-        " Architecture: amd64\n",
-        "libc6 (>= 2.",
-        "systemd (>= 245)",
-    ] {
-        assert!(info.contains(words), "{words}: {info}");
-    }
-    for script in ["conffiles", "md5sums", "postinst", "postrm", "prerm"] {
-        assert!(info.contains(script), "{script}");
-    }
-    let listed = dpkg_deb("--contents", &package);
-    let rows: Vec<(&str, &str, &str)> = listed
-        .lines()
-        .map(|line| {
-            let words: Vec<&str> = line.split_whitespace().collect();
-            (words[0], words[1], words[5].strip_prefix('.').unwrap())
-        })
-        .collect();
-    for (mode, owner, path) in &rows {
-        let right = match mode.chars().next().unwrap() {
-            'd' => "drwxr-xr-x",
-            _ if path.starts_with("/usr/bin/") => "-rwxr-xr-x",
-            _ => "-rw-r--r--",
-        };
-        assert_eq!((*mode, *owner), (right, "root/root"), "{path}");
-    }
-    let has = |path: &str| rows.iter().any(|(_, _, at)| *at == path);
-    for program in PROGRAMS.lines() {
-        assert!(has(&format!("/usr/bin/{program}")), "{program}");
-        let section = if program == "randt" { 1 } else { 8 };
-        assert!(has(&format!(
-            "/usr/share/man/man{section}/{program}.{section}.gz"
-        )));
-        for shell in [
-            format!("bash-completion/completions/{program}"),
-            format!("zsh/vendor-completions/_{program}"),
-            format!("fish/vendor_completions.d/{program}.fish"),
-        ] {
-            assert!(has(&format!("/usr/share/{shell}")), "{shell}");
-        }
-        if program != "randt" {
-            assert!(has(&format!("/usr/lib/systemd/system/{program}.service")));
-        }
-    }
-    for path in [
-        "/etc/randt/robot.toml",
-        "/etc/randt/randt.env",
-        "/usr/lib/systemd/system/randt.target",
-        "/usr/lib/systemd/system/randt.slice",
-        "/usr/lib/systemd/system/randt-mission.service",
-        "/usr/lib/systemd/system/randt-recover.service",
-        "/usr/lib/sysusers.d/randt.conf",
-        "/usr/lib/tmpfiles.d/randt.conf",
-        "/usr/lib/sysctl.d/60-randt.conf",
-        "/usr/lib/modules-load.d/randt.conf",
-        "/usr/lib/udev/rules.d/60-randt.rules",
-        "/usr/share/doc/randt/copyright",
-        "/usr/share/doc/randt/changelog.gz",
-        "/usr/share/doc/randt/operate.md",
-        "/usr/share/doc/randt/examples/sensors/isdr-c.toml",
-    ] {
-        assert!(has(path), "{path}");
-    }
-    // Every file of /etc, and nothing else, is the administrator's.
-    let unpacked = folder.path().join("unpacked");
-    let mut command = std::process::Command::new("dpkg-deb");
-    command.arg("--raw-extract").arg(&package).arg(&unpacked);
-    assert_eq!(ended(command).code, Some(0));
-    let conffiles = fs::read_to_string(unpacked.join("DEBIAN/conffiles")).unwrap();
-    let of_etc: Vec<&str> = rows
-        .iter()
-        .filter(|(mode, _, path)| mode.starts_with('-') && path.starts_with("/etc/"))
-        .map(|(_, _, path)| *path)
-        .collect();
-    assert_eq!(conffiles.lines().collect::<Vec<_>>(), of_etc);
-    for script in ["postinst", "prerm", "postrm"] {
-        let mut command = std::process::Command::new("sh");
-        command.arg("-n").arg(unpacked.join("DEBIAN").join(script));
-        assert_eq!(ended(command).code, Some(0), "{script}");
-    }
-}
 
 /// No test: the odometry of a build whose states have another layout, as a machine runs it.
 #[test]
@@ -152,7 +44,7 @@ fn changed(before: &[(String, u32)], after: &[(String, u32)]) -> Vec<String> {
 }
 
 /// Puts a program on a machine, as `install` does: in the old one's place at once.
-fn place(machine: &Machine, from: &Path, name: &str) {
+fn install_program(machine: &Machine, from: &Path, name: &str) {
     let to = machine.path("/usr/bin");
     let new = to.join(".new");
     fs::copy(from, &new).unwrap();
@@ -180,8 +72,8 @@ fn it_is_installed_upgraded_and_purged() {
     let machine = image.boot();
     println!("{:.1} s: booted", begin.elapsed().as_secs_f64());
 
-    let said = machine.good(&["dpkg", "--install", "/opt/0.1.0.deb"]);
-    assert!(said.contains("systemctl start randt.target"), "{said}");
+    let output = machine.good(&["dpkg", "--install", "/opt/0.1.0.deb"]);
+    assert!(output.contains("systemctl start randt.target"), "{output}");
     let is = |unit: &str, what: &str| {
         machine
             .run(&["systemctl", what, unit])
@@ -214,10 +106,10 @@ fn it_is_installed_upgraded_and_purged() {
     machine.good(&["systemctl", "stop", "randt-recorder"]);
     machine.good(&["systemctl", "disable", "randt-view"]);
     let before = pids(&machine);
-    let said = machine.good(&["dpkg", "--install", "/opt/0.1.1.deb"]);
+    let output = machine.good(&["dpkg", "--install", "/opt/0.1.1.deb"]);
     assert!(
-        said.contains("restarted: randt-filter.service randt-mapper.service"),
-        "{said}"
+        output.contains("restarted: randt-filter.service randt-mapper.service"),
+        "{output}"
     );
     let after = pids(&machine);
     assert_eq!(changed(&before, &after), ["randt-filter", "randt-mapper"]);
@@ -239,7 +131,7 @@ fn it_is_installed_upgraded_and_purged() {
     // Odometry alone, while it drives.
     let newer = collect(folder.path(), "newer", &["randt-odometry"]);
     let before = pids(&machine);
-    place(&machine, &newer.join("randt-odometry"), "randt-odometry");
+    install_program(&machine, &newer.join("randt-odometry"), "randt-odometry");
     let restart = Instant::now();
     machine.good(&["systemctl", "restart", "randt-odometry"]);
     println!(
@@ -249,7 +141,7 @@ fn it_is_installed_upgraded_and_purged() {
     until_alive(&machine);
     assert_eq!(changed(&before, &pids(&machine)), ["randt-odometry"]);
 
-    // The same of a build whose messages are others: it is refused and says what to do.
+    // The same of a build whose messages are others: it is refused with what to do.
     let before = pids(&machine);
     let script = folder.path().join("script");
     let mut text = fs::File::create(&script).unwrap();
@@ -258,7 +150,7 @@ fn it_is_installed_upgraded_and_purged() {
     drop(text);
     let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
     fs::set_permissions(&script, mode).unwrap();
-    place(&machine, &script, "randt-odometry");
+    install_program(&machine, &script, "randt-odometry");
     let mut restart = machine.command(&["systemctl", "restart", "--no-block", "randt-odometry"]);
     assert!(restart.status().unwrap().success());
     let mut journal = String::new();
@@ -284,7 +176,7 @@ fn it_is_installed_upgraded_and_purged() {
         ["randt-odometry"],
         "the others run"
     );
-    place(&machine, &newer.join("randt-odometry"), "randt-odometry");
+    install_program(&machine, &newer.join("randt-odometry"), "randt-odometry");
     until_alive(&machine);
     assert_eq!(changed(&before, &pids(&machine)), ["randt-odometry"]);
     println!(
@@ -308,10 +200,10 @@ fn it_is_installed_upgraded_and_purged() {
         done";
     machine.good(&["sh", "-c", plant]);
     let missions = machine.good(&["find", "/var/lib/randt/missions"]);
-    let said = machine.good(&["dpkg", "--purge", "randt"]);
+    let output = machine.good(&["dpkg", "--purge", "randt"]);
     assert!(
-        said.contains("the missions stay in /var/lib/randt"),
-        "{said}"
+        output.contains("the missions stay in /var/lib/randt"),
+        "{output}"
     );
     assert_eq!(machine.good(&["find", "/var/lib/randt/missions"]), missions);
     assert!(missions.contains("map.journal"), "{missions}");
@@ -367,7 +259,7 @@ fn it_runs_on_an_older_system() {
         .map(|name| PathBuf::from(std::env::var_os(name).expect(name)));
     let folder = tempfile::tempdir().unwrap();
     let image = Image::bare();
-    image.of(&root);
+    image.set_root(&root);
     equip(&image, folder.path(), 900);
     image.write("opt/robot.toml", ROBOT);
     fs::copy(package, image.file("opt/randt.deb")).unwrap();

@@ -1,6 +1,6 @@
 //! The stages as processes: in any order, side by side, and what they take of memory and calls.
 
-use crate::support::stages::{Place, Running, memory};
+use crate::support::stages::{RunFolder, Running, memory};
 use crate::support::{Ended, calls, drive, ended, ended_within, randt, run};
 use randt::pipeline::Pipeline;
 use randt_config::Config;
@@ -22,20 +22,20 @@ const TIME_MAX: Duration = Duration::from_secs(180);
 
 #[test]
 fn memory_and_calls_stay_small_while_scans_flow() {
-    let place = Place::new();
-    let log = place.file("drive.mcap");
+    let folder = RunFolder::new();
+    let log = folder.file("drive.mcap");
     drive::write(&drive::events(75), &log);
-    let domain = place.domain("small");
-    let (profile, _) = place.profile(&log);
+    let domain = folder.domain("small");
+    let (profile, _) = folder.profile(&log);
     let mut stages = ["mapper", "odometry", "filter"].map(|name| {
-        let mut command = Place::command(&domain, name);
+        let mut command = RunFolder::command(&domain, name);
         command.arg("--profile").arg(&profile);
-        place.start(name, command)
+        folder.start(name, command)
     });
-    let mut command = Place::command(&domain, "play");
+    let mut command = RunFolder::command(&domain, "play");
     command.arg(&log);
     let begin = Instant::now();
-    let mut play = place.start("play", command);
+    let mut play = folder.start("play", command);
     let before = stages.each_ref().map(Running::written);
     let mut most = 0;
     let mut traced = stages.each_ref().map(|_| None);
@@ -77,9 +77,9 @@ fn memory_and_calls_stay_small_while_scans_flow() {
     stages.iter_mut().for_each(end);
 }
 
-/// Each topic's budget was told by the stage that writes it.
+/// Each topic's budget was logged by the stage that writes it.
 fn assert_budgets<'a>(programs: impl Iterator<Item = &'a Running>) {
-    let said: Vec<(&str, String)> = programs.map(|p| (p.name.as_str(), p.said())).collect();
+    let output: Vec<(&str, String)> = programs.map(|p| (p.name.as_str(), p.stderr())).collect();
     let writer = |topic: &Qos| match topic.topic.split('/').next().unwrap() {
         "imu" => "play",
         "radar" if topic.topic == RadarScan::NAME => "play",
@@ -91,9 +91,13 @@ fn assert_budgets<'a>(programs: impl Iterator<Item = &'a Running>) {
     };
     for topic in TOPICS {
         let name = writer(topic);
-        let said = &said.iter().find(|(program, _)| *program == name).unwrap().1;
-        let line = said.lines().find(|line| line.contains(topic.topic));
-        let line = line.unwrap_or_else(|| panic!("{}: no budget in: {said}", topic.topic));
+        let output = &output
+            .iter()
+            .find(|(program, _)| *program == name)
+            .unwrap()
+            .1;
+        let line = output.lines().find(|line| line.contains(topic.topic));
+        let line = line.unwrap_or_else(|| panic!("{}: no budget in: {output}", topic.topic));
         assert!(line.contains("MB") && line.contains("history"), "{line}");
     }
 }
@@ -114,12 +118,12 @@ fn scans_kb(log: &Path) -> f64 {
 /// happens within that; keyframes are in a ring for minutes, and the mapper asks for them.
 #[test]
 fn stages_start_in_any_order_and_nothing_is_missing() {
-    let place = Place::new();
-    let log = place.file("drive.mcap");
+    let folder = RunFolder::new();
+    let log = folder.file("drive.mcap");
     drive::write(&drive::events(40), &log);
-    let (profile, mut config) = place.profile(&log);
+    let (profile, mut config) = folder.profile(&log);
     config.odometry.imu_wait_max_s = 20.0;
-    let expected = Expected::of(&log, &config);
+    let expected = Expected::by_replay(&log, &config);
     assert!(expected.states.len() >= 39 && expected.keyframes.len() >= 3);
     let short = Duration::from_millis(200);
     let long = Duration::from_millis(2_200);
@@ -135,17 +139,17 @@ fn stages_start_in_any_order_and_nothing_is_missing() {
     ];
     std::thread::scope(|scope| {
         for (number, (order, gap)) in orders.into_iter().enumerate() {
-            let (place, log, profile, expected) = (&place, &log, &profile, &expected);
+            let (folder, log, profile, expected) = (&folder, &log, &profile, &expected);
             scope.spawn(move || {
-                let domain = place.domain(&format!("order{number}"));
-                start_in_order(place, &domain, order, gap, [log, profile], expected);
+                let domain = folder.domain(&format!("order{number}"));
+                start_in_order(folder, &domain, order, gap, [log, profile], expected);
             });
         }
     });
 }
 
 fn start_in_order(
-    place: &Place,
+    folder: &RunFolder,
     domain: &Domain,
     order: [&str; 3],
     gap: Duration,
@@ -156,15 +160,15 @@ fn start_in_order(
     let mut states_in = observer.subscriber::<OdometryStateTopic>().unwrap();
     observer.running().unwrap();
     // The drivers run from the beginning on.
-    let mut command = Place::command(domain, "play");
+    let mut command = RunFolder::command(domain, "play");
     command.arg(log).arg("--stay");
-    let mut play = place.start("play", command);
-    let journal = place.file(&format!("{}.journal", domain.prefix()));
+    let mut play = folder.start("play", command);
+    let journal = folder.file(&format!("{}.journal", domain.prefix()));
     let mut stages = order.map(|name| {
         if name != order[0] {
             observer.wait(&[], Some(gap)).unwrap();
         }
-        let mut command = Place::command(domain, name);
+        let mut command = RunFolder::command(domain, name);
         command
             .arg("--profile")
             .arg(profile)
@@ -172,7 +176,7 @@ fn start_in_order(
         if name == "mapper" {
             command.arg("--journal").arg(&journal);
         }
-        place.start(name, command)
+        folder.start(name, command)
     });
     let begin = Instant::now();
     let mut states = Vec::new();
@@ -182,7 +186,7 @@ fn start_in_order(
             "{order:?}: {} of {} states\n{}",
             states.len(),
             expected.states.len(),
-            stages.each_ref().map(Running::said).concat()
+            stages.each_ref().map(Running::stderr).concat()
         );
         observer
             .wait(&[&states_in], Some(Duration::from_millis(100)))
@@ -228,7 +232,7 @@ struct Expected {
 }
 
 impl Expected {
-    fn of(log: &Path, config: &Config) -> Self {
+    fn by_replay(log: &Path, config: &Config) -> Self {
         let mut expected = Self::default();
         let mut pipeline = Pipeline::new(config, true);
         let mut source = randt_readers::open(log, &randt_readers::Options::default()).unwrap();
@@ -291,7 +295,7 @@ fn end(running: &mut Running) {
         status.success(),
         "randt-{}: {status}: {}",
         running.name,
-        running.said()
+        running.stderr()
     );
 }
 
@@ -306,16 +310,16 @@ const POSES: [&str; 5] = [
 
 #[test]
 fn two_pipelines_in_one_folder_do_not_see_each_other() {
-    let place = Place::new();
+    let folder = RunFolder::new();
     // The second one is longer: the first one is wiped while it runs.
     let drives = [("left", "3", "40"), ("right", "5", "60")].map(|(name, seed, scans)| {
-        let log = place.file(&format!("{name}.mcap"));
+        let log = folder.file(&format!("{name}.mcap"));
         let mut command = randt(&["simulate", "building", "--seed", seed, "--scans", scans]);
         command.arg("--out").arg(&log);
         assert_good(&ended(command));
-        let alone = place.file(&format!("{name}-alone"));
+        let alone = folder.file(&format!("{name}-alone"));
         assert_good(&run(&log, &alone, &["--set", PATIENT]));
-        (place.domain(name), log, alone, place.file(name))
+        (folder.domain(name), log, alone, folder.file(name))
     });
     std::thread::scope(|scope| {
         let [left, right] = drives.each_ref().map(|(domain, log, _, out)| {

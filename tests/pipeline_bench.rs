@@ -43,7 +43,7 @@ fn main() {
     make_stages();
     println!("machine: {}", machine::description());
     println!("drive: simulated building, {seconds} s at {RATE_HZ} Hz, IMU at 250 Hz; {runs} runs");
-    let place = stages::Place::new();
+    let place = stages::RunFolder::new();
     let log = place.file("building.mcap");
     let scans = (seconds * RATE_HZ).to_string();
     let mut command = Command::new(env!("CARGO_BIN_EXE_randt"));
@@ -68,7 +68,7 @@ fn main() {
     navtech::print(&place);
 }
 
-fn drive(place: &stages::Place, log: &Path, prefix: &str, logs: Option<&Path>) {
+fn drive(place: &stages::RunFolder, log: &Path, prefix: &str, logs: Option<&Path>) {
     let mut stages = Stages::start(place, log, prefix, logs);
     let drive = stages.drive(log);
     print_latency(&drive);

@@ -1,4 +1,4 @@
-//! `randt plot`: which pictures it draws of which logs, and what it says of those that it does not.
+//! `randt plot`: which pictures it draws of which logs, and how it names those that it does not.
 
 use crate::support::pipeline::log;
 use crate::support::{Ended, ended, names, randt, recorded};
@@ -69,7 +69,7 @@ fn a_recorded_run_has_every_picture() {
     assert_eq!(plot(&input, &out).code, Some(0));
     assert_eq!(PICTURES.map(|name| picture(&out, name)), before);
 
-    // As a kill leaves it: up to the cut, and that is said. If nothing else is, the folder is named after the log.
+    // As a kill leaves it: up to the cut, and that is reported. Where no folder is given, it is named after the log.
     let cut = folder.path().join("cut.mcap.active");
     let bytes = fs::read(&input).unwrap();
     fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
@@ -77,7 +77,7 @@ fn a_recorded_run_has_every_picture() {
     command.arg(&cut);
     let drawn = ended(command);
     assert_eq!(drawn.code, Some(3), "{}", drawn.stderr);
-    assert!(drawn.says("stepped over"), "{}", drawn.stderr);
+    assert!(drawn.stderr_contains("stepped over"), "{}", drawn.stderr);
     assert_eq!(names(&folder.path().join("cut.mcap.plots")), PICTURES);
 }
 
@@ -100,7 +100,7 @@ fn of_a_log_of_sensors_what_is_in_it_is_drawn_and_the_rest_is_named() {
         "left out: biases.svg: the log has no odometry/state with an IMU",
         "`randt run",
     ] {
-        assert!(drawn.says(words), "{words}: {}", drawn.stderr);
+        assert!(drawn.stderr_contains(words), "{words}: {}", drawn.stderr);
     }
 }
 
@@ -121,7 +121,7 @@ fn what_is_no_log_of_ours_or_empty_is_refused_and_nothing_is_left() {
     ] {
         let drawn = plot(file, &out);
         assert_eq!(drawn.code, Some(1), "{}", drawn.stdout);
-        assert!(drawn.says(words), "{words}: {}", drawn.stderr);
+        assert!(drawn.stderr_contains(words), "{words}: {}", drawn.stderr);
     }
     assert!(!out.exists());
 }

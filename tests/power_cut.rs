@@ -59,8 +59,8 @@ fn after_a_power_cut_the_mission_goes_on() {
     let current = fs::read_link(machine.path("/var/lib/randt/current")).unwrap();
     let logs = names(&machine.path("/var/lib/randt/current/logs"));
     let before = keyframes(&machine);
-    let said = machine.status("randt-mapper");
-    println!("randt-mapper: {said}; journal: {}", before.len());
+    let output = machine.status("randt-mapper");
+    println!("randt-mapper: {output}; journal: {}", before.len());
     let cut_ns = (unix_s() * 1e9) as i64;
     machine.good(&["python3", "-c", CUT]);
     drop(machine);

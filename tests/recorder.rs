@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// What `randt log info` says.
+/// What `randt log info` prints.
 fn info(file: &Path) -> Value {
     let mut command = randt(&["log", "info", "--json"]);
     command.arg(file);
@@ -24,7 +24,7 @@ fn info(file: &Path) -> Value {
     serde_json::from_str(&ended.stdout).unwrap()
 }
 
-/// What the recorder says of itself: state and message.
+/// The recorder's status: state and message.
 fn state(pipeline: &Pipeline) -> (String, String) {
     let ended = pipeline.randt(&["top", "--once", "--json"]);
     let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
@@ -221,8 +221,8 @@ fn a_folder_that_is_no_folder_or_vanishes_stops_nothing() {
     pipeline.compute(folder.path());
     pipeline.record(&out, &[]);
     pipeline.play(&input, &["--stay"]);
-    let (said, why) = state(&pipeline);
-    assert_eq!(said, "degraded", "{why}");
+    let (printed, why) = state(&pipeline);
+    assert_eq!(printed, "degraded", "{why}");
     assert!(why.contains("not recording"), "{why}");
     fs::remove_file(&out).unwrap();
     until("recording begins", || !names(&out).is_empty());
@@ -303,8 +303,8 @@ fn a_real_disk_that_is_read_only_and_then_full_stops_nothing() {
     let recorder = pipeline.record(&out, &set);
     pipeline.play(&input, &["--loop"]);
     until("it says that it cannot write", || {
-        let (said, why) = state(&pipeline);
-        said == "degraded" && why.contains("ead-only")
+        let (printed, why) = state(&pipeline);
+        printed == "degraded" && why.contains("ead-only")
     });
     disk.remount("rw");
     until("recording begins", || state(&pipeline).0 == "running");
@@ -314,19 +314,19 @@ fn a_real_disk_that_is_read_only_and_then_full_stops_nothing() {
         assert!(begin.elapsed().as_secs() < 240, "8 MB are not full: {why}");
         why = state(&pipeline).1;
     }
-    // Room again; what was written is kept aside.
+    // Room again; what was written is kept elsewhere.
     let full = logs(&out);
-    let aside = folder.path().join("aside");
-    fs::create_dir_all(&aside).unwrap();
+    let moved = folder.path().join("moved");
+    fs::create_dir_all(&moved).unwrap();
     for file in &full {
-        fs::copy(file, aside.join(file.file_name().unwrap())).unwrap();
+        fs::copy(file, moved.join(file.file_name().unwrap())).unwrap();
         fs::remove_file(file).unwrap();
     }
     until("recording goes on", || state(&pipeline).0 == "running");
     // What did not fit is in the next file.
     std::thread::sleep(Duration::from_secs(2));
     pipeline.end(recorder, Signal::TERM);
-    let files: Vec<_> = logs(&aside).into_iter().chain(logs(&out)).collect();
+    let files: Vec<_> = logs(&moved).into_iter().chain(logs(&out)).collect();
     let mut numbers: BTreeMap<_, BTreeSet<u64>> = BTreeMap::new();
     for (topic, epoch, number) in files.iter().flat_map(|file| published(file).into_keys()) {
         numbers.entry((topic, epoch)).or_default().insert(number);
@@ -352,8 +352,8 @@ fn below_the_floor_it_is_red_and_mapping_goes_on() {
     pipeline.compute(folder.path());
     let recorder = pipeline.record(&out, &["--set", "record.free_min_gb=1000000"]);
     pipeline.play(&input, &["--loop"]);
-    let (said, why) = state(&pipeline);
-    assert_eq!(said, "degraded");
+    let (printed, why) = state(&pipeline);
+    assert_eq!(printed, "degraded");
     assert!(why.contains("less than 1000000.0 GB"), "{why}");
     assert!(names(&out).is_empty());
     let ended = pipeline.randt(&["top", "--once", "--json"]);

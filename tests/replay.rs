@@ -95,7 +95,7 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
     command.arg("--robot").arg(sensors.robot());
     command.arg("--out").arg(at("up"));
     command.arg("--record").arg(at("logs"));
-    // Not the default, so that the log has to say it.
+    // Not the default, so that the log has to carry it.
     command.args(["--profile", "indoor"]);
     command.stdin(Stdio::null()).stdout(Stdio::null());
     let mut up = Up(command.spawn().unwrap());
@@ -130,7 +130,7 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
         std::thread::sleep(Duration::from_millis(20));
     }
     signal(up.0.id(), Signal::INT);
-    // 3 says that a buffer ran over while its driver was stopped, on a busy machine: then the log lacks what the run did.
+    // 3 means that a buffer overflowed while its driver was stopped, on a busy machine: then the log lacks what the run did.
     let code = up.0.wait().unwrap().code();
     drop(real_time);
     assert!([Some(0), Some(3)].contains(&code), "{code:?}");
@@ -162,7 +162,7 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
         ["up", "stripped"].map(|name| fs::read(at(name).join("odometry.tum")).unwrap());
     assert!(lived == computed, "odometry.tum is another one");
 
-    // By another configuration it is another trajectory, and that is told.
+    // By another configuration it is another trajectory, and that is reported.
     let other = run(
         &recorded,
         &at("other"),

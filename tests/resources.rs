@@ -1,9 +1,9 @@
-//! What the system gives a stage runs out, or sensors are unplugged: it is said, nothing is silently lost, and it heals.
+//! What the system gives a stage runs out, or sensors are unplugged: it is reported, nothing is silently lost, and it recovers.
 
 use crate::support::cgroup::Group;
 use crate::support::pipeline::{Pipeline, log, signal, until};
 use crate::support::sensors::{Emulator, Sensors, unix_s};
-use crate::support::stages::{Place, program};
+use crate::support::stages::{RunFolder, program};
 use crate::support::up::PATIENT;
 use crate::support::{report, run};
 use randt_messages::{RadarPoints, StageHealthTopic, StageState, health::text_of};
@@ -18,10 +18,10 @@ use std::time::{Duration, Instant};
 const STAGES: [&str; 7] = [
     "radar", "imu", "filter", "odometry", "mapper", "recorder", "view",
 ];
-/// A stage that cannot go on has said so and ended by then.
+/// A stage that cannot go on has reported it and ended by then.
 const END_MAX: Duration = Duration::from_secs(10);
-/// A driver says what is wrong, and that all is well again, within 2 s; a busy machine has as much again.
-const SAID_MAX_S: f64 = 4.0;
+/// A driver reports what is wrong, and that all is well again, within 2 s; a busy machine has as much again.
+const REPORTED_MAX_S: f64 = 4.0;
 
 /// Lowers what a process may have of something; the hard limit stays.
 fn limit(pid: u32, resource: Resource, current: u64) {
@@ -76,10 +76,10 @@ fn up(own: &Pipeline, log: &Path, folder: &Path, rate: &str) -> Up {
 }
 
 #[test]
-fn a_stage_without_descriptors_says_so_when_it_starts() {
-    let place = Place::new();
-    let domain = place.domain("ra");
-    let robot = Sensors::new(place.file("").as_path(), "beam-udp", "mip").robot();
+fn a_stage_without_descriptors_reports_it_at_its_start() {
+    let folder = RunFolder::new();
+    let domain = folder.domain("ra");
+    let robot = Sensors::new(folder.file("").as_path(), "beam-udp", "mip").robot();
     for stage in STAGES {
         let mut command = Command::new("prlimit");
         command.arg("--nofile=24:24").arg(program(stage));
@@ -87,38 +87,38 @@ fn a_stage_without_descriptors_says_so_when_it_starts() {
         command.arg(domain.run());
         match stage {
             "radar" | "imu" => _ = command.arg("--robot").arg(&robot),
-            "mapper" => _ = command.arg("--journal").arg(place.file("map.journal")),
-            "recorder" => _ = command.arg("--out").arg(place.file("logs")),
+            "mapper" => _ = command.arg("--journal").arg(folder.file("map.journal")),
+            "recorder" => _ = command.arg("--out").arg(folder.file("logs")),
             _ => {}
         }
-        let mut running = place.start(stage, command);
+        let mut running = folder.start(stage, command);
         let status = running.wait(END_MAX);
-        let said = running.said();
-        assert_eq!(status.code(), Some(1), "{stage}: {said}");
-        assert!(said.contains("out of descriptors"), "{stage}: {said}");
+        let output = running.stderr();
+        assert_eq!(status.code(), Some(1), "{stage}: {output}");
+        assert!(output.contains("out of descriptors"), "{stage}: {output}");
     }
 }
 
 #[test]
 fn a_stage_that_runs_out_of_descriptors_ends_instead_of_going_deaf() {
-    let place = Place::new();
-    let domain = place.domain("rb");
+    let run_folder = RunFolder::new();
+    let domain = run_folder.domain("rb");
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 100);
-    let mut filter = place.start("filter", Place::command(&domain, "filter"));
-    until("the filter", || filter.said().contains("radar/points/v1"));
+    let mut filter = run_folder.start("filter", RunFolder::command(&domain, "filter"));
+    until("the filter", || filter.stderr().contains("radar/points/v1"));
     std::thread::sleep(Duration::from_millis(500));
     limit(filter.pid(), Resource::Nofile, 5);
-    // Whoever comes new is out of its reach.
-    let mut play = Place::command(&domain, "play");
+    // A stage that starts now is out of its reach.
+    let mut play = RunFolder::command(&domain, "play");
     play.arg(&log).arg("--loop");
-    let _play = place.start("play", play);
+    let _play = run_folder.start("play", play);
     let status = filter.wait(END_MAX);
-    let said = filter.said();
-    assert_eq!(status.code(), Some(1), "{said}");
-    assert!(said.contains("out of descriptors"), "{said}");
+    let output = filter.stderr();
+    assert_eq!(status.code(), Some(1), "{output}");
+    assert!(output.contains("out of descriptors"), "{output}");
     // Started again it has all that is in reach.
-    let _filter = place.start("filter", Place::command(&domain, "filter"));
+    let _filter = run_folder.start("filter", RunFolder::command(&domain, "filter"));
     let observer = Observer::enter(&domain).unwrap().unwrap();
     let mut points = observer.subscriber::<RadarPoints>().unwrap();
     let mut came = 0;
@@ -156,7 +156,7 @@ fn stages_that_get_no_more_memory_end_and_come_back() {
     );
 }
 
-/// Scans that a report says had less of the IMU than there was.
+/// Scans that had less of the IMU than there was, by a report.
 fn late(report: &serde_json::Value) -> u64 {
     let counter = &report["counters"]["odometry_scans_imu_late"]["count"];
     counter.as_u64().unwrap_or(0)
@@ -201,7 +201,7 @@ fn a_mapper_that_the_kernel_kills_for_want_of_memory_comes_back() {
 type Starve<'a> = &'a dyn Fn(&BTreeMap<String, u32>, bool);
 
 #[test]
-fn a_pipeline_that_stands_for_five_seconds_says_what_that_cost() {
+fn a_pipeline_that_stands_for_five_seconds_reports_what_that_cost() {
     starved_for_five_seconds("rs", &|pids, is_starved| {
         let stop_or_go = if is_starved {
             Signal::STOP
@@ -213,7 +213,7 @@ fn a_pipeline_that_stands_for_five_seconds_says_what_that_cost() {
 }
 
 #[test]
-fn a_pipeline_that_gets_no_processor_for_five_seconds_says_what_that_cost() {
+fn a_pipeline_that_gets_no_processor_for_five_seconds_reports_what_that_cost() {
     let Some(group) = Group::new("cpu") else {
         return;
     };
@@ -245,7 +245,7 @@ fn starved_for_five_seconds(prefix: &str, starve: Starve<'_>) {
     let offline = report(&folder.path().join("run"));
     assert_eq!(live["scans"], offline["scans"]);
     assert_eq!(live["counters"]["messages_lost"], serde_json::Value::Null);
-    // Either all is as if nothing had been, or it says that it is not.
+    // Either nothing has changed, or it reports the change.
     assert!(
         same(folder.path()) || late(&live) > late(&offline),
         "{}",
@@ -259,7 +259,7 @@ fn starved_for_five_seconds(prefix: &str, starve: Starve<'_>) {
 }
 
 #[test]
-fn sensors_that_are_unplugged_and_plugged_in_again_are_said_and_leave_a_gap() {
+fn sensors_that_are_unplugged_and_plugged_in_again_are_reported_and_leave_a_gap() {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 75);
     let sensors = Sensors::new(folder.path(), "beam-udp", "mip");
@@ -277,8 +277,8 @@ fn sensors_that_are_unplugged_and_plugged_in_again_are_said_and_leave_a_gap() {
     let mut emulators = [sensors.radar(&log, &fault), sensors.imu(&log, &fault)];
     let (gone_s, back_s) = (begin_s + 6.0, begin_s + 9.0);
 
-    // Health as it comes: the driver, when, and whether it says that something is wrong.
-    let mut said: Vec<(String, f64, bool)> = Vec::new();
+    // Health as it comes: the driver, when, and whether it reports that something is wrong.
+    let mut output: Vec<(String, f64, bool)> = Vec::new();
     until("the drivers", || pids(own.domain()).contains_key("radar"));
     let observer = Observer::enter(own.domain()).unwrap().unwrap();
     let mut health = observer.subscriber::<StageHealthTopic>().unwrap();
@@ -291,7 +291,7 @@ fn sensors_that_are_unplugged_and_plugged_in_again_are_said_and_leave_a_gap() {
         let read = observer.read(&mut health, |message| {
             let head = message.head;
             let is_wrong = head.state == StageState::Degraded as u32;
-            said.push((text_of(&head.name).to_owned(), unix_s(), is_wrong));
+            output.push((text_of(&head.name).to_owned(), unix_s(), is_wrong));
         });
         read.unwrap();
         std::thread::sleep(Duration::from_millis(20));
@@ -305,13 +305,13 @@ fn sensors_that_are_unplugged_and_plugged_in_again_are_said_and_leave_a_gap() {
     );
     for driver in ["radar", "imu"] {
         let after = |from_s: f64, is_wrong: bool| {
-            let mut of = said.iter().filter(|(name, ..)| name == driver);
+            let mut of = output.iter().filter(|(name, ..)| name == driver);
             let found = of.find(|(_, at_s, wrong)| *at_s > from_s && *wrong == is_wrong);
             found.map_or(f64::INFINITY, |(_, at_s, _)| at_s - from_s)
         };
         let (gone, back) = (after(gone_s, true), after(back_s, false));
-        println!("{driver}: said after {gone:.2} s, well again after {back:.2} s");
-        assert!(gone < SAID_MAX_S && back < SAID_MAX_S, "{driver}");
+        println!("{driver}: reported after {gone:.2} s, well again after {back:.2} s");
+        assert!(gone < REPORTED_MAX_S && back < REPORTED_MAX_S, "{driver}");
     }
     // A hole in the samples is lost data; the radar's sweeps of these three seconds were never measured.
     assert_eq!(code, Some(3));

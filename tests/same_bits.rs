@@ -80,7 +80,7 @@ fn check_every_way(input: &Path) {
     );
 }
 
-/// No output says when it was made.
+/// No output has the time at which it was made.
 fn assert_no_date(outputs: &[(&'static str, Vec<u8>)]) {
     let since_1970 = SystemTime::now()
         .duration_since(SystemTime::UNIX_EPOCH)

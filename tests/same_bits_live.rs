@@ -66,7 +66,7 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
 
     let own = Pipeline::new("bits");
     let live = ended_within(up(own.domain(), &log, &at("up")), TIME_MAX);
-    // 3 would say that something was dropped.
+    // 3 would mean that something was dropped.
     assert_eq!(live.code, Some(0), "{}", live.stderr);
     let (offline, live) = (report(&at("run")), report(&at("up")));
     println!("{} scans, {} keyframes", live["scans"], live["keyframes"]);

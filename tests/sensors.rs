@@ -1,4 +1,4 @@
-//! Sensors that are absent, unplugged, plugged in again elsewhere, or something else: `randt top` says so, and they are
+//! Sensors that are absent, unplugged, plugged in again elsewhere, or something else: `randt top` shows it, and they are
 //! tried again for ever. What `randt doctor sensors` makes of them.
 
 use crate::support::ended;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 /// A driver is back within two seconds; `randt top` needs two to look.
 const SEEN_MAX: Duration = Duration::from_secs(60);
 
-/// A driver and what `randt top` says of it.
+/// A driver and how `randt top` shows it.
 struct Watched<'a> {
     pipeline: &'a Pipeline,
     stage: &'a str,
@@ -34,7 +34,7 @@ impl Watched<'_> {
             .clone()
     }
 
-    /// Waits until it is in a state and says all these words.
+    /// Waits until it is in a state and its status has all these words.
     fn becomes(&self, state: &str, words: &[&str]) {
         let begin = Instant::now();
         loop {
@@ -156,18 +156,18 @@ fn doctor(pipeline: &Pipeline, robot: &Path, more: &[&str]) -> (Option<i32>, Str
 }
 
 #[test]
-fn the_doctor_says_whether_sensors_answer_and_make_sense() {
+fn the_doctor_checks_whether_sensors_answer_and_make_sense() {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 300);
     let sensors = Sensors::new(folder.path(), "beam-udp", "xsens");
     let robot = sensors.robot();
     let mut pipeline = Pipeline::new("doctor");
-    let (code, said) = doctor(&pipeline, &robot, &["--seconds", "2"]);
+    let (code, output) = doctor(&pipeline, &robot, &["--seconds", "2"]);
     assert_eq!(code, Some(1));
     // A socket that is open is no radar that was there.
-    assert!(!said.contains("interruptions"), "{said}");
+    assert!(!output.contains("interruptions"), "{output}");
     for words in ["BAD   radar", "BAD   imu", "not there", &sensors.address()] {
-        assert!(said.contains(words), "{words}");
+        assert!(output.contains(words), "{words}");
     }
 
     let second = format!("{:.3}", crate::support::sensors::unix_s());
@@ -183,23 +183,23 @@ fn the_doctor_says_whether_sensors_answer_and_make_sense() {
         "ok    gravity    up is +z",
         "ok    rotation",
     ];
-    let (code, said) = doctor(&pipeline, &robot, &["--seconds", "15"]);
+    let (code, output) = doctor(&pipeline, &robot, &["--seconds", "15"]);
     assert_eq!(code, Some(0));
     for words in wanted {
-        assert!(said.contains(words), "{words}");
+        assert!(output.contains(words), "{words}");
     }
 
     // Through the drivers, which keep running.
     start(&mut pipeline, "radar", &robot, &[]);
     start(&mut pipeline, "imu", &robot, &[]);
-    let (code, said) = doctor(&pipeline, &robot, &["--seconds", "5"]);
+    let (code, output) = doctor(&pipeline, &robot, &["--seconds", "5"]);
     assert_eq!(code, Some(0));
     for words in [
         "ok    radar      randt-radar runs",
         "ok    imu        randt-imu runs",
         "ok    gravity",
     ] {
-        assert!(said.contains(words), "{words}");
+        assert!(output.contains(words), "{words}");
     }
     drop(plugged);
 }

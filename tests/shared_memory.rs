@@ -1,9 +1,9 @@
 //! Shared memory that goes away while the pipeline runs: removed, cut, or filled by others. Every
-//! stage notices it within two seconds and says so; started again, the pipeline goes on where it
+//! stage notices it within two seconds and reports it; started again, the pipeline goes on where it
 //! was.
 
 use crate::support::pipeline::{Pipeline, log, until};
-use crate::support::stages::{Place, Running};
+use crate::support::stages::{RunFolder, Running};
 use crate::support::up::up;
 use crate::support::{drive, ended, ended_within, randt, remove_folder, report, tum};
 use randt_stage::{Domain, Registry};
@@ -47,23 +47,23 @@ fn remove_segments(domain: &Domain, ending: &str) {
 
 /// The stages, and a player that stays.
 struct Stages {
-    // Ended before the place is wiped: fields are dropped in order.
+    // Ended before the folder is wiped: fields are dropped in order.
     running: Vec<Running>,
-    place: Place,
+    folder: RunFolder,
     domain: Domain,
 }
 
 impl Stages {
     fn start(log: &Path, name: &str) -> Self {
-        let place = Place::new();
-        let domain = place.domain(name);
+        let folder = RunFolder::new();
+        let domain = folder.domain(name);
         let mut stages = Self {
-            place,
+            folder,
             domain,
             running: Vec::new(),
         };
         stages.start_again();
-        let mut command = Place::command(&stages.domain, "play");
+        let mut command = RunFolder::command(&stages.domain, "play");
         command.arg(log).arg("--stay");
         stages.add("play", command);
         stages
@@ -72,37 +72,39 @@ impl Stages {
     /// Starts every stage.
     fn start_again(&mut self) {
         for name in STAGES {
-            let mut command = Place::command(&self.domain, name);
+            let mut command = RunFolder::command(&self.domain, name);
             if name == "mapper" {
-                command.arg("--journal").arg(self.place.file("map.journal"));
+                command
+                    .arg("--journal")
+                    .arg(self.folder.file("map.journal"));
             }
             self.add(name, command);
         }
     }
 
     fn add(&mut self, name: &str, command: Command) {
-        let mut started = self.place.start(name, command);
+        let mut started = self.folder.start(name, command);
         let pid = u64::from(started.pid());
         let runs = |(entry, lives): &(randt_stage::Entry, bool)| {
             *lives && entry.pid == pid && entry.topics.len() > 1
         };
         until(name, || {
             let ended = started.ended();
-            assert!(ended.is_none(), "{name}: {ended:?}: {}", started.said());
+            assert!(ended.is_none(), "{name}: {ended:?}: {}", started.stderr());
             Registry::all(&self.domain).iter().any(runs)
         });
         self.running.retain(|running| running.name != name);
         self.running.push(started);
     }
 
-    /// Waits until every stage has ended by itself; gives what each has said, and the longest
+    /// Waits until every stage has ended by itself; gives what each has written, and the longest
     /// time.
     fn all_end(&mut self) -> (Vec<(String, std::process::ExitStatus, String)>, Duration) {
         let begin = Instant::now();
         let stages = self.running.iter_mut().filter(|stage| stage.name != "play");
         let ended = stages.map(|stage| {
             let status = stage.wait(NOTICED_MAX + BUSY);
-            (stage.name.clone(), status, stage.said())
+            (stage.name.clone(), status, stage.stderr())
         });
         (ended.collect(), begin.elapsed())
     }
@@ -155,9 +157,9 @@ fn memory_that_is_removed_is_noticed_by_all_and_the_pipeline_goes_on() {
         kill_process(filter, Signal::CONT).unwrap();
         let (ended, after) = stages.all_end();
         println!("removed *{ending}: all have ended after {after:?}");
-        for (name, status, said) in ended {
-            assert_eq!(status.code(), Some(1), "{name}: {said}");
-            assert!(said.contains("was removed or cut"), "{name}: {said}");
+        for (name, status, output) in ended {
+            assert_eq!(status.code(), Some(1), "{name}: {output}");
+            assert!(output.contains("was removed or cut"), "{name}: {output}");
         }
         stages.start_again();
         assert_eq!(stages.poses_come(), frame, "odometry goes on in its frame");
@@ -177,9 +179,9 @@ fn a_run_folder_that_is_removed_is_noticed_by_all() {
         remove_folder(&stages.domain.folder().join(inside));
         let (ended, after) = stages.all_end();
         println!("removed {inside:?}: all have ended after {after:?}");
-        for (name, status, said) in ended {
-            assert_eq!(status.code(), Some(1), "{name}: {said}");
-            assert!(said.contains("was removed or cut"), "{name}: {said}");
+        for (name, status, output) in ended {
+            assert_eq!(status.code(), Some(1), "{name}: {output}");
+            assert!(output.contains("was removed or cut"), "{name}: {output}");
         }
         stages.start_again();
         stages.poses_come();
@@ -295,19 +297,19 @@ fn in_the_small_world() {
     let Some(log) = std::env::var_os(LOG).map(PathBuf::from) else {
         return;
     };
-    let place = Place::new();
-    let domain = place.domain("filled");
-    let (profile, _) = place.profile(&log);
+    let folder = RunFolder::new();
+    let domain = folder.domain("filled");
+    let (profile, _) = folder.profile(&log);
     let start = |name: &str| {
-        let mut command = Place::command(&domain, name);
+        let mut command = RunFolder::command(&domain, name);
         match name {
             "play" => command
                 .args(["--stay", "--rate", &RATE.to_string()])
                 .arg(&log),
-            "mapper" => command.arg("--journal").arg(place.file("map.journal")),
+            "mapper" => command.arg("--journal").arg(folder.file("map.journal")),
             _ => command.arg("--profile").arg(&profile),
         };
-        place.start(name, command)
+        folder.start(name, command)
     };
     let runs = |pid: u32| {
         let all = Registry::all(&domain);
@@ -338,7 +340,7 @@ fn in_the_small_world() {
             ended.is_none(),
             "{}: {ended:?}: {}",
             program.name,
-            program.said()
+            program.stderr()
         );
     }
     // One that is killed has no room to come back, because its readers still hold what it sent; it
@@ -349,8 +351,8 @@ fn in_the_small_world() {
     filter.wait(WAIT_MAX);
     *filter = start("filter");
     let status = filter.wait(WAIT_MAX);
-    assert_eq!(status.code(), Some(1), "{status}: {}", filter.said());
-    assert!(filter.said().contains("MB free"), "{}", filter.said());
+    assert_eq!(status.code(), Some(1), "{status}: {}", filter.stderr());
+    assert!(filter.stderr().contains("MB free"), "{}", filter.stderr());
     // As soon as there is room it runs.
     drop(filler);
     fs::remove_file("/dev/shm/filler").unwrap();
@@ -363,8 +365,8 @@ fn in_the_small_world() {
             None,
             "{}: {}",
             program.name,
-            program.said()
+            program.stderr()
         );
-        assert!(status.success(), "{}: {}", program.name, program.said());
+        assert!(status.success(), "{}: {}", program.name, program.stderr());
     }
 }

@@ -39,7 +39,7 @@ fn the_same_seed_writes_the_same_bytes_and_another_seed_others() {
 }
 
 #[test]
-fn it_says_what_it_wrote_and_the_log_holds_it() {
+fn it_prints_what_it_wrote_and_the_log_holds_it() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = [
         "building",
@@ -51,8 +51,11 @@ fn it_says_what_it_wrote_and_the_log_holds_it() {
         "truth.tum",
     ];
     let output = simulate(folder.path(), &arguments);
-    let said = str::from_utf8(&output.stdout).unwrap();
-    assert!(said.starts_with("drive.mcap: 30 sweeps, 6.1 s, "), "{said}");
+    let printed = str::from_utf8(&output.stdout).unwrap();
+    assert!(
+        printed.starts_with("drive.mcap: 30 sweeps, 6.1 s, "),
+        "{printed}"
+    );
     let mut reader = LogReader::open(&folder.path().join("drive.mcap")).unwrap();
     let robot = reader.robot().unwrap();
     assert_eq!(robot.radar, Some([0.12, 0.0, 0.0]));
@@ -102,13 +105,13 @@ fn a_world_of_ones_own_is_driven_or_its_mistake_named() {
     fs::write(&path, format!("{room}post wool 1,1 0.2\n")).unwrap();
     let output = simulate(folder.path(), &[&arguments[..], &["--force"]].concat());
     assert_eq!(output.status.code(), Some(1));
-    let said =
+    let printed =
         "room.world: line 3: \"wool\": expected one of concrete, plaster, wood, glass, metal";
-    assert!(stderr(&output).contains(said), "{}", stderr(&output));
+    assert!(stderr(&output).contains(printed), "{}", stderr(&output));
 }
 
 #[test]
-fn the_help_says_how_many_sweeps_two_laps_are() {
+fn the_help_names_the_number_of_sweeps_of_two_laps() {
     let folder = tempfile::tempdir().unwrap();
     let output = simulate(folder.path(), &["--help"]);
     let help = str::from_utf8(&output.stdout).unwrap();
@@ -125,15 +128,15 @@ fn without_a_number_of_sweeps_a_drive_goes_round_twice() {
     let room = "wall concrete 0,0 9,0 9,6 0,6 0,0\nroute 2,2 7,2 7,4 2,4\n";
     fs::write(folder.path().join("room.world"), room).unwrap();
     let output = simulate(folder.path(), &["--world", "room.world", "--out", "a.mcap"]);
-    let said = str::from_utf8(&output.stdout).unwrap();
-    let driven_m = said
+    let printed = str::from_utf8(&output.stdout).unwrap();
+    let driven_m = printed
         .split(", ")
         .nth(2)
         .unwrap()
         .trim_end_matches(" m driven");
     let driven_m: f64 = driven_m.parse().unwrap();
     // A lap is 14 m, less its rounded corners.
-    assert!((22.0..40.0).contains(&driven_m), "{said}");
+    assert!((22.0..40.0).contains(&driven_m), "{printed}");
 }
 
 #[test]
@@ -160,7 +163,7 @@ fn a_file_that_exists_is_kept_unless_forced() {
 #[test]
 fn wrong_arguments_are_named() {
     let folder = tempfile::tempdir().unwrap();
-    for (arguments, code, said) in [
+    for (arguments, code, printed) in [
         (
             &["castle", "--out", "a.mcap"][..],
             1,
@@ -187,7 +190,7 @@ fn wrong_arguments_are_named() {
     ] {
         let output = simulate(folder.path(), arguments);
         assert_eq!(output.status.code(), Some(code), "{arguments:?}");
-        assert!(stderr(&output).contains(said), "{}", stderr(&output));
+        assert!(stderr(&output).contains(printed), "{}", stderr(&output));
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -1,6 +1,6 @@
 //! Drives in a row at five times the pace: memory, descriptors, threads and shared memory of every process stay flat.
 //!
-//! Takes 26 minutes: `cargo test --test programs soak:: -- --ignored --nocapture`; RANDT_SOAK_MINUTES says
+//! Takes 26 minutes: `cargo test --test programs soak:: -- --ignored --nocapture`; RANDT_SOAK_MINUTES sets
 //! another length.
 
 use crate::support::pipeline::{Pipeline, log, until};
@@ -19,10 +19,10 @@ const EARLY: std::ops::Range<f64> = 0.125..0.375;
 const LATE: std::ops::Range<f64> = 0.75..f64::INFINITY;
 /// Its memory grows with the map.
 const MAPPER: &str = "mapper";
-/// These take in the whole pose graph, which the mapper tells again and again: the most that they grow, as a part of what
+/// These take in the whole pose graph, which the mapper publishes again and again: the most that they grow, as a part of what
 /// the mapper does.
-const TOLD: [&str; 2] = ["view", "recorder"];
-const TOLD_MAX: f64 = 0.03;
+const GRAPH_READERS: [&str; 2] = ["view", "recorder"];
+const GRAPH_READERS_MAX: f64 = 0.03;
 const LOOK: Duration = Duration::from_secs(5);
 
 /// What a process takes.
@@ -34,7 +34,7 @@ struct Taken {
 }
 
 impl Taken {
-    fn of(pid: u64) -> Option<Self> {
+    fn by_process(pid: u64) -> Option<Self> {
         let status = fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
         let number = |name: &str| {
             let line = status.lines().find_map(|line| line.strip_prefix(name))?;
@@ -69,7 +69,7 @@ impl Most {
             .into_iter()
             .filter(|(_, lives)| *lives)
         {
-            if let Some(taken) = Taken::of(entry.pid) {
+            if let Some(taken) = Taken::by_process(entry.pid) {
                 let most = self.processes.entry(entry.name).or_default();
                 *most = most.at_most(taken);
             }
@@ -124,7 +124,7 @@ fn drives_in_a_row_leave_every_process_as_it_was() {
         let grown_kb = now.memory_kb.saturating_sub(then.memory_kb) as f64;
         let memory = match name.as_str() {
             MAPPER => true,
-            told if TOLD.contains(&told) => grown_kb <= TOLD_MAX * map_kb as f64,
+            told if GRAPH_READERS.contains(&told) => grown_kb <= GRAPH_READERS_MAX * map_kb as f64,
             _ => is_flat(then.memory_kb, now.memory_kb),
         };
         let rest = is_flat(then.descriptors, now.descriptors) && is_flat(then.threads, now.threads);

@@ -1,33 +1,28 @@
-//! Strangers on the radar's wire: what they send changes nothing where the radar is pinned, and is told where it is not.
+//! Strangers on the radar's wire: what they send changes nothing where the radar is pinned, and is reported where it is not.
+
+mod live;
 
 use crate::support::drive::events;
-use crate::support::names;
-use crate::support::pipeline::{Pipeline, log, until};
-use crate::support::sensors::{Emulator, Sensors, unix_s};
-use crate::support::stages::program;
+use crate::support::pipeline::{log, until};
+use crate::support::sensors::unix_s;
+use live::{Ending, Live, attack, recorded_after};
 use randt_config::{Config, DevicePin, SenderPin};
 use randt_filter::ClusterFilter;
-use randt_log::LogReader;
-use randt_messages::health::text_of;
 use randt_messages::{
-    Keyframe, Message, MessageRef, OdometryState, OdometryStateTopic, RadarPoints, RadarScan,
-    SensorKind, StageHealthTopic, Trust,
+    Keyframe, Message, MessageRef, OdometryState, RadarPoints, RadarScan, SensorKind, Trust,
 };
 use randt_odometry::{Odometry, Sink};
 use randt_radar::beam_udp::BeamUdpDecoder;
-use randt_radar::beam_udp::packet::{CLOCKWISE, Format, Packet, encode_value};
+use randt_radar::beam_udp::packet::{Format, Packet, encode_value};
 use randt_radar::{BeamDecoder, Echo, Streams};
 use randt_simulator::{Event, Robot};
-use rustix::process::Signal;
 use std::f64::consts::TAU;
 use std::net::{SocketAddr, UdpSocket};
-use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Whoever is attacked says so within this time.
-const TOLD_MAX_NS: i64 = 2_000_000_000;
+/// A driver that is attacked reports it within this time.
+const REPORTED_MAX_NS: i64 = 2_000_000_000;
 const PATIENCE_NS: i64 = 1_000_000_000;
 /// The radar's, and the stranger's.
 const RADAR: ([u8; 4], u16) = ([192, 168, 0, 20], 4000);
@@ -84,12 +79,12 @@ fn datagrams(
         .collect()
 }
 
-/// Who attacks, and how.
+/// The kind of attack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Attack {
     /// Five datagrams a second with the radar's device number and random numbers of sweeps.
     Random,
-    /// It hears the radar's numbers, and sends each sweep before the radar does, moved in range.
+    /// It receives the radar's numbers, and sends each sweep before the radar does, moved in range.
     Ahead,
     /// The same, in step with the radar.
     InStep,
@@ -201,10 +196,10 @@ fn config_of_drive() -> Config {
     config
 }
 
-/// Half a minute with each attack: nothing changes where the radar is pinned; elsewhere trust says it within 2 s, and
+/// Half a minute with each attack: nothing changes where the radar is pinned; elsewhere trust shows it within 2 s, and
 /// what the stranger sends from elsewhere is in no sweep.
 #[test]
-fn spoofed_sweeps_change_nothing_or_are_told() {
+fn spoofed_sweeps_change_nothing_or_are_reported() {
     let scans = 150;
     let open = config_of_drive();
     let mut pinned = open.clone();
@@ -233,8 +228,10 @@ fn spoofed_sweeps_change_nothing_or_are_told() {
                 |s: &&OdometryState| s.header.stamp_ns > begin_ns && s.trust() != Trust::Good;
             let first = states.iter().find(doubted).unwrap().header.stamp_ns - begin_ns;
             let end_ns = begin_ns + 18_000_000_000;
-            let told = begin_ns + TOLD_MAX_NS..end_ns;
-            let during = states.iter().filter(|s| told.contains(&s.header.stamp_ns));
+            let reported = begin_ns + REPORTED_MAX_NS..end_ns;
+            let during = states
+                .iter()
+                .filter(|s| reported.contains(&s.header.stamp_ns));
             let during: Vec<OdometryState> = during.copied().collect();
             println!(
                 "{attack:?} from {from:?}: doubted after {:.2} s, {} of {} states good from 2 s on, {} sweeps",
@@ -243,7 +240,7 @@ fn spoofed_sweeps_change_nothing_or_are_told() {
                 during.len(),
                 scans.len()
             );
-            assert!(first < TOLD_MAX_NS, "{attack:?}");
+            assert!(first < REPORTED_MAX_NS, "{attack:?}");
             assert_eq!(good(&during), 0, "{attack:?} from {from:?}");
             if from == STRANGER {
                 let poses = |states: &[OdometryState]| -> Vec<[f64; 3]> {
@@ -255,159 +252,9 @@ fn spoofed_sweeps_change_nothing_or_are_told() {
     }
 }
 
-/// A stranger that sends whole sweeps of the radar's device number from another address of this host, until it is ended.
-fn attack(to: &str, ends: &AtomicBool) {
-    let socket = UdpSocket::bind("127.0.0.2:0").unwrap();
-    let mut number = 0_u32;
-    while !ends.load(Ordering::Relaxed) {
-        for beam in 0..220_u16 {
-            let packet = Packet {
-                format: Format::Sparse,
-                device: 1,
-                sweep: number,
-                beam,
-                beams: 220,
-                fragment: 0,
-                fragments: 1,
-                first_bin: 0,
-                flags: CLOCKWISE,
-                azimuth: (u64::from(beam) * (1 << 32) / 220) as u32,
-                device_ns: 0,
-                resolution_um: 16_100,
-                offset_um: 0,
-                values: &[100, 0, 200, 0],
-            };
-            let mut bytes = Vec::new();
-            packet.encode(&mut bytes);
-            let _ = socket.send_to(&bytes, to);
-            std::thread::sleep(Duration::from_micros(850));
-        }
-        number += 1;
-    }
-}
-
-/// When a log first has the warning in the radar's health, and a state that is not good, s after an instant.
-fn recorded_after(folder: &Path, begin_ns: i64) -> (Option<f64>, Option<f64>) {
-    let (mut said, mut doubted) = (None, None);
-    for name in names(folder) {
-        let mut log = LogReader::open(&folder.join(name)).unwrap();
-        while let Some(entry) = log.next_entry().unwrap() {
-            let after_s = (entry.stamp_ns() - begin_ns) as f64 * 1e-9;
-            if after_s < 0.0 {
-                continue;
-            }
-            if let Some(health) = entry.decode::<StageHealthTopic>().unwrap()
-                && text_of(&health.head.message).contains("sweeps of two senders")
-            {
-                said.get_or_insert(after_s);
-            }
-            if let Some(state) = entry.decode::<OdometryStateTopic>().unwrap()
-                && state.head.trust() != Trust::Good
-            {
-                doubted.get_or_insert(after_s);
-            }
-        }
-    }
-    (said, doubted)
-}
-
-/// Ends an attack when it is dropped, a panic included: the scope waits for its threads.
-struct Ending<'a>(&'a AtomicBool);
-
-impl Drop for Ending<'_> {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-}
-
-/// A pipeline from the radar's driver to the log, without an IMU; the radar plays a log for ever.
-struct Live {
-    pipeline: Pipeline,
-    address: String,
-    recorded: PathBuf,
-    recorder: u32,
-    _radar: Emulator,
-}
-
-impl Live {
-    fn new(folder: &Path, log: &Path, pin: bool) -> Self {
-        let sensors = Sensors::new(folder, "beam-udp", "mip");
-        let mut pipeline = Pipeline::new("spoof");
-        let recorded = folder.join("recorded");
-        let recorder = pipeline.record(&recorded, &[]);
-        let mut odometry = Command::new(program("odometry"));
-        pipeline.enter(&mut odometry);
-        odometry.arg("--no-imu");
-        pipeline.start("odometry", odometry);
-        pipeline.stage("filter");
-        let mut radar = Command::new(program("radar"));
-        pipeline.enter(&mut radar);
-        radar.arg("--robot").arg(sensors.robot());
-        if pin {
-            radar.args(["--set", "radar.sender=127.0.0.1"]);
-            radar.args(["--set", "radar.device=1"]);
-        }
-        pipeline.start("radar", radar);
-        let live = Self {
-            address: sensors.address(),
-            _radar: sensors.radar(log, &["--loop"]),
-            pipeline,
-            recorded,
-            recorder,
-        };
-        until("a pose", || live.top().2 == "good");
-        live
-    }
-
-    /// The radar's state and message, and odometry's trust, as `randt top` shows them.
-    fn top(&self) -> (String, String, String) {
-        let ended = self.pipeline.randt(&["top", "--once", "--json"]);
-        let figures: serde_json::Value = serde_json::from_str(&ended.stdout).unwrap();
-        let rows = figures["stages"].as_array().unwrap();
-        let radar = rows.iter().find(|row| row["name"] == "radar");
-        let text = |value: Option<&serde_json::Value>| {
-            let text = value.and_then(serde_json::Value::as_str);
-            text.unwrap_or_default().to_owned()
-        };
-        let of_radar = |key: &str| text(radar.and_then(|row| row.get(key)));
-        let trust = text(figures["robot"].get("trust"));
-        (of_radar("state"), of_radar("message"), trust)
-    }
-
-    /// Ends all; the log is whole then.
-    fn end(&mut self) {
-        self.pipeline.end(self.recorder, Signal::TERM);
-        self.pipeline.kill_all();
-    }
-
-    /// The 99th percentile of the time from a scan to its state, ms, from an instant on.
-    fn p99_ms(&self, from_ns: i64) -> f64 {
-        let mut took_ms = Vec::new();
-        for name in names(&self.recorded) {
-            let mut log = LogReader::open(&self.recorded.join(name)).unwrap();
-            while let Some(entry) = log.next_entry().unwrap() {
-                if let Some(state) = entry.decode::<OdometryStateTopic>().unwrap()
-                    && state.head.header.stamp_ns > from_ns
-                {
-                    let (end_ns, begin_ns) =
-                        (state.head.header.published_ns, state.head.scan_published_ns);
-                    took_ms.push((end_ns - begin_ns) as f64 * 1e-6);
-                }
-            }
-        }
-        took_ms.sort_by(f64::total_cmp);
-        println!(
-            "{} states, median {:.3} ms",
-            took_ms.len(),
-            took_ms[took_ms.len() / 2]
-        );
-        took_ms[took_ms.len() * 99 / 100]
-    }
-}
-
-/// `randt top` and the log say that there are two senders, and trust is not good; with the radar pinned nothing is said.
+/// `randt top` and the log report two senders, and trust is not good; with the radar pinned nothing is reported.
 #[test]
-fn two_senders_are_told_by_top_log_and_trust() {
+fn two_senders_show_in_top_log_and_trust() {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 300);
     for pin in [false, true] {
@@ -432,11 +279,11 @@ fn two_senders_are_told_by_top_log_and_trust() {
             }
         });
         live.end();
-        let (said, doubted) = recorded_after(&live.recorded, begin_ns);
-        println!("pinned {pin}: the log says it after {said:?} s, trust after {doubted:?} s");
-        assert_eq!(said.is_some(), !pin);
+        let (output, doubted) = recorded_after(&live.recorded, begin_ns);
+        println!("pinned {pin}: the log says it after {output:?} s, trust after {doubted:?} s");
+        assert_eq!(output.is_some(), !pin);
         if !pin {
-            // By the sweeps' own stamps: how busy the machine is has no say.
+            // By the sweeps' own stamps: the load of the machine does not matter.
             assert!(doubted.is_some_and(|after_s| after_s < 2.0), "{doubted:?}");
         }
     }
@@ -448,10 +295,10 @@ fn two_senders_are_told_by_top_log_and_trust() {
 fn an_attack_does_not_slow_odometry() {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 600);
-    let places = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
-    let mut twins = places
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let mut twins = folders
         .each_ref()
-        .map(|place| Live::new(place.path(), &log, false));
+        .map(|folder| Live::new(folder.path(), &log, false));
     let ends = AtomicBool::new(false);
     let begin_ns = (unix_s() * 1e9) as i64;
     std::thread::scope(|scope| {

@@ -111,9 +111,9 @@ fn units_need_no_newer_systemd_than_245_and_agree_in_what_they_share() {
         "DeviceAllow",
         "TimeoutStopSec",
         "TimeoutStartSec",
-        // The recorder says by its exit code that messages are in no log.
+        // The recorder's exit code shows that messages are in no log.
         "SuccessExitStatus",
-        // Who looks on goes behind who computes.
+        // Stages that watch have less priority than stages that compute.
         "Nice",
         "WatchdogSec",
     ];
@@ -307,7 +307,7 @@ fn reload(machine: &Machine) {
     fs::write(&robot, ROBOT).unwrap();
 }
 
-/// A stage with a wrong configuration stays down and says what would be right; the others go on.
+/// A stage with a wrong configuration stays down and prints what would be right; the others go on.
 fn wrong_configuration(machine: &Machine) {
     let robot = machine.path("/etc/randt/robot.toml");
     fs::write(&robot, ROBOT.replace("address =", "adress =")).unwrap();
@@ -343,7 +343,7 @@ fn wrong_configuration(machine: &Machine) {
     machine.good(&["systemctl", "start", "randt-imu"]);
 }
 
-/// Each stop is heard, although systemd sends a SIGCONT right behind the SIGTERM.
+/// Each stop takes effect, although systemd sends a SIGCONT right behind the SIGTERM.
 fn ends(machine: &Machine) {
     for _ in 0..12 {
         let begin = Instant::now();

@@ -157,7 +157,7 @@ fn the_pipeline_has_latency_pose_and_map() {
 }
 
 #[test]
-fn many_look_at_once_and_nobody_loses_anything() {
+fn many_watch_at_once_and_nobody_loses_anything() {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 40);
     let mut pipeline = Pipeline::new("many");
@@ -181,14 +181,18 @@ fn many_look_at_once_and_nobody_loses_anything() {
 }
 
 #[test]
-fn where_nobody_is_it_says_where_it_looked_and_leaves_nothing() {
+fn in_an_empty_domain_it_names_the_folder_and_leaves_nothing() {
     let pipeline = Pipeline::new("none");
     let ended = pipeline.randt(&ONCE);
     assert_eq!(ended.code, Some(1));
     let folder = pipeline.domain().folder();
-    assert!(ended.says("no pipeline is there"), "{}", ended.stderr);
     assert!(
-        ended.says(&folder.display().to_string()),
+        ended.stderr_contains("no pipeline is there"),
+        "{}",
+        ended.stderr
+    );
+    assert!(
+        ended.stderr_contains(&folder.display().to_string()),
         "{}",
         ended.stderr
     );
@@ -196,7 +200,7 @@ fn where_nobody_is_it_says_where_it_looked_and_leaves_nothing() {
 
     let ended = pipeline.randt(&["top"]);
     assert_eq!(ended.code, Some(1));
-    assert!(ended.says("no terminal"), "{}", ended.stderr);
+    assert!(ended.stderr_contains("no terminal"), "{}", ended.stderr);
     assert_eq!(pipeline.randt(&["top", "--json"]).code, Some(2));
     assert_eq!(pipeline.randt(&["top", "--interval", "0"]).code, Some(2));
 }
@@ -214,7 +218,7 @@ impl Topic for OtherStates {
 }
 
 #[test]
-fn a_topic_of_another_build_is_told_of_and_the_rest_is_shown() {
+fn a_topic_of_another_build_is_reported_and_the_rest_is_shown() {
     let mut pipeline = Pipeline::new("other");
     // This process is a stage of another build.
     let mut stage = Stage::open("odd", pipeline.domain()).unwrap();

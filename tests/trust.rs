@@ -1,4 +1,4 @@
-//! Whether a drive says where it is wrong: worlds that nothing but their ends, or nothing at all, fixes along the way.
+//! Whether a drive reports where it is wrong: worlds that only their ends, or nothing at all, fix along the way.
 
 use crate::support::{ended, figures, lab, randt, report, run};
 use randt_geometry::elementary::sin_cos;
@@ -84,7 +84,7 @@ fn in_a_ring_tunnel_no_metre_is_wrong_in_silence_and_fewer_loops_are_closed() {
     let [live, map, _] = drive(folder.path(), &ring(6.0, 8.6), 480);
     assert_eq!(live["silent_m"], 0, "{live}");
     assert!(live["good_share"].as_f64().unwrap() < 0.05, "{live}");
-    // Every one of them is false: nothing tells one place from another. A registration that takes the grid for
+    // Every one of them is false: nothing distinguishes one place from another. A registration that takes the grid for
     // information of the wall's closes 15.
     assert!(map["loops"]["loops"].as_u64().unwrap() <= 8, "{map}");
 }

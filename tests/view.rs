@@ -32,13 +32,13 @@ fn view(pipeline: &mut Pipeline, address: SocketAddr) -> u32 {
     pipeline.start("view", command)
 }
 
-/// What `randt top` says.
+/// What `randt top` prints.
 fn top(pipeline: &Pipeline) -> Value {
     let ended = pipeline.randt(&["top", "--once", "--json"]);
     serde_json::from_str(&ended.stdout).unwrap()
 }
 
-/// A row of it.
+/// A row of the table.
 fn row<'a>(figures: &'a Value, table: &str, name: &str) -> &'a Value {
     let mut rows = figures[table].as_array().unwrap().iter();
     rows.find(|row| row["name"] == name)
@@ -54,7 +54,7 @@ fn until_slowly(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// The value that so much of them is below.
+/// The value that this share of them is below.
 fn percentile(sorted: &[f64], share: f64) -> f64 {
     sorted[((sorted.len() - 1) as f64 * share) as usize]
 }
@@ -82,7 +82,7 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
         );
         deaf.send(Message::text(request)).unwrap();
     }
-    until("the first pose", || !slow.of("view/pose").is_empty());
+    until("the first pose", || !slow.on_topic("view/pose").is_empty());
     let begin = Instant::now();
     std::thread::sleep(Duration::from_secs(seconds));
     let figures = top(&pipeline);
@@ -117,13 +117,13 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
         );
     }
 
-    // When each pose came there is what a viewer on the robot itself says.
+    // When each pose came there is what a viewer on the robot itself shows.
     let near_at: BTreeMap<u64, Instant> = near
-        .of("view/pose")
+        .on_topic("view/pose")
         .iter()
         .map(|got| (got.log_time_ns, got.at))
         .collect();
-    let poses = slow.of("view/pose");
+    let poses = slow.on_topic("view/pose");
     let ages: Vec<(f64, f64)> = poses
         .iter()
         .filter_map(|got| {
@@ -144,7 +144,7 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
         some.iter().sum::<f64>() / some.len() as f64
     };
     let bytes = |viewer: &Viewer, topic: &str| {
-        let got = viewer.of(topic);
+        let got = viewer.on_topic(topic);
         (
             got.len(),
             got.iter().map(|got| got.payload.len()).sum::<usize>(),
@@ -176,9 +176,9 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
     // docs/view.md has 0.9 s; a machine of a test may be busy.
     assert!(percentile(&sorted, 0.95) < 4.5, "{sorted:?}");
     assert!(mean(true) < mean(false) + 1.5, "it grows");
-    assert!(slow.of("view/points").len() as u64 > seconds / 3);
+    assert!(slow.on_topic("view/points").len() as u64 > seconds / 3);
 
-    // The drive ends: the map comes whole, and what is old is said to be old.
+    // The drive ends: the map comes whole, and what is old is shown as old.
     pipeline.end(play, Signal::TERM);
     let tile_sizes: Vec<usize> = near.tiles().values().map(Vec::len).collect();
     println!(
@@ -192,12 +192,12 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
         slow == near && !slow.is_empty()
     });
     println!("all tiles after {:.0} s", begin.elapsed().as_secs_f64());
-    until("the age is told", || {
+    until("the age is shown", || {
         let (words, is_red) = slow.status();
         words.contains("odometry silent") && is_red
     });
     println!("{:?}", slow.status());
-    // Who took nothing was let go, or is: nobody waits for it.
+    // A viewer that took nothing was disconnected, or is now: no stage waits for it.
     until_slowly("the deaf one is gone", || {
         row(&top(&pipeline), "stages", "view")["message"]
             .as_str()
@@ -237,7 +237,7 @@ fn who_comes_late_gets_everything_and_again_after_a_kill() {
     assert!(shown.len() > 8, "{shown:?}");
     let topics: Vec<String> = early.heard.lock().unwrap().topics.clone();
     assert_eq!(topics.len(), 7);
-    until("the whole path", || early.of("view/path").len() > 1);
+    until("the whole path", || early.on_topic("view/path").len() > 1);
 
     // A server that knows nothing of the drive: the mapper has sent it the map.
     pipeline.end(process, Signal::KILL);
@@ -246,8 +246,13 @@ fn who_comes_late_gets_everything_and_again_after_a_kill() {
     let late = Viewer::open(address);
     until("all tiles", || late.tiles() == early.tiles());
     until("the path", || {
-        late.of("view/path").last().map(|got| got.payload.clone())
-            == early.of("view/path").last().map(|got| got.payload.clone())
+        late.on_topic("view/path")
+            .last()
+            .map(|got| got.payload.clone())
+            == early
+                .on_topic("view/path")
+                .last()
+                .map(|got| got.payload.clone())
     });
     until("the age", || late.status().0.contains("odometry silent"));
 
@@ -279,9 +284,9 @@ fn what_is_sent_is_read_by_the_official_schemas() {
     view(&mut pipeline, address);
     let viewer = Viewer::open(address);
     pipeline.play(&input, &["--stay"]);
-    until("a drive", || viewer.of("view/pose").len() >= 40);
+    until("a drive", || viewer.on_topic("view/pose").len() >= 40);
     until("tiles", || {
-        !viewer.tiles().is_empty() && !viewer.of("view/path").is_empty()
+        !viewer.tiles().is_empty() && !viewer.on_topic("view/path").is_empty()
     });
     let payloads = folder.path().join("payloads");
     std::fs::create_dir(&payloads).unwrap();
@@ -293,7 +298,7 @@ fn what_is_sent_is_read_by_the_official_schemas() {
     if let Some(mut read) = crate::support::python::script("read_view.py") {
         crate::support::python::run(read.arg(&payloads));
     }
-    // A browser that speaks something else is told so, and a stranger's words harm nobody.
+    // A browser that speaks something else is answered with a refusal, and a stranger's words harm nobody.
     let mut stream = std::net::TcpStream::connect(address).unwrap();
     std::io::Write::write_all(&mut stream, b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n").unwrap();
     let mut answer = String::new();
@@ -317,8 +322,10 @@ fn what_is_sent_is_read_by_the_official_schemas() {
     }
     rude.send(Message::binary(vec![1, 2, 3])).unwrap();
     let _ = rude.send(Message::binary(vec![0; 1 << 20]));
-    let count = viewer.of("view/status").len();
-    until("it goes on", || viewer.of("view/status").len() > count + 1);
+    let count = viewer.on_topic("view/status").len();
+    until("it goes on", || {
+        viewer.on_topic("view/status").len() > count + 1
+    });
 }
 
 #[test]
@@ -333,7 +340,7 @@ fn up_starts_it() {
     up.arg("--out").arg(folder.path().join("out"));
     let running = std::thread::spawn(move || crate::support::ended(up));
     let viewer = Viewer::open(address);
-    until("a pose", || !viewer.of("view/pose").is_empty());
+    until("a pose", || !viewer.on_topic("view/pose").is_empty());
     let ended = running.join().unwrap();
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
     assert!(viewer.has_ended());
@@ -352,7 +359,7 @@ fn what_is_no_address_is_refused_at_once() {
     assert_eq!(usage.code, Some(2), "{}", usage.stderr);
     let configuration = view(&["--set", "view.listen=\"bad\""]);
     assert_eq!(configuration.code, Some(78), "{}", configuration.stderr);
-    for said in [usage.stderr, configuration.stderr] {
-        assert!(said.contains("127.0.0.1:8765"), "{said}");
+    for output in [usage.stderr, configuration.stderr] {
+        assert!(output.contains("127.0.0.1:8765"), "{output}");
     }
 }

@@ -4,7 +4,7 @@
 use crate::support::browser::{Browser, Pages};
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::run;
-use crate::support::stages::{Place, Running};
+use crate::support::stages::{RunFolder, Running};
 use crate::support::up::{PATIENT, up};
 use crate::support::viewer::connect;
 use randt_stage::Domain;
@@ -17,11 +17,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tungstenite::Message;
 
-/// A server that needs no pipeline: what it has to say is "no pose yet".
+/// A server that needs no pipeline: its status is "no pose yet".
 struct View {
-    // It ends before its place is cleared: fields are dropped in order.
+    // It ends before its folder is cleared: fields are dropped in order.
     running: Running,
-    place: Place,
+    folder: RunFolder,
     domain: Domain,
     address: SocketAddr,
 }
@@ -31,28 +31,28 @@ impl View {
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = free.local_addr().unwrap();
         drop(free);
-        let place = Place::new();
-        let domain = place.domain(prefix);
-        let mut command = Place::command(&domain, "view");
+        let folder = RunFolder::new();
+        let domain = folder.domain(prefix);
+        let mut command = RunFolder::command(&domain, "view");
         command.args(["--listen", &address.to_string()]);
         for setting in settings {
             command.args(["--set", setting]);
         }
-        let running = place.start("view", command);
+        let running = folder.start("view", command);
         until("the server", || TcpStream::connect(address).is_ok());
         Self {
             running,
-            place,
+            folder,
             domain,
             address,
         }
     }
 
-    /// What it says of itself, as `randt top` shows it.
+    /// Its status, as `randt top` shows it.
     fn message(&self) -> String {
         let mut top = crate::support::randt(&["top", "--once", "--json"]);
         top.args(["--prefix", self.domain.prefix(), "--run"])
-            .arg(self.place.run());
+            .arg(self.folder.run());
         let figures: Value = serde_json::from_str(&crate::support::ended(top).stdout).unwrap();
         let stages = figures["stages"].as_array().unwrap();
         let view = stages.iter().find(|stage| stage["name"] == "view").unwrap();
@@ -63,7 +63,7 @@ impl View {
     fn answer(&self, handshake: &str) -> String {
         let mut stream = TcpStream::connect(self.address).unwrap();
         stream.write_all(handshake.as_bytes()).unwrap();
-        // What a page would say next: masked with zeros, as every client's words are.
+        // What a page would send next: masked with zeros, as every client's words are.
         let subscribe = br#"{"op":"subscribe","subscriptions":[{"id":1,"channelId":1}]}"#;
         let mut frame = vec![0x81, 0x80 | subscribe.len() as u8, 0, 0, 0, 0];
         frame.extend(subscribe);
@@ -126,7 +126,7 @@ fn pages_of_others_get_nothing_and_viewers_what_they_had() {
     let port = view.address.port();
     let here = format!("localhost:{port}");
     for (host, origin) in [
-        // A page of anybody; one in a sandboxed frame or a data: URL of it; code in Foxglove's frame.
+        // A page of anybody; one in a sandboxed frame or a data: URL; code in Foxglove's frame.
         (&here, "http://evil.example:39443"),
         (&here, "null"),
         (&here, "https://embed.foxglove.dev"),
@@ -171,22 +171,22 @@ fn pages_of_others_get_nothing_and_viewers_what_they_had() {
     assert!(got.contains("no pose yet"), "{got}");
     let refused = "refused: 12 by origin, 6 by host";
     until(refused, || view.message().contains(refused));
-    let said = view.running.said();
+    let output = view.running.stderr();
     for kind in ["a page of origin", "none of this machine's names"] {
-        assert_eq!(said.matches(kind).count(), 1, "a line a minute: {said}");
+        assert_eq!(output.matches(kind).count(), 1, "a line a minute: {output}");
     }
 }
 
 #[test]
-fn what_everybody_could_say_is_no_configuration() {
+fn an_origin_that_every_page_has_is_no_configuration() {
     for (setting, expected) in [
         ("view.origins=null", "SCHEME://HOST"),
         ("view.origins=*", "SCHEME://HOST"),
         ("view.host_names=127.0.0.1", "host names"),
         ("view.clients_max_per_address=0", "from 1 to 64"),
     ] {
-        let place = Place::new();
-        let mut command = Place::command(&place.domain("vk"), "view");
+        let folder = RunFolder::new();
+        let mut command = RunFolder::command(&folder.domain("vk"), "view");
         command.args(["--set", setting]);
         let ended = crate::support::ended(command);
         assert_eq!(ended.code, Some(78), "{setting}: {}", ended.stderr);
@@ -296,7 +296,7 @@ fn a_real_browser_shows_its_own_pages_only() {
         ("evil.example", "localhost", "nothing nothing nothing"),
         ("evil.example", "127.0.0.1", "nothing nothing nothing"),
         ("evil.example", "evil.example", "nothing nothing nothing"),
-        // A viewer that the operator's own machine serves; anybody's frame could say "null".
+        // A viewer that the operator's own machine serves; every frame could have "null".
         ("localhost", "localhost", "status status nothing"),
         ("127.0.0.1", "localhost", "status status nothing"),
     ] {
@@ -310,7 +310,7 @@ fn a_real_browser_shows_its_own_pages_only() {
     // A file that was downloaded has it not.
     let found = browser.visit_file(&pages, &target, &[]);
     assert_eq!(found, "nothing nothing nothing");
-    let said = view.message();
-    println!("{said}\n{}", view.running.said());
-    assert!(said.contains("12 by origin, 3 by host"), "{said}");
+    let output = view.message();
+    println!("{output}\n{}", view.running.stderr());
+    assert!(output.contains("12 by origin, 3 by host"), "{output}");
 }

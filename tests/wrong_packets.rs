@@ -23,7 +23,7 @@ const PROTOCOLS: [&str; 4] = ["beam-udp", "navtech", "mip", "xsens"];
 const FAULTS: [&str; 3] = ["silence@0+1.2", "wrong@0+2.0", "wrong@4.2+0.6"];
 /// From these moments on its own data are due, s, each until the one after it.
 const DUE_S: [(f64, f64); 2] = [(1.2, 4.2), (4.8, 7.0)];
-/// A sweep is the radar's with so many of its 220 beams.
+/// A sweep is the radar's with that many of its 220 beams.
 const BEAMS_MIN: usize = 215;
 /// They are there within this time, s.
 const BACK_MAX_S: f64 = 2.0;
@@ -68,7 +68,7 @@ fn boot_ns() -> i64 {
     time.tv_sec * 1_000_000_000 + time.tv_nsec
 }
 
-/// When the sensor's own data came, s after the emulator's beginning, and what the driver said at the end.
+/// When the sensor's own data came, s after the emulator's beginning, and the driver's status at the end.
 fn trial(protocol: &'static str, seed: u64, log: &Path) -> (Vec<f64>, String) {
     let (beams, samples) = known(log);
     let folder = tempfile::tempdir().unwrap();
@@ -120,12 +120,12 @@ fn trial(protocol: &'static str, seed: u64, log: &Path) -> (Vec<f64>, String) {
         }
         std::thread::sleep(Duration::from_millis(2));
     }
-    let said = match (&radar, &imu) {
+    let output = match (&radar, &imu) {
         (Some(radar), _) => format!("{:?} {:?}", radar.link(), radar.counters()),
         (_, Some(imu)) => format!("{:?} {:?}", imu.link(), imu.counters()),
         _ => String::new(),
     };
-    (came, said)
+    (came, output)
 }
 
 /// How long after each due moment the first of its own data came, s.
@@ -154,11 +154,11 @@ fn seeds(count: u64) {
                 while let Some((protocol, seed)) =
                     trials.get(next.fetch_add(1, Ordering::Relaxed) as usize)
                 {
-                    let (came, said) = trial(protocol, *seed, &log);
+                    let (came, output) = trial(protocol, *seed, &log);
                     let waited_s = waited_s(&came);
                     println!("{protocol:9} seed {seed:3}: own data after {waited_s:.2?} s");
                     if waited_s.iter().any(|waited_s| *waited_s > BACK_MAX_S) {
-                        let row = format!("{protocol} seed {seed}: {waited_s:?}: {said}");
+                        let row = format!("{protocol} seed {seed}: {waited_s:?}: {output}");
                         wrong.lock().unwrap().push(row);
                     }
                 }

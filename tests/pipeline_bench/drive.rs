@@ -1,6 +1,6 @@
 //! One drive: all stages run, a log is played, and what can be seen from outside is noted.
 
-use crate::support::stages::{Place, Running, memory};
+use crate::support::stages::{RunFolder, Running, memory};
 use randt_messages::{OdometryState, OdometryStateTopic, RadarScan, Topic};
 use randt_readers::Event;
 use randt_stage::{Domain, Stage};
@@ -14,7 +14,7 @@ const WARM_UP: Duration = Duration::from_secs(3);
 
 /// The stages that compute, and the recorder where it is asked for.
 pub struct Stages<'a> {
-    place: &'a Place,
+    place: &'a RunFolder,
     pub domain: Domain,
     pub running: Vec<Running>,
 }
@@ -64,11 +64,11 @@ fn processor(running: &Running) -> Duration {
 
 impl<'a> Stages<'a> {
     /// Starts them for a log; with a recorder beside them where there is a folder for it.
-    pub fn start(place: &'a Place, log: &Path, prefix: &str, logs: Option<&Path>) -> Self {
+    pub fn start(place: &'a RunFolder, log: &Path, prefix: &str, logs: Option<&Path>) -> Self {
         let domain = place.domain(prefix);
         let (profile, _) = place.profile(log);
         let start = |name, logs: Option<&Path>| {
-            let mut command = Place::command(&domain, name);
+            let mut command = RunFolder::command(&domain, name);
             command.arg("--profile").arg(&profile);
             command.args(logs.map(|_| "--out")).args(logs);
             place.start(name, command)
@@ -86,7 +86,7 @@ impl<'a> Stages<'a> {
 
     /// Plays a log to its end.
     pub fn play(&self, log: &Path) -> Running {
-        let mut play = Place::command(&self.domain, "play");
+        let mut play = RunFolder::command(&self.domain, "play");
         play.arg(log);
         self.place.start("play", play)
     }
@@ -153,7 +153,7 @@ impl<'a> Stages<'a> {
                 status.success(),
                 "randt-{}: {status}: {}",
                 running.name,
-                running.said()
+                running.stderr()
             );
         }
     }

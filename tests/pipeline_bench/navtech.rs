@@ -1,6 +1,6 @@
 //! A long-range radar's case for memory: scans of 400 beams and 30,000 returns, made here, through filter and odometry.
 
-use crate::support::stages::{Place, memory};
+use crate::support::stages::{RunFolder, memory};
 use randt_messages::{
     Beam, ImuSample, ImuSampleTopic, Message, MessageRef, OdometryStateTopic, RadarScan, Return,
     SensorKind,
@@ -17,14 +17,14 @@ const SCANS: u64 = 48;
 const SAMPLES: u64 = 62;
 
 /// Drives and prints the most memory that was in use.
-pub fn print(place: &Place) {
+pub fn print(place: &RunFolder) {
     println!(
         "\nNavtech: {BEAMS} beams, {} returns a scan",
         BEAMS * RETURNS_PER_BEAM
     );
     let domain = place.domain("navtech");
     let mut running = ["mapper", "odometry", "filter"].map(|name| {
-        let mut command = Place::command(&domain, name);
+        let mut command = RunFolder::command(&domain, name);
         command.args(["--sensor", "navtech-cts"]);
         place.start(name, command)
     });
@@ -71,7 +71,7 @@ pub fn print(place: &Place) {
             status.success(),
             "{}: {status}: {}",
             running.name,
-            running.said()
+            running.stderr()
         );
     }
 }

@@ -2,7 +2,7 @@
 
 use super::drive::Stages;
 use crate::support::calls;
-use crate::support::stages::Place;
+use crate::support::stages::RunFolder;
 use std::path::Path;
 use std::time::Duration;
 
@@ -12,7 +12,7 @@ const SPAN: Duration = Duration::from_secs(2);
 const BEFORE: Duration = Duration::from_secs(2);
 
 /// Plays a log and prints the rates.
-pub fn print(place: &Place, log: &Path) {
+pub fn print(place: &RunFolder, log: &Path) {
     println!("\nwrite and send calls, seen with strace for {SPAN:?} each");
     let mut stages = Stages::start(place, log, "bench-calls", None);
     let mut play = stages.play(log);

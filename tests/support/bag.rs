@@ -256,7 +256,7 @@ impl Cloud {
         put(&mut out, self.points.len());
         put(&mut out, 5);
         for (name, offset, datatype) in [
-            // A field that nobody asked for; the others stand where the layout says.
+            // A field that is not read; the others stand where the layout has them.
             ("elevation_index", 0, 2),
             ("intensity", layout.offsets[3], 7),
             ("z", layout.offsets[2], 7),

@@ -124,7 +124,7 @@ impl Image {
     }
 
     /// Another system's files instead of this machine's, such as an older Debian's.
-    pub fn of(&self, root: &Path) {
+    pub fn set_root(&self, root: &Path) {
         symlink(root, self.folder.path().join("lower")).unwrap();
     }
 
@@ -136,7 +136,7 @@ impl Image {
     /// Boots it.
     pub fn boot(self) -> Machine {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/support/boot.sh");
-        let says = self.folder.path().join("says");
+        let output = self.folder.path().join("output");
         let mut command = Command::new("unshare");
         command.args([
             "--fork",
@@ -150,7 +150,7 @@ impl Image {
         command.arg(script).arg(self.folder.path()).arg(TARGET);
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let unshare = command
-            .stderr(File::create(&says).unwrap())
+            .stderr(File::create(&output).unwrap())
             .spawn()
             .unwrap();
         let mut machine = Machine {
@@ -163,7 +163,7 @@ impl Image {
             assert!(
                 begin.elapsed() < WAIT_MAX && machine.unshare.try_wait().unwrap().is_none(),
                 "the machine did not boot: {}",
-                fs::read_to_string(&says).unwrap()
+                fs::read_to_string(&output).unwrap()
             );
             machine.init = child_of(machine.unshare.id()).unwrap_or(0);
             if is_systemd(machine.init) && machine.is_up() {
@@ -176,8 +176,8 @@ impl Image {
 
 impl Machine {
     fn is_up(&self) -> bool {
-        let said = self.run(&["systemctl", "is-active", "basic.target"]);
-        said.stdout.trim() == "active"
+        let printed = self.run(&["systemctl", "is-active", "basic.target"]);
+        printed.stdout.trim() == "active"
     }
 
     /// A command on it, as root.
@@ -206,7 +206,7 @@ impl Machine {
         text.trim().to_owned()
     }
 
-    /// What a unit says of itself.
+    /// The status of a unit.
     pub fn status(&self, unit: &str) -> String {
         self.property(unit, "StatusText")
     }
@@ -228,7 +228,7 @@ impl Machine {
 
 impl Drop for Machine {
     fn drop(&mut self) {
-        // All of its processes and mounts go with its first process, and that one with whoever has started it.
+        // All of its processes and mounts go with its first process, and that one with the process that has started it.
         let _ = self.unshare.kill();
         let _ = self.unshare.wait();
         let begin = Instant::now();

@@ -21,7 +21,7 @@ if [ -e "$work/kept" ]; then
     mkdir -p "$root/var/lib/randt"
     mount -o loop "$(realpath "$work/kept")" "$root/var/lib/randt"
 fi
-# Units are started, whatever this machine's packages are told.
+# Units are started, whatever the policy of this machine's packages is.
 rm -f "$root/usr/sbin/policy-rc.d"
 
 mount -t proc proc "$root/proc"

@@ -1,4 +1,4 @@
-//! A real browser without a window, and pages that try to watch and say what they got.
+//! A real browser without a window, and pages that try to watch and report what they got.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -137,7 +137,7 @@ impl Browser {
             .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic"])
             .args(["--no-first-run", "--disable-background-networking", "--disable-sync"])
             .args(["--disable-component-update", "--remote-debugging-port=0"])
-            // What a rebinding name server would say, and nothing of the world.
+            // What a rebinding name server would answer, and no other host.
             .arg("--host-resolver-rules=MAP evil.example 127.0.0.1, MAP * ~NOTFOUND, EXCLUDE localhost, EXCLUDE 127.0.0.1")
             .arg(format!("--user-data-dir={}", data.path().display()))
             .args(options)

@@ -41,7 +41,7 @@ impl Ran {
         self.rows().chunk_by(|a, b| a.frame == b.frame).count()
     }
 
-    /// It finished with data lost, or without loss, and has a pose for so many scans.
+    /// It finished with data lost, or without loss, and has a pose for that many scans.
     #[track_caller]
     pub fn finished(&self, code: i32, scans: usize) -> &Self {
         let Ended { stdout, stderr, .. } = &self.ended;
@@ -119,18 +119,18 @@ pub fn corrupted_with(more: &[&str], corrupt: impl FnOnce(&mut Vec<Event>)) -> R
     checked(&log, more)
 }
 
-/// Place of a scan among the events.
-pub fn place(events: &[Event], scan: usize) -> usize {
+/// The index of a scan among the events.
+pub fn scan_index(events: &[Event], scan: usize) -> usize {
     let scans = events
         .iter()
         .enumerate()
         .filter(|(_, event)| matches!(event, Event::Scan(_)));
-    scans.map(|(place, _)| place).nth(scan).unwrap()
+    scans.map(|(index, _)| index).nth(scan).unwrap()
 }
 
 pub fn scan(events: &mut [Event], number: usize) -> &mut Message<RadarScan> {
-    let place = place(events, number);
-    match &mut events[place] {
+    let index = scan_index(events, number);
+    match &mut events[index] {
         Event::Scan(scan) => scan,
         other => panic!("{other:?}"),
     }

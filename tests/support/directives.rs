@@ -1,4 +1,4 @@
-//! What the units may say.
+//! The directives that units may have.
 
 /// Directives that are in use, with the release that brought them where that is no ancient one. Ubuntu 20.04 has 245; a
 /// newer one needs a fallback, and a reason here.

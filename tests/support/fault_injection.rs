@@ -35,14 +35,14 @@ impl InjectedFault {
     }
 }
 
-/// One fault and what came of it.
+/// One fault and its outcome.
 struct Row {
     stage: &'static str,
     fault: InjectedFault,
     back_ms: f64,
     /// From being back to data that flow.
     flows_ms: f64,
-    /// Until another stage's status said it.
+    /// Until another stage's status showed it.
     seen_ms: Option<f64>,
 }
 
@@ -72,7 +72,7 @@ pub fn pids(machine: &Machine) -> Vec<(String, u32)> {
     units.iter().cloned().zip(numbers).collect()
 }
 
-/// By what it is heard that data flow through a stage: its own, or what comes of them.
+/// What shows that data flow through a stage: its own messages, or what follows from them.
 fn sent_by(stage: &str) -> &str {
     match stage {
         "radar" | "imu" | "filter" | "odometry" => "state",
@@ -186,7 +186,7 @@ impl<'m> FaultInjector<'m> {
         }
     }
 
-    /// How long it took until somebody else's status said that a stage hangs. Nobody reads what the recorder writes.
+    /// How long it took until another stage's status showed that a stage hangs. No stage reads what the recorder writes.
     fn seen(&self, stage: &str, begin_us: u64) -> Option<f64> {
         let (by, words) = match stage {
             "radar" | "filter" => ("odometry", "stale: no scan for "),

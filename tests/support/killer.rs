@@ -8,18 +8,18 @@ use std::time::{Duration, Instant};
 
 /// Stages that can be killed.
 pub const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
-/// So long after the last fault the next one may fall.
+/// The next fault may fall this long after the last one.
 pub const APART: Duration = Duration::from_secs(5);
 /// A stage is back within a second where nothing else runs; the machine of a test may be slow and busy.
 pub const BACK_MAX_MS: f64 = 5000.0;
 /// Nothing is waited for longer.
 const WAIT_MAX: Duration = Duration::from_secs(60);
-/// So long a stage is stopped.
+/// How long a stage is stopped.
 const STOP: Duration = Duration::from_secs(5);
-/// So long before it is killed over what has piled up, and how soon after that, ms.
+/// How long before it is killed over what has piled up, and how soon after that, ms.
 const SHORT_STOP: Duration = Duration::from_secs(3);
 const CATCHING_UP_MS: usize = 60;
-/// So long a turn, or a keyframe, is waited for.
+/// How long a turn, or a keyframe, is waited for.
 const OCCASION_MAX: Duration = Duration::from_secs(30);
 /// A turn, rad/s.
 const TURN_RAD_S: f64 = 0.5;
@@ -47,7 +47,7 @@ pub enum InjectedFault {
     CatchingUp,
 }
 
-/// One fault and what came of it.
+/// One fault and its outcome.
 #[derive(Debug)]
 pub struct Row {
     pub at_s: f64,
@@ -96,7 +96,7 @@ impl Killer {
         self.starts.iter().map(|starts| starts - 1).sum()
     }
 
-    /// Does it, waits until whoever was hit is back, and looks whether anybody else was disturbed.
+    /// Injects it, waits until the stage that was hit is back, and checks whether another one was disturbed.
     pub fn strike(&mut self, stage: &'static str, fault: InjectedFault) {
         let occasion = self.observer.keyframes_heard;
         let came = match fault {
@@ -173,7 +173,7 @@ impl Killer {
         std::thread::sleep(Duration::from_micros(micros));
         let killed = self.kill_process(stage, next);
         self.wait_for(stage, killed, row);
-        // Whoever was heard in its loop had left the window.
+        // A stage that published from its loop had left the window.
         row.hit = self.observer.lives.iter().all(|life| life.pid != next);
         row.note = format!(
             "again {:.1} ms after its successor began, of {:.1}",

@@ -58,8 +58,8 @@ pub struct Ended {
 }
 
 impl Ended {
-    /// Whether it said any of it, to whomever.
-    pub fn says(&self, words: &str) -> bool {
+    /// Whether standard error contains these words.
+    pub fn stderr_contains(&self, words: &str) -> bool {
         self.stderr.contains(words)
     }
 }

@@ -1,4 +1,4 @@
-//! A bystander in a domain: hears every stage's health and odometry's states, and knows the processes.
+//! An observer in a domain: subscribes to every stage's health and odometry's states, and knows the processes.
 
 use randt_messages::{
     Keyframe, OdometryState, OdometryStateTopic, StageHealthTopic, StageState, health::text_of,
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 pub struct Life {
     pub name: String,
     pub pid: u64,
-    /// When the process began, and when it first said that it runs, ns.
+    /// When the process began, and when it first reported that it runs, ns.
     pub started_ns: i64,
     pub running_ns: i64,
     /// Its last word, ns.
@@ -25,7 +25,7 @@ pub struct Observer {
     states: Subscriber<OdometryStateTopic>,
     keyframes: Subscriber<Keyframe>,
     pub lives: Vec<Life>,
-    /// The newest state, the stamp of the first, and keyframes heard.
+    /// The newest state, the stamp of the first, and the keyframes that came.
     pub state: Option<OdometryState>,
     pub first_ns: Option<i64>,
     pub keyframes_heard: u64,
@@ -86,8 +86,8 @@ impl Observer {
             }
             let on: [&dyn randt_stage::Waitable; 3] = [&self.health, &self.states, &self.keyframes];
             let pause = left.min(Duration::from_millis(20));
-            let woken = self.stage.wait(&on, Some(pause)).unwrap();
-            assert!(woken != WakeReason::Stop, "interrupted");
+            let reason = self.stage.wait(&on, Some(pause)).unwrap();
+            assert!(reason != WakeReason::Stop, "interrupted");
         }
     }
 
@@ -136,7 +136,7 @@ impl Observer {
         self.state.map_or(0.0, |state| state.velocity[2].abs())
     }
 
-    /// When a stage first said that it runs, in a life that came up after an instant.
+    /// When a stage first reported that it runs, in a life that came up after an instant.
     pub fn back_ns(&self, name: &str, after_ns: i64) -> Option<i64> {
         let lives = self.lives.iter().filter(|life| life.name == name);
         lives
@@ -145,7 +145,7 @@ impl Observer {
             .min()
     }
 
-    /// When a process last said anything after an instant.
+    /// When a process last reported anything after an instant.
     pub fn heard_ns(&self, pid: u64, after_ns: i64) -> Option<i64> {
         let mut lives = self.lives.iter();
         lives

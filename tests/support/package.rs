@@ -57,12 +57,12 @@ pub fn build(programs: &Path, version: &str, out: &Path) -> PathBuf {
         .arg("--out")
         .arg(out);
     command.args(["--version", version, "--compress", "none"]);
-    let said = ended_within(command, Duration::from_secs(120));
-    assert_eq!(said.code, Some(0), "{}", said.stderr);
-    PathBuf::from(said.stdout.trim())
+    let output = ended_within(command, Duration::from_secs(120));
+    assert_eq!(output.code, Some(0), "{}", output.stderr);
+    PathBuf::from(output.stdout.trim())
 }
 
-/// The states of a build in which a field has been added, say: their layout has another name.
+/// The states of a build in which, for example, a field has been added: their layout has another name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct OtherStates;
 

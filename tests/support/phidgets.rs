@@ -6,7 +6,7 @@ use randt_log::{LogFile, LogReader, Options, ROBOT_METADATA};
 use randt_messages::{ImuSampleTopic, RadarScan, TruthPoseTopic};
 use std::path::Path;
 
-/// The first sample after the end of a sweep follows it by so much, ns.
+/// The first sample after the end of a sweep follows it by this time, ns.
 pub const OFF_NS: i64 = 1_700_000;
 /// The simulator's samples come every 4 ms, one of them 0.3 ms before a sweep ends.
 const SHIFT_NS: i64 = 2_000_000;

@@ -174,7 +174,7 @@ pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// A log of so many scans at 5 Hz, with 250 Hz of IMU.
+/// A log of that many scans at 5 Hz, with 250 Hz of IMU.
 pub fn log(folder: &Path, scans: u32) -> PathBuf {
     log_of(folder, scans, 1)
 }

@@ -36,7 +36,7 @@ impl Sink for Published {
     }
 }
 
-/// So many scans with all that is computed of them. Scans come 20 ms after their sweep's end, samples 1 ms after they
+/// That many scans with all that is computed of them. Scans come 20 ms after their sweep's end, samples 1 ms after they
 /// were measured, a state 3 ms after its scan; seven samples at the end of the third second are not there.
 pub fn write(scans: u64, path: &Path) {
     let loaded = Config::load(&Selection::default()).unwrap();

@@ -11,7 +11,7 @@ const DRIVE: &str = "/usr/bin/drive.mcap";
 pub const ROBOT: &str = "[robot]\nradar_x_m = 0.12\n[radar]\nsource = \"beam-udp\"\naddress = \"127.0.0.1:6320\"\n\
      [imu]\nsource = \"mip\"\ndevice = \"/run/randt/imu\"\n[record]\nfree_min_gb = 0.1\n";
 
-/// What becomes of a machine is waited for so long: seconds where nothing else runs.
+/// How long a machine's state is waited for: seconds where nothing else runs.
 pub const BOOTED_MAX: Duration = Duration::from_secs(120);
 
 /// Whether a machine can be booted here. Under CI it must.

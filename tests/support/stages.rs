@@ -1,4 +1,4 @@
-//! The stages as processes in a domain of their own, each started by hand, and what the system says of them.
+//! The stages as processes in a domain of their own, each started by hand, and what the system reports of them.
 
 use randt_config::{Config, Selection};
 use randt_stage::Domain;
@@ -18,9 +18,9 @@ const END_MAX: Duration = Duration::from_secs(60);
 static STARTED: AtomicU32 = AtomicU32::new(0);
 
 /// A run folder for one test.
-pub struct Place {
+pub struct RunFolder {
     memory: TempDir,
-    /// Logs and what the programs say lie on the disk: memory may be short in a test.
+    /// Logs and the programs' output lie on the disk: memory may be short in a test.
     files: TempDir,
 }
 
@@ -46,7 +46,7 @@ pub fn program(name: &str) -> PathBuf {
     path
 }
 
-impl Place {
+impl RunFolder {
     pub fn new() -> Self {
         let memory = tempfile::Builder::new()
             .prefix("rt-")
@@ -75,7 +75,7 @@ impl Place {
         .unwrap()
     }
 
-    /// The configuration for a log as a file, with the mounting that the log says.
+    /// The configuration for a log as a file, with the mounting that the log has.
     pub fn profile(&self, log: &Path) -> (PathBuf, Config) {
         let source = randt_readers::open(log, &randt_readers::Options::default()).unwrap();
         let selection = Selection {
@@ -117,7 +117,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for RunFolder {
     fn drop(&mut self) {
         // Segments lie beside the run folder, by the domains' prefixes.
         for entry in fs::read_dir(self.run()).into_iter().flatten().flatten() {
@@ -134,8 +134,8 @@ impl Running {
         self.child.id()
     }
 
-    /// What it said on standard error so far.
-    pub fn said(&self) -> String {
+    /// What it has written to standard error so far.
+    pub fn stderr(&self) -> String {
         fs::read_to_string(&self.errors).unwrap()
     }
 
@@ -155,7 +155,7 @@ impl Running {
                 begin.elapsed() < time_max,
                 "randt-{}: not ended after {time_max:?}: {}",
                 self.name,
-                self.said()
+                self.stderr()
             );
             std::thread::sleep(Duration::from_millis(5));
         }

@@ -17,7 +17,7 @@ static UNDER_WAY: Mutex<UnderWay> = Mutex::new(UnderWay {
 });
 static CHANGED: Condvar = Condvar::new();
 
-/// As long as it is held nothing computes. Who holds it may not compute either: that would wait for ever.
+/// As long as it is held nothing computes. Its holder may not compute either: that would wait without end.
 pub struct RealTime(());
 
 /// As long as it is held no drive is lived.

@@ -38,7 +38,7 @@ pub struct Heard {
     pub has_ended: bool,
 }
 
-/// A viewer that subscribes to everything and is heard by a thread.
+/// A viewer that subscribes to everything and is read by a thread.
 pub struct Viewer {
     pub heard: Arc<Mutex<Heard>>,
     stop: Arc<AtomicBool>,
@@ -84,8 +84,8 @@ impl Viewer {
                 while !stop.load(Ordering::Relaxed) {
                     match socket.read() {
                         Ok(Message::Text(text)) => {
-                            let said: Value = serde_json::from_str(&text).unwrap();
-                            subscribe(&said, &mut socket, &mut channels, &heard);
+                            let output: Value = serde_json::from_str(&text).unwrap();
+                            subscribe(&output, &mut socket, &mut channels, &heard);
                         }
                         Ok(Message::Binary(bytes)) => take(&bytes, &channels, &heard),
                         Ok(_) => {}
@@ -106,7 +106,7 @@ impl Viewer {
     }
 
     /// Messages of a topic so far.
-    pub fn of(&self, topic: &str) -> Vec<Got> {
+    pub fn on_topic(&self, topic: &str) -> Vec<Got> {
         let heard = self.heard.lock().unwrap();
         let found = heard.messages.iter().filter(|got| got.topic == topic);
         found.cloned().collect()
@@ -141,15 +141,15 @@ type Channels = BTreeMap<u32, (String, String)>;
 
 /// Subscribes to what is offered, under numbers of its own.
 fn subscribe(
-    said: &Value,
+    output: &Value,
     socket: &mut WebSocket<TcpStream>,
     channels: &mut Channels,
     heard: &Mutex<Heard>,
 ) {
-    match said["op"].as_str().unwrap() {
-        "serverInfo" => assert_eq!(said["capabilities"], json!(["time"])),
+    match output["op"].as_str().unwrap() {
+        "serverInfo" => assert_eq!(output["capabilities"], json!(["time"])),
         "advertise" => {
-            for channel in said["channels"].as_array().unwrap() {
+            for channel in output["channels"].as_array().unwrap() {
                 let text = |key: &str| channel[key].as_str().unwrap().to_owned();
                 assert_eq!(text("encoding"), "protobuf");
                 let id = channel["id"].as_u64().unwrap() as u32;
@@ -160,7 +160,7 @@ fn subscribe(
                 socket.send(Message::text(request.to_string())).unwrap();
             }
         }
-        other => panic!("{other}: {said}"),
+        other => panic!("{other}: {output}"),
     }
 }
 
@@ -198,7 +198,7 @@ fn take(bytes: &[u8], channels: &Channels, heard: &Mutex<Heard>) {
     });
 }
 
-/// A link in front of a server, for one viewer at a time: so many bytes a second towards the viewer, and a delay each way.
+/// A link in front of a server, for one viewer at a time: that many bytes a second towards the viewer, and a delay each way.
 /// Like ssh it takes from the server whatever the system's buffers hold.
 pub fn slow_link(server: SocketAddr, bytes_s: f64, delay: Duration) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();

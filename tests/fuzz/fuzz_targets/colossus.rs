@@ -7,7 +7,7 @@ use randt_radar::navtech::NavtechDecoder;
 use randt_radar::navtech::frame::{Frame, kind};
 use randt_radar::{Assembler, BeamDecoder};
 
-/// What a CTS350-X says of itself, but with eight beams a turn: sweeps must come about.
+/// The configuration of a CTS350-X, but with eight beams a turn: sweeps must come about.
 const CONFIGURATION: [u8; 20] = [
     0, 8, 1, 182, 14, 184, 21, 224, 15, 160, 6, 64, 0x3f, 0x80, 0, 0, 0, 0, 0, 0,
 ];
