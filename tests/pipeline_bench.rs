@@ -43,8 +43,8 @@ fn main() {
     make_stages();
     println!("machine: {}", machine::description());
     println!("drive: simulated building, {seconds} s at {RATE_HZ} Hz, IMU at 250 Hz; {runs} runs");
-    let place = stages::RunFolder::new();
-    let log = place.file("building.mcap");
+    let folder = stages::RunFolder::new();
+    let log = folder.file("building.mcap");
     let scans = (seconds * RATE_HZ).to_string();
     let mut command = Command::new(env!("CARGO_BIN_EXE_randt"));
     command.args([
@@ -54,22 +54,22 @@ fn main() {
     assert!(status.success(), "the simulation failed: {status}");
     for run in 1..=runs {
         println!("\nrun {run}");
-        drive(&place, &log, &format!("bench-{run}"), None);
+        drive(&folder, &log, &format!("bench-{run}"), None);
         if recorded {
             println!("\nrun {run}, recorded");
-            let logs = place.file(&format!("logs-{run}"));
-            drive(&place, &log, &format!("record-{run}"), Some(&logs));
+            let logs = folder.file(&format!("logs-{run}"));
+            drive(&folder, &log, &format!("record-{run}"), Some(&logs));
         }
     }
     if recorded {
         return;
     }
-    sends::print(&place, &log);
-    navtech::print(&place);
+    sends::print(&folder, &log);
+    navtech::print(&folder);
 }
 
-fn drive(place: &stages::RunFolder, log: &Path, prefix: &str, logs: Option<&Path>) {
-    let mut stages = Stages::start(place, log, prefix, logs);
+fn drive(folder: &stages::RunFolder, log: &Path, prefix: &str, logs: Option<&Path>) {
+    let mut stages = Stages::start(folder, log, prefix, logs);
     let drive = stages.drive(log);
     print_latency(&drive);
     print_costs(&drive);
@@ -124,7 +124,7 @@ fn print_costs(drive: &Drive) {
         }
     }
     println!(
-        "pipeline  {whole:5.2} % of a core; play, in whose place the drivers stand, is not in it"
+        "pipeline  {whole:5.2} % of a core; play, in whose folder the drivers stand, is not in it"
     );
     println!(
         "scans     {:.0} kB/s, handed over without a copy",

@@ -14,7 +14,7 @@ const WARM_UP: Duration = Duration::from_secs(3);
 
 /// The stages that compute, and the recorder where it is asked for.
 pub struct Stages<'a> {
-    place: &'a RunFolder,
+    folder: &'a RunFolder,
     pub domain: Domain,
     pub running: Vec<Running>,
 }
@@ -64,21 +64,21 @@ fn processor(running: &Running) -> Duration {
 
 impl<'a> Stages<'a> {
     /// Starts them for a log; with a recorder beside them where there is a folder for it.
-    pub fn start(place: &'a RunFolder, log: &Path, prefix: &str, logs: Option<&Path>) -> Self {
-        let domain = place.domain(prefix);
-        let (profile, _) = place.profile(log);
+    pub fn start(folder: &'a RunFolder, log: &Path, prefix: &str, logs: Option<&Path>) -> Self {
+        let domain = folder.domain(prefix);
+        let (profile, _) = folder.profile(log);
         let start = |name, logs: Option<&Path>| {
             let mut command = RunFolder::command(&domain, name);
             command.arg("--profile").arg(&profile);
             command.args(logs.map(|_| "--out")).args(logs);
-            place.start(name, command)
+            folder.start(name, command)
         };
         let mut running: Vec<Running> = ["mapper", "odometry", "filter"]
             .map(|name| start(name, None))
             .into();
         running.extend(logs.map(|logs| start("recorder", Some(logs))));
         Self {
-            place,
+            folder,
             domain,
             running,
         }
@@ -88,7 +88,7 @@ impl<'a> Stages<'a> {
     pub fn play(&self, log: &Path) -> Running {
         let mut play = RunFolder::command(&self.domain, "play");
         play.arg(log);
-        self.place.start("play", play)
+        self.folder.start("play", play)
     }
 
     /// Plays a log and watches.

@@ -17,16 +17,16 @@ const SCANS: u64 = 48;
 const SAMPLES: u64 = 62;
 
 /// Drives and prints the most memory that was in use.
-pub fn print(place: &RunFolder) {
+pub fn print(folder: &RunFolder) {
     println!(
         "\nNavtech: {BEAMS} beams, {} returns a scan",
         BEAMS * RETURNS_PER_BEAM
     );
-    let domain = place.domain("navtech");
+    let domain = folder.domain("navtech");
     let mut running = ["mapper", "odometry", "filter"].map(|name| {
         let mut command = RunFolder::command(&domain, name);
         command.args(["--sensor", "navtech-cts"]);
-        place.start(name, command)
+        folder.start(name, command)
     });
     let mut stage = Stage::open("navtech", &domain).unwrap();
     let mut scans = stage.publisher::<RadarScan>().unwrap();

@@ -12,9 +12,9 @@ const SPAN: Duration = Duration::from_secs(2);
 const BEFORE: Duration = Duration::from_secs(2);
 
 /// Plays a log and prints the rates.
-pub fn print(place: &RunFolder, log: &Path) {
+pub fn print(folder: &RunFolder, log: &Path) {
     println!("\nwrite and send calls, seen with strace for {SPAN:?} each");
-    let mut stages = Stages::start(place, log, "bench-calls", None);
+    let mut stages = Stages::start(folder, log, "bench-calls", None);
     let mut play = stages.play(log);
     std::thread::sleep(BEFORE);
     // The mapper last: the robot stands at first, and there is nothing to write.

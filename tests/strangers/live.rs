@@ -62,7 +62,7 @@ pub(super) fn recorded_after(folder: &Path, begin_ns: i64) -> (Option<f64>, Opti
                 output.get_or_insert(after_s);
             }
             if let Some(state) = entry.decode::<OdometryStateTopic>().unwrap()
-                && state.head.trust != Trust::Good as u32
+                && state.head.trust() != Trust::Good
             {
                 doubted.get_or_insert(after_s);
             }
