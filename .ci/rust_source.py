@@ -110,7 +110,8 @@ class Source:
                     member_kind = "variant" if match.group(1) == "enum" else "field"
                     found.append(Item(member_kind, member, self.line_of(offset), test))
         for offset, text in self.strings:
-            # Former names, by which reports and logs of earlier builds are read, stay as they were.
+            # Former names, by which reports and logs of earlier builds are read, stay as they
+            # were.
             before = self.code[max(0, offset - 16) : offset].rstrip()
             if KEY.fullmatch(text) and len(text) < 60 and not re.search(r"\b(alias|former) *=$", before):
                 found.append(Item("key", text, self.line_of(offset), self.is_test(offset)))

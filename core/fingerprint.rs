@@ -1,10 +1,12 @@
-// Included by build scripts: a fingerprint of the source that gives a stage's saved state its meaning.
+// Included by build scripts: a fingerprint of the source that gives a stage's saved state its
+// meaning.
 //
 // A state that another build has saved is taken over only if this is the same.
 
 use std::{fs, path::Path};
 
-/// Sets `RANDT_CODE` to 16 hexadecimal digits made of every source file below `folders`, in order of their names.
+/// Sets `RANDT_CODE` to 16 hexadecimal digits made of every source file below `folders`, in order
+/// of their names.
 fn fingerprint(folders: &[&str]) {
     let mut hash = 0xcbf2_9ce4_8422_2325;
     for folder in folders {

@@ -48,7 +48,8 @@ fn two_laps_of_the_room_by_odometry_alone() {
     assert!(ate_m <= 0.02, "{ate_m} m");
 }
 
-/// True poses at mid-sweep, the first at the origin; the file's y is to the right, ours to the left.
+/// True poses at mid-sweep, the first at the origin; the file's y is to the right, ours to the
+/// left.
 fn oxford_truth(path: &Path) -> Vec<Row> {
     let text = fs::read_to_string(path).unwrap();
     let header: Vec<&str> = text.lines().next().unwrap().split(',').collect();
@@ -74,7 +75,8 @@ fn oxford_truth(path: &Path) -> Vec<Row> {
             stamp_ns(destination),
             "rows follow each other"
         );
-        // It takes points of the newer scan into the older one's frame: the newer pose in the older.
+        // It takes points of the newer scan into the older one's frame: the newer pose in the
+        // older.
         let relative = Pose2::new(value(x), -value(y), -value(yaw));
         let pose = last.pose.compose(&relative);
         rows.push(row(stamp_ns(source), pose));

@@ -1,4 +1,5 @@
-//! A good log with bad data in it: every scan that can have a pose has one, and the rest is counted.
+//! A good log with bad data in it: every scan that can have a pose has one, and the rest is
+//! counted.
 
 use crate::support::corrupt_inputs::{
     BAD, Ran, SCANS, corrupted, corrupted_with, scan, scan_index,
@@ -244,7 +245,8 @@ fn scans_with_nothing_or_one_beam_in_them_are_lived_through() {
     };
     for number in [0, 1, BAD, SCANS - 1] {
         let ran = corrupted(|events| empty(scan(events, number)));
-        // A first scan with nothing in it founds nothing; every other one has its pose from the motion model.
+        // A first scan with nothing in it founds nothing; every other one has its pose from the
+        // motion model.
         assert!(
             ran.rows().len() >= SCANS - 1,
             "scan {number} empty: {}",

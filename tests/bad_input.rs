@@ -236,7 +236,8 @@ fn where_nothing_can_be_written_nothing_is_left() {
         );
     }
     assert_eq!(fs::read_to_string(&taken).unwrap(), "mine");
-    // A folder is where a file should be: the others are written, and the report names the one that is not.
+    // A folder is where a file should be: the others are written, and the report names the one
+    // that is not.
     let out = folder.path().join("out");
     fs::create_dir_all(out.join("plot.svg")).unwrap();
     let ended = run(&log, &out, &[]);

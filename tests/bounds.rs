@@ -1,7 +1,7 @@
 //! What the configuration accepts runs: every key at its bounds, and bounds of two keys together.
 //!
-//! The stages run in a child process with bounded memory, all cases in one: an abort, too, fails the test, and names
-//! the case.
+//! The stages run in a child process with bounded memory, all cases in one: an abort, too, fails
+//! the test, and names the case.
 
 use crate::support::{Ended, Random, ended_within};
 use indicatif::ProgressBar;
@@ -41,7 +41,8 @@ fn bounds(section: &Section) -> Vec<String> {
     sets
 }
 
-/// Every bound by itself, then `pairs` pairs of two keys of one section; all of them where there are no more.
+/// Every bound by itself, then `pairs` pairs of two keys of one section; all of them where there
+/// are no more.
 fn cases(seed: u64, pairs: usize) -> Vec<Vec<String>> {
     let sections: Vec<Vec<String>> = Config::SECTIONS.iter().map(bounds).collect();
     let mut cases: Vec<Vec<String>> = sections.concat().into_iter().map(|set| vec![set]).collect();

@@ -16,7 +16,8 @@ const LATE_MS: f64 = 30.0;
 const YAW_DEG: f64 = 3.0;
 const LEVER_ARM_M: [f64; 2] = [0.20, -0.10];
 
-/// A hall of 80 m with something at the walls; the route is one straight for the first minute and a half.
+/// A hall of 80 m with something at the walls; the route is one straight for the first minute and
+/// a half.
 const STRAIGHT: &str = "
 wall concrete 0,0 80,0 80,7 0,7 0,0 doors 5..6 14..15.5 31..32 49..50.2 61..62
 block metal 6,0.1 0.8x0.4
@@ -97,7 +98,8 @@ fn errors(log: &Path) -> Vec<Figure> {
     ]
 }
 
-/// Simulates and calibrates a drive, prints a row a figure, and holds each against its limit and its sigmas.
+/// Simulates and calibrates a drive, prints a row a figure, and holds each against its limit and
+/// its sigmas.
 fn check(folder: &Path, world: &str, seed: u64) -> PathBuf {
     let log = folder.join(format!("{world}-{seed}.mcap"));
     let more = ["--turns", "--scans", SCANS, "--seed", &seed.to_string()];

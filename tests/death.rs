@@ -1,9 +1,9 @@
-//! Any stage may die at any moment: it is back soon, alone, and the drive's result is to the last bit that of
-//! an undisturbed one.
+//! Any stage may die at any moment: it is back soon, alone, and the drive's result is to the last
+//! bit that of an undisturbed one.
 //!
-//! The form for every day has 13 kills in two minutes, each kind of fault once; the long one has 60 and more in a drive of
-//! ten minutes:
-//! `cargo build --workspace && cargo test --test programs death:: -- --ignored --nocapture`.
+//! The form for every day has 13 kills in two minutes, each kind of fault once; the long one has
+//! 60 and more in a drive of ten minutes: `cargo build --workspace && cargo test --test programs
+//! death:: -- --ignored --nocapture`.
 
 use crate::support::killer::{APART, BACK_MAX_MS, InjectedFault, Killer, Row, STAGES};
 use crate::support::pipeline::Pipeline;

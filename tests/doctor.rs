@@ -36,7 +36,8 @@ fn assert_bad(ended: &Ended, words: &str, fix: &str) {
     assert_eq!(ended.code, Some(1));
 }
 
-/// A process that is alone with its mounts: the options of `unshare` that this user may use, where there are any.
+/// A process that is alone with its mounts: the options of `unshare` that this user may use, where
+/// there are any.
 fn namespace() -> Option<&'static str> {
     let may = |options: &&str| {
         let mut command = Command::new("unshare");

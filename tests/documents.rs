@@ -43,7 +43,8 @@ fn helped(path: &[String]) -> (Names, Names) {
         if !line.starts_with(' ') {
             heading = line;
         }
-        // Commands stand under "Commands:" or under their tasks. What goes on from the line before is indented further.
+        // Commands stand under "Commands:" or under their tasks. What goes on from the line before
+        // is indented further.
         if heading.ends_with(':') && !["Arguments:", "Examples:"].contains(&heading) {
             let name = line.strip_prefix("  ").map(first_word);
             let name = name.filter(|name| name.starts_with(|c: char| c.is_ascii_lowercase()));

@@ -1,5 +1,5 @@
-//! `randt up` never ends without its results: whatever is taken from it, trajectory, map and report of what there is are
-//! written, and the exit code shows what was lost.
+//! `randt up` never ends without its results: whatever is taken from it, trajectory, map and
+//! report of what there is are written, and the exit code shows what was lost.
 
 use crate::support::journal::keyframes;
 use crate::support::pipeline::{Pipeline, log, signal, until};
@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-/// Other tests load the machine: a sample that comes late is waited for, so that both computations use the same ones.
+/// Other tests load the machine: a sample that comes late is waited for, so that both computations
+/// use the same ones.
 const PATIENT: [&str; 2] = ["--set", "odometry.imu_wait_max_s=20"];
 /// A drive of 12 s, four times as fast.
 const SCANS: u32 = 60;
@@ -28,7 +29,8 @@ const SAME: [&str; 5] = [
     "trajectory.tum",
 ];
 
-/// A drive under `randt up`, with programs of its own and a folder for all that it is given and writes.
+/// A drive under `randt up`, with programs of its own and a folder for all that it is given and
+/// writes.
 struct Trial {
     pipeline: Pipeline,
     programs: Programs,
@@ -96,7 +98,8 @@ impl Trial {
         signal(self.pid(name).unwrap(), with);
     }
 
-    /// Its files are whole, nobody is left, and it ended with 3 because of this counter; gives its first case.
+    /// Its files are whole, nobody is left, and it ended with 3 because of this counter; gives its
+    /// first case.
     fn lost(&self, ended: &Ended, counter: &str) -> String {
         assert_eq!(ended.code, Some(3), "{}", ended.stderr);
         assert!(

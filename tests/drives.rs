@@ -1,4 +1,5 @@
-//! Whose drive a keyframe is, and when a drive is over: nothing is spliced, nothing begins again by itself.
+//! Whose drive a keyframe is, and when a drive is over: nothing is spliced, nothing begins again
+//! by itself.
 
 use crate::support::journal::keyframes;
 use crate::support::pipeline::{Pipeline, log_of, signal, until};
@@ -47,7 +48,8 @@ fn a_new_drive_goes_on_after_a_map_that_the_mapper_has_yet_to_take_anew() {
     let folder = tempfile::tempdir().unwrap();
     let journal = old_map(folder.path());
     let log = log_of(folder.path(), 100, 2);
-    // By the second time the journal's frame is not the first, which is what an empty map would name.
+    // By the second time the journal's frame is not the first, which is what an empty map would
+    // name.
     for (frame, name, hits) in [
         (1, "again", "grid.hits_min=4"),
         (2, "anew", "grid.hits_min=5"),
@@ -57,7 +59,8 @@ fn a_new_drive_goes_on_after_a_map_that_the_mapper_has_yet_to_take_anew() {
         pipeline.play(&log, &["--rate", "4", "--stay"]);
         pipeline.stage("filter");
         pipeline.stage("odometry");
-        // It starts first and subscribes, so that it gets what the mapper publishes before it has taken any.
+        // It starts first and subscribes, so that it gets what the mapper publishes before it has
+        // taken any.
         let mapper = pipeline.mapper_by(&journal, &["--set", hits]);
         until("keyframes", || keyframes(&journal).len() >= old.len() + 5);
         pipeline.end(mapper, Signal::TERM);

@@ -1,8 +1,8 @@
-//! Every fault that sensors have, injected by the emulators: it is counted, what it spoils is flagged, it costs next to
-//! nothing, and afterwards all is as before.
+//! Every fault that sensors have, injected by the emulators: it is counted, what it spoils is
+//! flagged, it costs next to nothing, and afterwards all is as before.
 //!
-//! The drivers run in this process, without shared memory: their own time on the processor can be measured. Each trial has an
-//! emulator of its own, as a process; all run side by side.
+//! The drivers run in this process, without shared memory: their own time on the processor can be
+//! measured. Each trial has an emulator of its own, as a process; all run side by side.
 
 use crate::support::pipeline::log;
 use crate::support::sensors::{Sensors, unix_s};

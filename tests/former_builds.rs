@@ -1,4 +1,5 @@
-//! What the last build before this one has left: its logs and maps are read, its running state is set apart with words.
+//! What the last build before this one has left: its logs and maps are read, its running state is
+//! set apart with words.
 //!
 //! The files are of commit 30a8848; `tests/fixtures/README.md` says how they were made.
 

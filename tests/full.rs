@@ -1,4 +1,5 @@
-//! Shared memory that is too small: a stage ends with a clear error before it begins, and none is killed by a store.
+//! Shared memory that is too small: a stage ends with a clear error before it begins, and none is
+//! killed by a store.
 
 use crate::support::stages::{RunFolder, Running};
 use crate::support::{Ended, drive, ended_within};

@@ -1,4 +1,5 @@
-//! `randt-lab graph` as a user calls it: the published optima, and false loops among the true ones.
+//! `randt-lab graph` as a user calls it: the published optima, and false loops among the true
+//! ones.
 
 use crate::support::{ended, lab, recording};
 use serde_json::Value;
@@ -19,7 +20,8 @@ fn graph(file: &Path, arguments: &[&str]) -> Value {
 /// Seeds of a day. [`they_stay_straight_ten_times`] has more.
 const SEEDS: u64 = 3;
 
-/// Random false loops and groups of false ones that agree, that many seeds of each; prints a row per trial.
+/// Random false loops and groups of false ones that agree, that many seeds of each; prints a row
+/// per trial.
 fn stays_straight(name: &str, seeds: u64) {
     let Some(file) = recording(&format!("posegraph/{name}.g2o")) else {
         return;

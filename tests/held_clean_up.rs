@@ -1,5 +1,6 @@
-//! A stage that starts clears the remains of dead ones away. Here it is held at its polls at the nodes, one after the
-//! other, while another stage is killed: whatever it has seen before, no slot stays taken by nobody.
+//! A stage that starts clears the remains of dead ones away. Here it is held at its polls at the
+//! nodes, one after the other, while another stage is killed: whatever it has seen before, no slot
+//! stays taken by nobody.
 //!
 //! A tracer stops it at the poll, so that it does not depend on chance which one it is.
 
@@ -12,7 +13,8 @@ use std::fs;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// A process that is only traced stands for microseconds at a call; one that is stopped still stands after that many polls.
+/// A process that is only traced stands for microseconds at a call; one that is stopped still
+/// stands after that many polls.
 const STANDS: u32 = 20;
 const BETWEEN_POLLS: Duration = Duration::from_millis(4);
 /// A start takes at least that many polls.
@@ -22,7 +24,8 @@ const WAIT_MAX: Duration = Duration::from_secs(60);
 /// Whether a process is in its loop, or about to enter it.
 fn runs(domain: &Domain, pid: u32) -> bool {
     let all = Registry::all(domain);
-    // What the register has of a stage's name is the dead one's until the new one has written its own.
+    // What the register has of a stage's name is the dead one's until the new one has written its
+    // own.
     all.iter()
         .any(|(entry, lives)| *lives && entry.pid == u64::from(pid) && entry.topics.len() > 1)
 }

@@ -1,4 +1,5 @@
-//! `randt-lab imu` on real recordings: a Phidgets Spatial hung upside down, and an IMU with optical truth (BROAD).
+//! `randt-lab imu` on real recordings: a Phidgets Spatial hung upside down, and an IMU with
+//! optical truth (BROAD).
 
 use crate::support::{lab, recording};
 use randt_geometry::{Quaternion, elementary};
@@ -27,7 +28,8 @@ fn numbers(value: &Value) -> Vec<f64> {
         .collect()
 }
 
-/// One row of the recording with truth: stamp, true rotation where the cameras saw it, whether it moved.
+/// One row of the recording with truth: stamp, true rotation where the cameras saw it, whether it
+/// moved.
 struct Truth {
     stamp_s: f64,
     rotation: Option<Quaternion>,
@@ -50,7 +52,8 @@ fn truth(path: &Path) -> Vec<Truth> {
         .collect()
 }
 
-/// Degrees by which the estimated heading is off at an instant; the frames are aligned at the start.
+/// Degrees by which the estimated heading is off at an instant; the frames are aligned at the
+/// start.
 fn heading_error_deg(estimate: &Path, truth: &[Truth], at_s: f64) -> f64 {
     let text = fs::read_to_string(estimate).unwrap();
     let rotations: Vec<Quaternion> = text

@@ -2,9 +2,9 @@
 //! the one before it: no start is refused, no slot stays taken by nobody, and all stages work when
 //! it is over.
 //!
-//! The form for every day has 100 kills; the long ones last ten minutes, and half an hour with 1,000
-//! kills under `randt up`: `cargo build --workspace && cargo test --test programs kill_storm:: --
-//! --ignored --nocapture --test-threads 1`.
+//! The form for every day has 100 kills; the long ones last ten minutes, and half an hour with
+//! 1,000 kills under `randt up`: `cargo build --workspace && cargo test --test programs
+//! kill_storm:: -- --ignored --nocapture --test-threads 1`.
 
 use crate::support::observer::Observer;
 use crate::support::pipeline::{Pipeline, log_of, until};
@@ -124,7 +124,8 @@ impl Keeper {
     }
 }
 
-/// Kills some at random; gives how long it took after the last kill until every stage had delivered.
+/// Kills some at random; gives how long it took after the last kill until every stage had
+/// delivered.
 fn storm(more: impl Fn(usize, Duration) -> bool) -> Duration {
     let folder = tempfile::tempdir().unwrap();
     let log = log_of(folder.path(), 150, 1);

@@ -1,5 +1,5 @@
-//! The radar's network: the cable is pulled, or its adapter goes and comes back as a new one. The driver reports it, and sweeps
-//! come again.
+//! The radar's network: the cable is pulled, or its adapter goes and comes back as a new one. The
+//! driver reports it, and sweeps come again.
 //!
 //! Robot and radar have namespaces of their own, with a pair of Ethernet devices between them.
 
@@ -108,8 +108,8 @@ fn ip(arguments: &[&str]) {
     run(Command::new("ip").args(arguments));
 }
 
-/// The robot's network is that of this program, the radar's another one; a third one is where an adapter is when it is not
-/// plugged in.
+/// The robot's network is that of this program, the radar's another one; a third one is where an
+/// adapter is when it is not plugged in.
 struct Network {
     radar: Child,
     away: Child,

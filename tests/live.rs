@@ -1,4 +1,5 @@
-//! The whole chain live on one machine: both sensors emulated, both drivers, filter, odometry, mapper.
+//! The whole chain live on one machine: both sensors emulated, both drivers, filter, odometry,
+//! mapper.
 
 use crate::support::pipeline::{Pipeline, signal};
 use crate::support::sensors::{Emulator, Sensors, unix_s};
@@ -170,8 +171,8 @@ fn live(radar: &'static str, imu: &'static str, scans: u32, more: &[&str]) {
             early as f64 * 1e-6,
             late as f64 * 1e-6
         );
-        // The mapper's grows with the map, the supervisor's with the trajectory; and in an eighth of a short drive the
-        // histories on the bus are not full yet.
+        // The mapper's grows with the map, the supervisor's with the trajectory; and in an eighth
+        // of a short drive the histories on the bus are not full yet.
         if scans >= 600 && !["mapper", "up"].contains(&name.as_str()) {
             assert!(late as f64 <= 1.1 * early as f64, "{name} grows");
         }

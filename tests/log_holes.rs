@@ -1,5 +1,6 @@
-//! Logs without silent holes: what a recorder that was away, or whose publishers were replaced meanwhile, could not get
-//! any more stands in `log/drop`, and a command that reads the log ends with exit code 3.
+//! Logs without silent holes: what a recorder that was away, or whose publishers were replaced
+//! meanwhile, could not get any more stands in `log/drop`, and a command that reads the log ends
+//! with exit code 3.
 
 use crate::support::pipeline::{Pipeline, log};
 use crate::support::{Ended, ended, names, randt, run};
@@ -95,7 +96,8 @@ fn what_a_recorder_that_was_away_for_too_long_could_not_get_is_in_the_log() {
     for (topic, missing) in held.missing() {
         let reported = held.reported(topic, DropCause::Missed);
         println!("{topic}: {missing} missing, {reported} reported");
-        // A kill between a write and the note of it costs a chunk, half a second, that is there and reported as missing.
+        // A kill between a write and the note of it costs a chunk, half a second, that is there
+        // and reported as missing.
         assert!((missing..=2 * missing).contains(&reported), "{topic}");
     }
     for topic in [
@@ -123,7 +125,8 @@ fn what_a_recorder_that_was_away_for_too_long_could_not_get_is_in_the_log() {
         computed.stderr
     );
 
-    // The drivers are replaced while nobody records: how much their last ones sent unheard nobody knows.
+    // The drivers are replaced while nobody records: how much their last ones sent unheard nobody
+    // knows.
     let recorder = pipeline.record(&out, &[]);
     std::thread::sleep(Duration::from_millis(500));
     pipeline.end(recorder, Signal::KILL);

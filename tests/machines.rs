@@ -1,5 +1,5 @@
-//! Machines with and without fused multiply-add and vector units agree: the program once as it is, once on an emulated
-//! processor of 2008 (`qemu-user`).
+//! Machines with and without fused multiply-add and vector units agree: the program once as it is,
+//! once on an emulated processor of 2008 (`qemu-user`).
 
 use crate::support::stages::program;
 use crate::support::{ended, recording, tum};

@@ -1,5 +1,6 @@
-//! Whole-program tests: real binaries in temporary directories. One program, so that it is linked once and tests that
-//! wait run side by side; `cargo test --test programs NAME::` runs the tests of one file.
+//! Whole-program tests: real binaries in temporary directories. One program, so that it is linked
+//! once and tests that wait run side by side; `cargo test --test programs NAME::` runs the tests
+//! of one file.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

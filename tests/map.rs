@@ -1,4 +1,5 @@
-//! The map that a run leaves behind: exact, not mirrored, readable by Nav2, and there whatever the drive was.
+//! The map that a run leaves behind: exact, not mirrored, readable by Nav2, and there whatever the
+//! drive was.
 
 use crate::support::{
     OUTPUTS, Row, drive, figures, l_shaped_world, names, pose_at, recording, report, run, tum,
@@ -159,7 +160,8 @@ fn the_map_shows_the_hall_as_it_is_and_not_its_mirror_image() {
 
     let cells = to_world(&occupied, &aligned);
     let right = share_near(&cells, &walls, NEAR_M);
-    // Three ways to be mirrored: the picture upside down, the map's y, the whole run with its trajectory.
+    // Three ways to be mirrored: the picture upside down, the map's y, the whole run with its
+    // trajectory.
     let [_, y_m, _] = map.origin();
     let top_m = y_m + map.height as f64 * map.number("resolution");
     let upside_down: Vec<[f64; 2]> = occupied
@@ -262,8 +264,8 @@ fn loops_do_no_harm_in_a_room_that_odometry_holds_alone() {
     );
     assert!(ate_m(&last) <= 0.018);
     assert!(ate_m(&last) <= live_m);
-    // In one room every scan meets the first one's submap: loops have nothing to win there, and may cost no more than
-    // half a millimetre.
+    // In one room every scan meets the first one's submap: loops have nothing to win there, and
+    // may cost no more than half a millimetre.
     assert!(ate_m(&last) <= without_m + 5e-4);
     assert_eq!(loops["false_loops"], serde_json::json!([]));
     assert!(

@@ -1,4 +1,5 @@
-//! Missions: what begins when a robot starts, what goes on after a power cut, what is left when it is over.
+//! Missions: what begins when a robot starts, what goes on after a power cut, what is left when it
+//! is over.
 
 mod robot;
 
@@ -233,7 +234,8 @@ fn a_missions_report_is_what_its_log_gives() {
     is_as_computed(&robot.current().join("report"), &robot.run());
     assert_eq!(names(&robot.current().join("report")).len(), 7);
 
-    // Without odometry's state and the report it is made of the logs alone, by the command that exports it.
+    // Without odometry's state and the report it is made of the logs alone, by the command that
+    // exports it.
     fs::remove_dir_all(robot.current().join("report")).unwrap();
     let out = robot.root.path().join("stick");
     let exported = robot.mission(&["export", "--out", out.to_str().unwrap()]);
@@ -261,7 +263,8 @@ fn a_mission_whose_memory_is_gone_is_computed_from_its_log() {
     assert_eq!(stopped.code, Some(0), "{}", stopped.stderr);
     is_as_computed(&robot.current().join("report"), &robot.run());
 
-    // The power was cut: the map is on the disk sooner than the log, and what odometry had beyond that is gone.
+    // The power was cut: the map is on the disk sooner than the log, and what odometry had beyond
+    // that is gone.
     let mut pipeline = Pipeline::new("mcut");
     robot.boot(&pipeline);
     robot.drive(&mut pipeline, &drive);

@@ -1,8 +1,9 @@
-//! The figures that no change of words or structure may touch: hashes of what `randt run` writes on recordings and
-//! simulated drives, as they were written down. Where a change is meant to move them, their table changes with it.
+//! The figures that no change of words or structure may touch: hashes of what `randt run` writes
+//! on recordings and simulated drives, as they were written down. Where a change is meant to move
+//! them, their table changes with it.
 //!
-//! `cargo test --test programs numbers:: -- --ignored --nocapture` computes all of them in three minutes and prints the
-//! table as it is now.
+//! `cargo test --test programs numbers:: -- --ignored --nocapture` computes all of them in three
+//! minutes and prints the table as it is now.
 
 use crate::support::{ended_within, randt, recording, run};
 use serde_json::Value;
@@ -22,7 +23,8 @@ const RECORDINGS: [(&str, &str); 3] = [
     ("oxford", "radar/oxford"),
 ];
 const FILES: [&str; 4] = ["odometry.tum", "trajectory.tum", "keyframes.tum", "map.pgm"];
-/// Drive, file, hash. On machines with fused multiply-add; without it maps agree to 1e-6 m (`machines.rs`).
+/// Drive, file, hash. On machines with fused multiply-add; without it maps agree to 1e-6 m
+/// (`machines.rs`).
 const EXPECTED: &str = include_str!("numbers.txt");
 
 /// The first 16 digits: enough to see a change.

@@ -1,11 +1,13 @@
-//! docs/operate.md as an operator follows it: every command in it is run, in its order, on a machine with emulated sensors.
+//! docs/operate.md as an operator follows it: every command in it is run, in its order, on a
+//! machine with emulated sensors.
 
 use crate::support::boot::Image;
 use crate::support::package::{build, collect};
 use crate::support::robot::{BOOTED_MAX, can_boot, emulate, equip, until, until_alive};
 use std::fs;
 
-/// What is another one than on a robot: sensors that are emulated, no question where nobody answers.
+/// What is another one than on a robot: sensors that are emulated, no question where nobody
+/// answers.
 const OTHERS: [(&str, &str); 5] = [
     ("source = \"navtech\" ", "source = \"beam-udp\" "),
     ("192.168.0.1:6317", "127.0.0.1:6320"),
@@ -105,7 +107,8 @@ fn every_command_of_the_operators_page_works() {
             }
             let ended = machine.run(&["timeout", "100", "bash", "-c", &it]);
             println!("# {command}\n{}{}", ended.stdout, ended.stderr);
-            // `dpkg --verify` ends with 0 or 2 where something differs, and status with 3 where a unit is not active.
+            // `dpkg --verify` ends with 0 or 2 where something differs, and status with 3 where a
+            // unit is not active.
             let is_good = ended.code == Some(0) || command.starts_with("dpkg --verify");
             if !is_good {
                 let journal = [

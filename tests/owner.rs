@@ -1,5 +1,5 @@
-//! Commands of root's in folders of the stages' user, who plants links in them: nothing of root's is read, written, removed
-//! or given away.
+//! Commands of root's in folders of the stages' user, who plants links in them: nothing of root's
+//! is read, written, removed or given away.
 
 mod robot;
 
@@ -199,7 +199,8 @@ fn attacks() {
     let mut swaps = 0_usize;
     println!("begins");
     loop {
-        // What is written, and what is walked through: of the mission that is the current one at this moment.
+        // What is written, and what is walked through: of the mission that is the current one at
+        // this moment.
         let current = root.join(fs::read_link(root.join("current")).unwrap_or_default());
         let targets = [
             (current.join("mission.json.part"), &secret),

@@ -1,4 +1,5 @@
-//! The Debian package: what is in it, and a machine on which it is installed, upgraded in part and whole, and purged.
+//! The Debian package: what is in it, and a machine on which it is installed, upgraded in part and
+//! whole, and purged.
 
 mod contents;
 
@@ -184,7 +185,8 @@ fn it_is_installed_upgraded_and_purged() {
         begin.elapsed().as_secs_f64()
     );
 
-    // Removed: nothing runs, what was recorded and configured stays. Purged: the missions stay, and what is not ours.
+    // Removed: nothing runs, what was recorded and configured stays. Purged: the missions stay,
+    // and what is not ours.
     machine.good(&["systemctl", "stop", "emulate-radar", "emulate-imu"]);
     machine.good(&["dpkg", "--remove", "randt"]);
     assert_eq!(
@@ -220,7 +222,8 @@ fn it_is_installed_upgraded_and_purged() {
     println!("{:.1} s: purged", begin.elapsed().as_secs_f64());
 }
 
-/// Rules name our devices, by their products where a maker has others, and FTDI's by those that are Xsens'.
+/// Rules name our devices, by their products where a maker has others, and FTDI's by those that
+/// are Xsens'.
 #[test]
 fn rules_touch_our_devices_only() {
     let rules = include_str!("../systemd/udev/60-randt.rules");
@@ -249,9 +252,9 @@ fn rules_touch_our_devices_only() {
     }
 }
 
-/// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test --test programs package:: -- --ignored`.
-/// The root, for example: `mmdebstrap --variant=minbase --include=systemd,procps bullseye DIR`. The package:
-/// `systemd/package/build`.
+/// On an older system, as it comes: `RANDT_TEST_ROOT=DIR RANDT_TEST_PACKAGE=FILE.deb cargo test
+/// --test programs package:: -- --ignored`. The root, for example: `mmdebstrap --variant=minbase
+/// --include=systemd,procps bullseye DIR`. The package: `systemd/package/build`.
 #[test]
 #[ignore = "needs the root of another system, and a package built for it, which takes minutes"]
 fn it_runs_on_an_older_system() {
@@ -300,8 +303,8 @@ fn it_runs_on_an_older_system() {
     );
 }
 
-/// The programs that run on a machine without the package are the package's, but for the research bench: a robot has no
-/// use for it.
+/// The programs that run on a machine without the package are the package's, but for the research
+/// bench: a robot has no use for it.
 #[test]
 fn every_stage_is_packaged_and_has_a_unit() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -15,7 +15,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Other tests load the machine: a sample that comes late is waited for, so that both computations use the same ones.
+/// Other tests load the machine: a sample that comes late is waited for, so that both computations
+/// use the same ones.
 const PATIENT: &str = "odometry.imu_wait_max_s=20";
 /// No pipeline of these tests may take longer.
 const TIME_MAX: Duration = Duration::from_secs(180);
@@ -56,7 +57,8 @@ fn memory_and_calls_stay_small_while_scans_flow() {
         scans_kb / seconds,
         most as f64 * 1e-6
     );
-    // What flows would be seen if it were written: 600 kB for each second of the drive, which lasts 15 s.
+    // What flows would be seen if it were written: 600 kB for each second of the drive, which
+    // lasts 15 s.
     assert!(scans_kb > 9_000.0, "{scans_kb}");
     assert!(most < 64_000_000, "{most}");
     for ((stage, before), traced) in stages.iter().zip(before).zip(traced) {
@@ -114,8 +116,9 @@ fn scans_kb(log: &Path) -> f64 {
     bytes as f64 * 1e-3
 }
 
-/// A stage that comes late takes from the histories what it missed: scans of 6 s, samples of 8 s. All that happens here
-/// happens within that; keyframes are in a ring for minutes, and the mapper asks for them.
+/// A stage that comes late takes from the histories what it missed: scans of 6 s, samples of 8 s.
+/// All that happens here happens within that; keyframes are in a ring for minutes, and the mapper
+/// asks for them.
 #[test]
 fn stages_start_in_any_order_and_nothing_is_missing() {
     let folder = RunFolder::new();
@@ -223,8 +226,8 @@ fn start_in_order(
     observer.close().unwrap();
 }
 
-/// What the stages have to give, computed in one thread, up to the last event: the end of a log is nothing that a stage
-/// knows of.
+/// What the stages have to give, computed in one thread, up to the last event: the end of a log is
+/// nothing that a stage knows of.
 #[derive(Default)]
 struct Expected {
     states: Vec<OdometryState>,

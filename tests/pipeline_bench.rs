@@ -1,9 +1,10 @@
-//! `cargo bench -p randt --bench pipeline [-- SECONDS [RUNS] [record]]`: the pipeline as processes, as on a robot. With
-//! `record` each run is followed by one with the recorder beside it, and nothing else is measured.
+//! `cargo bench -p randt --bench pipeline [-- SECONDS [RUNS] [record]]`: the pipeline as
+//! processes, as on a robot. With `record` each run is followed by one with the recorder beside
+//! it, and nothing else is measured.
 //!
-//! Prints machine, latency (wait and compute: median, p99, largest), processor time, shared memory and what goes through
-//! write and send. The stages are those of the release build, started by hand; the log is simulated and played as it
-//! would be driven.
+//! Prints machine, latency (wait and compute: median, p99, largest), processor time, shared memory
+//! and what goes through write and send. The stages are those of the release build, started by
+//! hand; the log is simulated and played as it would be driven.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,

@@ -69,7 +69,8 @@ fn a_recorded_run_has_every_picture() {
     assert_eq!(plot(&input, &out).code, Some(0));
     assert_eq!(PICTURES.map(|name| picture(&out, name)), before);
 
-    // As a kill leaves it: up to the cut, and that is reported. Where no folder is given, it is named after the log.
+    // As a kill leaves it: up to the cut, and that is reported. Where no folder is given, it is
+    // named after the log.
     let cut = folder.path().join("cut.mcap.active");
     let bytes = fs::read(&input).unwrap();
     fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();

@@ -1,4 +1,5 @@
-//! What of the pipeline can be reached from elsewhere: docs/security.md lists it, and this is all of it.
+//! What of the pipeline can be reached from elsewhere: docs/security.md lists it, and this is all
+//! of it.
 
 use crate::support::pipeline::{Pipeline, until};
 use crate::support::stages::program;
@@ -23,8 +24,9 @@ fn sockets(pid: u32) -> BTreeSet<String> {
     numbers.collect()
 }
 
-/// What each process can be reached by from the network: protocol and address as /proc/net has it. The kernel gives its
-/// tables piece by piece: while others open and close sockets a row may be there twice, or not at all.
+/// What each process can be reached by from the network: protocol and address as /proc/net has it.
+/// The kernel gives its tables piece by piece: while others open and close sockets a row may be
+/// there twice, or not at all.
 fn ports(pid: u32) -> BTreeSet<(&'static str, String)> {
     let own = sockets(pid);
     let mut found = BTreeSet::new();
@@ -60,8 +62,8 @@ fn unix_sockets(pid: u32) -> Vec<String> {
         .collect()
 }
 
-/// The same command without the sockets that this process has open: other tests in it are stages themselves, and
-/// iceoryx2's sockets are inherited.
+/// The same command without the sockets that this process has open: other tests in it are stages
+/// themselves, and iceoryx2's sockets are inherited.
 fn without_inherited(command: &Command) -> Command {
     let mut alone = Command::new("bash");
     let script = "for fd in /proc/$$/fd/*; do fd=${fd##*/}; [ $fd -le 2 ] || eval \"exec $fd>&-\"; done; exec \"$0\" \"$@\"";

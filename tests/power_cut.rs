@@ -1,4 +1,5 @@
-//! A robot whose power is cut while it drives, under systemd: everybody is gone at once, and what was not on the disk.
+//! A robot whose power is cut while it drives, under systemd: everybody is gone at once, and what
+//! was not on the disk.
 
 use crate::support::boot::{Image, Machine};
 use crate::support::fault_injection::STAGES;

@@ -1,5 +1,6 @@
-//! `randt-recorder` as a process: what it records of a running pipeline, what it leaves when it is killed, what it does
-//! when its folder is gone, and that all of it can be read and computed again.
+//! `randt-recorder` as a process: what it records of a running pipeline, what it leaves when it is
+//! killed, what it does when its folder is gone, and that all of it can be read and computed
+//! again.
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::python::read_logs;

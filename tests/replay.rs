@@ -1,4 +1,5 @@
-//! A live run that was recorded is computed again to the last bit, also where it had waited for the IMU in vain.
+//! A live run that was recorded is computed again to the last bit, also where it had waited for
+//! the IMU in vain.
 
 use crate::support::pipeline::{Pipeline, log, signal, until};
 use crate::support::sensors::{Emulator, Sensors, unix_s};
@@ -130,7 +131,8 @@ fn a_recorded_run_is_computed_again_to_the_last_bit() {
         std::thread::sleep(Duration::from_millis(20));
     }
     signal(up.0.id(), Signal::INT);
-    // 3 means that a buffer overflowed while its driver was stopped, on a busy machine: then the log lacks what the run did.
+    // 3 means that a buffer overflowed while its driver was stopped, on a busy machine: then the
+    // log lacks what the run did.
     let code = up.0.wait().unwrap().code();
     drop(real_time);
     assert!([Some(0), Some(3)].contains(&code), "{code:?}");

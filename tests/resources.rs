@@ -1,4 +1,5 @@
-//! What the system gives a stage runs out, or sensors are unplugged: it is reported, nothing is silently lost, and it recovers.
+//! What the system gives a stage runs out, or sensors are unplugged: it is reported, nothing is
+//! silently lost, and it recovers.
 
 use crate::support::cgroup::Group;
 use crate::support::pipeline::{Pipeline, log, signal, until};
@@ -20,7 +21,8 @@ const STAGES: [&str; 7] = [
 ];
 /// A stage that cannot go on has reported it and ended by then.
 const END_MAX: Duration = Duration::from_secs(10);
-/// A driver reports what is wrong, and that all is well again, within 2 s; a busy machine has as much again.
+/// A driver reports what is wrong, and that all is well again, within 2 s; a busy machine has as
+/// much again.
 const REPORTED_MAX_S: f64 = 4.0;
 
 /// Lowers what a process may have of something; the hard limit stays.
@@ -313,7 +315,8 @@ fn sensors_that_are_unplugged_and_plugged_in_again_are_reported_and_leave_a_gap(
         println!("{driver}: reported after {gone:.2} s, well again after {back:.2} s");
         assert!(gone < REPORTED_MAX_S && back < REPORTED_MAX_S, "{driver}");
     }
-    // A hole in the samples is lost data; the radar's sweeps of these three seconds were never measured.
+    // A hole in the samples is lost data; the radar's sweeps of these three seconds were never
+    // measured.
     assert_eq!(code, Some(3));
     let frames = live["frames"].as_array().unwrap();
     assert!(frames.len() >= 2, "{frames:?}");

@@ -1,4 +1,5 @@
-//! One binary gives the same bytes in every run, whatever the folder, the core or the machine's vector units.
+//! One binary gives the same bytes in every run, whatever the folder, the core or the machine's
+//! vector units.
 
 use crate::support::bag::{AS_PUBLISHED, Bag, Layout};
 use crate::support::{Ended, OUTPUTS, ended, l_shaped_world, names, randt, recording, report, run};
@@ -69,7 +70,8 @@ fn check_every_way(input: &Path) {
         "on one core",
     );
 
-    // The platform's library takes other code paths on machines without these units; ours must not care.
+    // The platform's library takes other code paths on machines without these units; ours must not
+    // care.
     let mut command = randt(&["run"]);
     command.arg(input).arg("--out").arg(at("old machine"));
     command.env("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX");

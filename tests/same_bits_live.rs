@@ -1,4 +1,5 @@
-//! A log that is played through the processes as fast as it was recorded gives the bits of `randt run`.
+//! A log that is played through the processes as fast as it was recorded gives the bits of `randt
+//! run`.
 
 use crate::support::phidgets::{OFF_NS, restamp};
 use crate::support::pipeline::Pipeline;
@@ -71,8 +72,8 @@ fn a_log_played_at_rate_1_gives_the_bits_of_randt_run() {
     let (offline, live) = (report(&at("run")), report(&at("up")));
     println!("{} scans, {} keyframes", live["scans"], live["keyframes"]);
     assert!(offline["loops"]["statuses"]["accepted"].as_u64().unwrap() > 0);
-    // Not one counter more, such as messages_lost, states_missed or stage_restarts; and as many scans that wait in vain
-    // for a sample of the IMU as offline.
+    // Not one counter more, such as messages_lost, states_missed or stage_restarts; and as many
+    // scans that wait in vain for a sample of the IMU as offline.
     assert_eq!(live["counters"], offline["counters"]);
     assert_same(&at("up"), &at("run"));
     let left = randt_stage::wipe(own.domain(), false).unwrap();

@@ -1,5 +1,5 @@
-//! Sensors that are absent, unplugged, plugged in again elsewhere, or something else: `randt top` shows it, and they are
-//! tried again for ever. What `randt doctor sensors` makes of them.
+//! Sensors that are absent, unplugged, plugged in again elsewhere, or something else: `randt top`
+//! shows it, and they are tried again for ever. What `randt doctor sensors` makes of them.
 
 use crate::support::ended;
 use crate::support::pipeline::{Pipeline, log};

@@ -1,6 +1,6 @@
 //! Shared memory that goes away while the pipeline runs: removed, cut, or filled by others. Every
-//! stage notices it within two seconds and reports it; started again, the pipeline goes on where it
-//! was.
+//! stage notices it within two seconds and reports it; started again, the pipeline goes on where
+//! it was.
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::stages::{RunFolder, Running};

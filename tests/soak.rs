@@ -1,7 +1,8 @@
-//! Drives in a row at five times the pace: memory, descriptors, threads and shared memory of every process stay flat.
+//! Drives in a row at five times the pace: memory, descriptors, threads and shared memory of every
+//! process stay flat.
 //!
-//! Takes 26 minutes: `cargo test --test programs soak:: -- --ignored --nocapture`; RANDT_SOAK_MINUTES sets
-//! another length.
+//! Takes 26 minutes: `cargo test --test programs soak:: -- --ignored --nocapture`;
+//! RANDT_SOAK_MINUTES sets another length.
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::{names, stages};
@@ -11,16 +12,16 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::time::{Duration, Instant};
 
-/// The most of the last quarter of the time is at most this much more than the most of an early one. The most, because
-/// a log's index grows until the file is full, which takes four minutes.
+/// The most of the last quarter of the time is at most this much more than the most of an early
+/// one. The most, because a log's index grows until the file is full, which takes four minutes.
 const GROWTH_MAX: f64 = 1.1;
 /// The early quarter, as parts of the time.
 const EARLY: std::ops::Range<f64> = 0.125..0.375;
 const LATE: std::ops::Range<f64> = 0.75..f64::INFINITY;
 /// Its memory grows with the map.
 const MAPPER: &str = "mapper";
-/// These take in the whole pose graph, which the mapper publishes again and again: the most that they grow, as a part of what
-/// the mapper does.
+/// These take in the whole pose graph, which the mapper publishes again and again: the most that
+/// they grow, as a part of what the mapper does.
 const GRAPH_READERS: [&str; 2] = ["view", "recorder"];
 const GRAPH_READERS_MAX: f64 = 0.03;
 const LOOK: Duration = Duration::from_secs(5);

@@ -1,4 +1,5 @@
-//! Strangers on the radar's wire: what they send changes nothing where the radar is pinned, and is reported where it is not.
+//! Strangers on the radar's wire: what they send changes nothing where the radar is pinned, and is
+//! reported where it is not.
 
 mod live;
 
@@ -84,7 +85,8 @@ fn datagrams(
 enum Attack {
     /// Five datagrams a second with the radar's device number and random numbers of sweeps.
     Random,
-    /// It receives the radar's numbers, and sends each sweep before the radar does, moved in range.
+    /// It receives the radar's numbers, and sends each sweep before the radar does, moved in
+    /// range.
     Ahead,
     /// The same, in step with the radar.
     InStep,
@@ -196,8 +198,8 @@ fn config_of_drive() -> Config {
     config
 }
 
-/// Half a minute with each attack: nothing changes where the radar is pinned; elsewhere trust shows it within 2 s, and
-/// what the stranger sends from elsewhere is in no sweep.
+/// Half a minute with each attack: nothing changes where the radar is pinned; elsewhere trust
+/// shows it within 2 s, and what the stranger sends from elsewhere is in no sweep.
 #[test]
 fn spoofed_sweeps_change_nothing_or_are_reported() {
     let scans = 150;
@@ -252,7 +254,8 @@ fn spoofed_sweeps_change_nothing_or_are_reported() {
     }
 }
 
-/// `randt top` and the log report two senders, and trust is not good; with the radar pinned nothing is reported.
+/// `randt top` and the log report two senders, and trust is not good; with the radar pinned
+/// nothing is reported.
 #[test]
 fn two_senders_show_in_top_log_and_trust() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Under systemd: the units' text, and a machine that boots with them while every stage suffers what a robot's stages do.
+//! Under systemd: the units' text, and a machine that boots with them while every stage suffers
+//! what a robot's stages do.
 
 use crate::support::boot::{Image, Machine, units_folder};
 use crate::support::directives::DIRECTIVES;
@@ -17,8 +18,8 @@ use std::time::{Duration, Instant};
 
 /// Where this test's own program is on the machine.
 const WATCHER: &str = "/usr/bin/randt-test-watch";
-/// A journal to begin with, where it is set, instead of one that is made up: a map of thousands of keyframes takes minutes
-/// to be driven.
+/// A journal to begin with, where it is set, instead of one that is made up: a map of thousands of
+/// keyframes takes minutes to be driven.
 const JOURNAL: &str = "RANDT_TEST_JOURNAL";
 
 fn words(command: &[&str]) -> Ended {
@@ -181,7 +182,8 @@ fn boot(folder: &Path) -> Machine {
     image.program(&std::env::current_exe().unwrap(), "randt-test-watch");
     equip(&image, folder, 900);
     image.write("etc/randt/robot.toml", ROBOT);
-    // A large map, as of a mission that was interrupted a moment ago; tmpfiles gives it to the stages' user.
+    // A large map, as of a mission that was interrupted a moment ago; tmpfiles gives it to the
+    // stages' user.
     let mission = "var/lib/randt/missions/first";
     // The machine has this one's kernel, and so its boot.
     let now = Now::read();

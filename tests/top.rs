@@ -1,4 +1,5 @@
-//! `randt top` on running stages: its figures, its words for what becomes of a stage, and that it disturbs nobody.
+//! `randt top` on running stages: its figures, its words for what becomes of a stage, and that it
+//! disturbs nobody.
 
 use crate::support::pipeline::{Pipeline, log, signal};
 use randt_messages::{ImuSample, OdometryStateTopic, Topic};
@@ -26,7 +27,8 @@ fn row<'a>(figures: &'a Value, table: &str, name: &str) -> &'a Value {
 fn assert_rate(figures: &Value, topic: &str, expected_hz: f64) {
     let row = row(figures, "topics", topic);
     let rate_hz = row["rate_hz"].as_f64().unwrap();
-    // On a busy machine a message more or less falls into the second that is counted, and the last one is older.
+    // On a busy machine a message more or less falls into the second that is counted, and the last
+    // one is older.
     assert!((rate_hz / expected_hz - 1.0).abs() < 0.3, "{row}");
     assert!(row["age_s"].as_f64().unwrap() < 5.0, "{row}");
     assert_eq!(row["lost"], 0, "{row}");

@@ -1,4 +1,5 @@
-//! Whether a drive reports where it is wrong: worlds that only their ends, or nothing at all, fix along the way.
+//! Whether a drive reports where it is wrong: worlds that only their ends, or nothing at all, fix
+//! along the way.
 
 use crate::support::{ended, figures, lab, randt, report, run};
 use randt_geometry::elementary::sin_cos;
@@ -33,7 +34,8 @@ fn ring(inner_m: f64, outer_m: f64) -> String {
     )
 }
 
-/// Drives through a world; the figures of live odometry against the truth, those of the map, and the report.
+/// Drives through a world; the figures of live odometry against the truth, those of the map, and
+/// the report.
 fn drive(folder: &Path, world: &str, scans: u32) -> [Value; 3] {
     let at = |name: &str| folder.join(name);
     fs::write(at("my.world"), world).unwrap();
@@ -70,7 +72,8 @@ fn in_a_bare_corridor_trust_ends_before_the_estimate_is_wrong() {
     // The world is as hard as it was made to be.
     assert!(live["wrong_m"].as_u64().unwrap() >= 5, "{live}");
     assert!(live["worst_good_10s_m"].as_f64().unwrap() < 0.3, "{live}");
-    // Where an end is in sight the pose is good: all of the first fifteen seconds but the first scan.
+    // Where an end is in sight the pose is good: all of the first fifteen seconds but the first
+    // scan.
     let spans = report["trust_spans"].as_array().unwrap();
     assert_eq!(spans[0]["trust"], "degraded", "{spans:?}");
     assert_eq!(spans[1]["trust"], "good", "{spans:?}");
@@ -84,7 +87,7 @@ fn in_a_ring_tunnel_no_metre_is_wrong_in_silence_and_fewer_loops_are_closed() {
     let [live, map, _] = drive(folder.path(), &ring(6.0, 8.6), 480);
     assert_eq!(live["silent_m"], 0, "{live}");
     assert!(live["good_share"].as_f64().unwrap() < 0.05, "{live}");
-    // Every one of them is false: nothing distinguishes one place from another. A registration that takes the grid for
-    // information of the wall's closes 15.
+    // Every one of them is false: nothing distinguishes one place from another. A registration
+    // that takes the grid for information of the wall's closes 15.
     assert!(map["loops"]["loops"].as_u64().unwrap() <= 8, "{map}");
 }

@@ -1,5 +1,6 @@
-//! `randt-view` as a process: what viewers get of a running pipeline, also over a link of 200 kbit/s with half a second each
-//! way, late, and after it was killed; and that nobody else notices.
+//! `randt-view` as a process: what viewers get of a running pipeline, also over a link of 200
+//! kbit/s with half a second each way, late, and after it was killed; and that nobody else
+//! notices.
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::stages::program;
@@ -298,7 +299,8 @@ fn what_is_sent_is_read_by_the_official_schemas() {
     if let Some(mut read) = crate::support::python::script("read_view.py") {
         crate::support::python::run(read.arg(&payloads));
     }
-    // A browser that speaks something else is answered with a refusal, and a stranger's words harm nobody.
+    // A browser that speaks something else is answered with a refusal, and a stranger's words harm
+    // nobody.
     let mut stream = std::net::TcpStream::connect(address).unwrap();
     std::io::Write::write_all(&mut stream, b"GET / HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n").unwrap();
     let mut answer = String::new();

@@ -1,5 +1,6 @@
-//! Who may watch: `randt-view` as a process against what browsers send for pages of others, for names
-//! that were made to lead to this machine, and for the viewers' own programs; and a real browser.
+//! Who may watch: `randt-view` as a process against what browsers send for pages of others, for
+//! names that were made to lead to this machine, and for the viewers' own programs; and a real
+//! browser.
 
 use crate::support::browser::{Browser, Pages};
 use crate::support::pipeline::{Pipeline, log, until};
@@ -291,8 +292,8 @@ fn a_real_browser_shows_its_own_pages_only() {
     let port = view.address.port();
     let browser = Browser::new();
     for (page_host, target, expected) in [
-        // The page of somebody else, and the same by a name that was rebound. Each also tries from a
-        // worker and a sandboxed frame.
+        // The page of somebody else, and the same by a name that was rebound. Each also tries from
+        // a worker and a sandboxed frame.
         ("evil.example", "localhost", "nothing nothing nothing"),
         ("evil.example", "127.0.0.1", "nothing nothing nothing"),
         ("evil.example", "evil.example", "nothing nothing nothing"),

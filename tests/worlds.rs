@@ -1,6 +1,8 @@
-//! Two laps of each world that comes with the program: loops, accuracy, and what happens without parts of the method.
+//! Two laps of each world that comes with the program: loops, accuracy, and what happens without
+//! parts of the method.
 //!
-//! Nine drives, each simulated once and computed two to four times, in two threads; a minute or two.
+//! Nine drives, each simulated once and computed two to four times, in two threads; a minute or
+//! two.
 
 use crate::support::{ended_within, figures, randt};
 use std::path::Path;

@@ -1,8 +1,8 @@
-//! Well-formed messages with wrong content, drawn at random, before a sensor speaks, while it begins to, and later: its own
-//! data come within two seconds all the same.
+//! Well-formed messages with wrong content, drawn at random, before a sensor speaks, while it
+//! begins to, and later: its own data come within two seconds all the same.
 //!
-//! The drivers run in this process; each trial has an emulator of its own. The wrong messages come by the sensor's own
-//! socket or port, which is the hardest: nothing pins them out.
+//! The drivers run in this process; each trial has an emulator of its own. The wrong messages come
+//! by the sensor's own socket or port, which is the hardest: nothing pins them out.
 
 use crate::support::pipeline::log;
 use crate::support::sensors::{Sensors, unix_s};
@@ -19,7 +19,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 const PROTOCOLS: [&str; 4] = ["beam-udp", "navtech", "mip", "xsens"];
-/// Wrong messages before the sensor speaks and while it begins to, then once more; s after the emulator's beginning.
+/// Wrong messages before the sensor speaks and while it begins to, then once more; s after the
+/// emulator's beginning.
 const FAULTS: [&str; 3] = ["silence@0+1.2", "wrong@0+2.0", "wrong@4.2+0.6"];
 /// From these moments on its own data are due, s, each until the one after it.
 const DUE_S: [(f64, f64); 2] = [(1.2, 4.2), (4.8, 7.0)];
@@ -68,7 +69,8 @@ fn boot_ns() -> i64 {
     time.tv_sec * 1_000_000_000 + time.tv_nsec
 }
 
-/// When the sensor's own data came, s after the emulator's beginning, and the driver's status at the end.
+/// When the sensor's own data came, s after the emulator's beginning, and the driver's status at
+/// the end.
 fn trial(protocol: &'static str, seed: u64, log: &Path) -> (Vec<f64>, String) {
     let (beams, samples) = known(log);
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Sets `RANDT_COMMIT` for the crate: from the environment where a package is built, else from git.
+//! Sets `RANDT_COMMIT` for the crate: from the environment where a package is built, else from
+//! git.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,8 +14,8 @@ fn main() {
     println!("cargo:rustc-env=RANDT_COMMIT={commit}");
 }
 
-/// The commit of the working tree. This runs again when `HEAD` moves, and not for every change of a source file, which
-/// would compile all programs anew each time.
+/// The commit of the working tree. This runs again when `HEAD` moves, and not for every change of
+/// a source file, which would compile all programs anew each time.
 fn from_git() -> Option<String> {
     // The sources may lie unpacked in the folder of another repository.
     git(&["ls-files", "--error-unmatch", "build.rs"])?;

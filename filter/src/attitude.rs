@@ -1,8 +1,9 @@
 //! The attitude filter: gyro and accelerometer to roll, pitch and a free-running heading.
 //!
-//! Responsible for the quaternion of the IMU's body in a level frame. Not responsible for the gyro's bias, which its owner
-//! sets, nor for the true heading, which cannot be observed without a magnetometer.
-//! The complementary filter of Valenti, Dryanovski and Xiao, "Keeping a Good Attitude" (Sensors 2015).
+//! Responsible for the quaternion of the IMU's body in a level frame. Not responsible for the
+//! gyro's bias, which its owner sets, nor for the true heading, which cannot be observed without a
+//! magnetometer. The complementary filter of Valenti, Dryanovski and Xiao, "Keeping a Good
+//! Attitude" (Sensors 2015).
 
 use crate::clock::{Pace, SampleClock};
 use nalgebra::Vector3;
@@ -12,7 +13,8 @@ use randt_persist::persist;
 /// Standard gravity; its local deviation is far below the tolerance of the gain.
 const GRAVITY_M_S2: f64 = 9.806_65;
 
-/// Complementary filter: the gyro predicts, the accelerometer corrects the tilt and never the heading.
+/// Complementary filter: the gyro predicts, the accelerometer corrects the tilt and never the
+/// heading.
 ///
 /// ```
 /// use nalgebra::Vector3;
@@ -63,8 +65,8 @@ impl AttitudeFilter {
         }
     }
 
-    /// The gyro's bias, rad/s in the body, that is taken off every rate from now on; zero at first.
-    /// Callers who take it off themselves leave it.
+    /// The gyro's bias, rad/s in the body, that is taken off every rate from now on; zero at
+    /// first. Callers who take it off themselves leave it.
     pub fn set_bias(&mut self, bias_rad_s: Vector3<f64>) {
         if bias_rad_s.iter().all(|b| b.is_finite()) {
             self.bias_rad_s = bias_rad_s;
@@ -78,9 +80,10 @@ impl AttitudeFilter {
 
     /// Takes one sample: angular rate, rad/s, and specific force, m/s^2, in the body.
     ///
-    /// Samples that do not advance the time or are not finite are ignored and counted. Over a gap of up to a
-    /// second the rate is taken as linear; over a longer one, or where the clock was set back, the turning
-    /// is unknown: the heading stays and the tilt is taken anew from gravity.
+    /// Samples that do not advance the time or are not finite are ignored and counted. Over a gap
+    /// of up to a second the rate is taken as linear; over a longer one, or where the clock was
+    /// set back, the turning is unknown: the heading stays and the tilt is taken anew from
+    /// gravity.
     pub fn push(
         &mut self,
         stamp_ns: i64,
@@ -116,7 +119,8 @@ impl AttitudeFilter {
         pace
     }
 
-    /// The body in a level frame (z up, heading zero at the start); identity before the first sample.
+    /// The body in a level frame (z up, heading zero at the start); identity before the first
+    /// sample.
     pub fn attitude(&self) -> Quaternion {
         self.attitude.unwrap_or_default()
     }
@@ -126,8 +130,8 @@ impl AttitudeFilter {
         self.attitude().conjugate().rotate(Vector3::z())
     }
 
-    /// The part of a rate, rad/s in the body, that turns about the vertical, counter-clockwise seen from above.
-    /// The bias of [`Self::set_bias`] is taken off.
+    /// The part of a rate, rad/s in the body, that turns about the vertical, counter-clockwise
+    /// seen from above. The bias of [`Self::set_bias`] is taken off.
     pub fn yaw_rate_rad_s(&self, rate_rad_s: Vector3<f64>) -> f64 {
         (rate_rad_s - self.bias_rad_s).dot(&self.up_in_body())
     }
@@ -142,13 +146,15 @@ impl AttitudeFilter {
         &self.clock
     }
 
-    /// Whole while the specific force is as strong as gravity, falling to zero at twice the tolerance.
+    /// Whole while the specific force is as strong as gravity, falling to zero at twice the
+    /// tolerance.
     fn trust_in(&self, acceleration_m_s2: Vector3<f64>) -> f64 {
         let deviation = (acceleration_m_s2.norm() / GRAVITY_M_S2 - 1.0).abs();
         (2.0 - deviation / self.gravity_tolerance).clamp(0.0, 1.0)
     }
 
-    /// Turns the attitude about a level axis, by a share of what would make the specific force point upwards.
+    /// Turns the attitude about a level axis, by a share of what would make the specific force
+    /// point upwards.
     fn corrected(
         &self,
         attitude: Quaternion,
@@ -206,7 +212,8 @@ mod tests {
 
     #[test]
     fn coning_motion_is_followed() {
-        // The body's axis runs round a cone at 2 Hz: the mean rates alone would miss the turning about z.
+        // The body's axis runs round a cone at 2 Hz: the mean rates alone would miss the turning
+        // about z.
         let truth = |t: f64| {
             let (s, c) = elementary::sin_cos(4.0 * elementary::PI * t);
             Quaternion::from_rotation_vector(Vector3::new(0.5 * c, 0.5 * s, 0.0))

@@ -1,7 +1,8 @@
-//! The gyro's bias as one estimate with its covariance: a random walk that is measured now and then.
+//! The gyro's bias as one estimate with its covariance: a random walk that is measured now and
+//! then.
 //!
-//! Responsible for fusing what its owner gives it, from standstills and from registered yaw. Not responsible
-//! for finding either.
+//! Responsible for fusing what its owner gives it, from standstills and from registered yaw. Not
+//! responsible for finding either.
 
 use crate::StandstillBias;
 use nalgebra::{Matrix3, Vector3};
@@ -29,8 +30,9 @@ pub struct GyroBias {
 persist!(GyroBias { mean_rad_s, covariance } kept { walk_rad_s_sqrt_s });
 
 impl GyroBias {
-    /// Zero, with the standard deviation that a bias has at the start, rad/s, and its random walk, rad/s per square
-    /// root of s (`odometry.gyro_bias_sigma_rad_s` and `odometry.gyro_bias_walk`).
+    /// Zero, with the standard deviation that a bias has at the start, rad/s, and its random walk,
+    /// rad/s per square root of s (`odometry.gyro_bias_sigma_rad_s` and
+    /// `odometry.gyro_bias_walk`).
     pub fn new(sigma_rad_s: f64, walk_rad_s_sqrt_s: f64) -> Self {
         Self {
             walk_rad_s_sqrt_s,
@@ -66,8 +68,8 @@ impl GyroBias {
         }
     }
 
-    /// Fuses the bias about one direction of the body (of length one), such as the vertical: rad/s and its standard
-    /// deviation. What is not finite or claims to be exact is left out.
+    /// Fuses the bias about one direction of the body (of length one), such as the vertical: rad/s
+    /// and its standard deviation. What is not finite or claims to be exact is left out.
     pub fn observe_along(&mut self, direction: Vector3<f64>, bias_rad_s: f64, sigma_rad_s: f64) {
         let spread = self.covariance * direction;
         let variance = direction.dot(&spread) + sigma_rad_s * sigma_rad_s;

@@ -1,15 +1,17 @@
 //! The sequence of an IMU's stamps: which sample is a step, which a new start, which to ignore.
 //!
-//! Responsible for judging and counting. Not responsible for what a filter does with the time that passed.
+//! Responsible for judging and counting. Not responsible for what a filter does with the time that
+//! passed.
 
 use nalgebra::Vector3;
 use randt_persist::persist;
 
-/// The longest gap that is a step. After a longer one, or a step back of that length, the clock was set or the log
-/// broke off, and nothing is bridged.
+/// The longest gap that is a step. After a longer one, or a step back of that length, the clock
+/// was set or the log broke off, and nothing is bridged.
 const GAP_MAX_NS: i64 = 1_000_000_000;
 
-/// The largest rate or specific force of a real sensor, in any unit; beyond it squares might overflow.
+/// The largest rate or specific force of a real sensor, in any unit; beyond it squares might
+/// overflow.
 const VALUE_MAX: f64 = 1e6;
 
 /// How a sample relates to the one before.

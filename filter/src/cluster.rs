@@ -1,7 +1,9 @@
-//! The beam-wise cluster filter (RaNDT, III-A): of every beam only the strongest echo, with its flanks.
+//! The beam-wise cluster filter (RaNDT, III-A): of every beam only the strongest echo, with its
+//! flanks.
 //!
-//! Responsible for choosing returns, scan by scan, without memory of earlier scans. Not responsible for
-//! motion inside the sweep: points stay polar, and keep their beam's time and azimuth.
+//! Responsible for choosing returns, scan by scan, without memory of earlier scans. Not
+//! responsible for motion inside the sweep: points stay polar, and keep their beam's time and
+//! azimuth.
 
 use core::ops::Range;
 use randt_messages::{
@@ -10,9 +12,10 @@ use randt_messages::{
 
 /// Reduces a sweep to one cluster of returns a beam (RaNDT SLAM, III-A).
 ///
-/// Per beam: the strongest return between the range limits, and from it inwards and outwards as long as the
-/// intensity strictly falls and neighbours are connected in range; of these the ones above the threshold.
-/// Multipath, echoes through walls and the receiver's noise lie behind or between and fall away.
+/// Per beam: the strongest return between the range limits, and from it inwards and outwards as
+/// long as the intensity strictly falls and neighbours are connected in range; of these the ones
+/// above the threshold. Multipath, echoes through walls and the receiver's noise lie behind or
+/// between and fall away.
 ///
 /// ```
 /// use randt_filter::ClusterFilter;
@@ -115,8 +118,8 @@ impl ClusterFilter {
         }
     }
 
-    /// Filters one sweep. Broken input (table entries that go back, ranges out of order, values that are not finite)
-    /// costs the returns concerned and nothing else.
+    /// Filters one sweep. Broken input (table entries that go back, ranges out of order, values
+    /// that are not finite) costs the returns concerned and nothing else.
     ///
     /// Times, beam table and counters are the sweep's, `first_return` counts the points.
     pub fn filter<'a>(&'a mut self, scan: MessageRef<'a, RadarScan>) -> FilteredSweep<'a> {
@@ -148,8 +151,8 @@ impl ClusterFilter {
         }
     }
 
-    /// Filters one sweep into `points`, replacing what that held before. Reuse `points`: the first call reserves all that
-    /// later ones can need.
+    /// Filters one sweep into `points`, replacing what that held before. Reuse `points`: the first
+    /// call reserves all that later ones can need.
     pub fn process(&mut self, scan: MessageRef<RadarScan>, points: &mut Message<RadarPoints>) {
         let missing = RadarPoints::MAX_ITEMS.saturating_sub(points.items.len());
         points.items.reserve_exact(missing);
@@ -176,7 +179,8 @@ impl ClusterFilter {
         let Some((peak, strongest)) = self.strongest(beam) else {
             return 0..0;
         };
-        // Counts the neighbours that follow on one side; `sign` makes the step positive outwards from the peak.
+        // Counts the neighbours that follow on one side; `sign` makes the step positive outwards
+        // from the peak.
         let flank = |side: &mut dyn Iterator<Item = &Return>, sign: f32| {
             let mut last = strongest;
             side.take_while(|next| {

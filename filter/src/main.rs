@@ -9,8 +9,8 @@ use std::process::ExitCode;
 
 /// The filter stage: reduces every sweep of the radar to the returns that matter.
 ///
-/// It has no state: when it is started again it filters the sweeps that are still in the history once more, and readers
-/// of the points recognise each scan by its number.
+/// It has no state: when it is started again it filters the sweeps that are still in the history
+/// once more, and readers of the points recognise each scan by its number.
 #[derive(Debug, Parser)]
 #[command(name = "randt-filter", max_term_width = 100)]
 struct Arguments {

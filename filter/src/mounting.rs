@@ -1,15 +1,17 @@
 //! How an IMU is mounted: where up is by gravity, and whether that is upside down.
 //!
-//! Responsible for a decision early in a recording or after power-up. Not responsible for the attitude of a moving
-//! robot: the attitude filter is.
+//! Responsible for a decision early in a recording or after power-up. Not responsible for the
+//! attitude of a moving robot: the attitude filter is.
 
 use crate::clock::{Pace, SampleClock};
 use nalgebra::Vector3;
 
-/// Gravity is averaged over this time before the decision: several periods of a body's swing on its wheels.
+/// Gravity is averaged over this time before the decision: several periods of a body's swing on
+/// its wheels.
 const AVERAGED_S: f64 = 0.5;
 
-/// Below this share of the vertical on the z axis neither up nor down is decided (a tilt of 60 degrees).
+/// Below this share of the vertical on the z axis neither up nor down is decided (a tilt of 60
+/// degrees).
 const UPRIGHT_MIN: f64 = 0.5;
 
 /// Which way the IMU's z axis points.
@@ -67,7 +69,8 @@ impl MountingResult {
 }
 
 impl MountingCheck {
-    /// Takes one sample: specific force, m/s^2, in the body. Gives the result as soon as it is there.
+    /// Takes one sample: specific force, m/s^2, in the body. Gives the result as soon as it is
+    /// there.
     pub fn push(
         &mut self,
         stamp_ns: i64,

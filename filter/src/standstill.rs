@@ -1,7 +1,8 @@
 //! Standstill from an IMU alone, and the gyro bias that it shows.
 //!
-//! Responsible for deciding, sample by sample and without looking ahead, when the robot stands. Not responsible for the
-//! bias as a whole: every measurement is given out once, and the owner of the bias fuses it.
+//! Responsible for deciding, sample by sample and without looking ahead, when the robot stands.
+//! Not responsible for the bias as a whole: every measurement is given out once, and the owner of
+//! the bias fuses it.
 
 use crate::clock::{Pace, SampleClock};
 use crate::statistics::Statistics;
@@ -11,8 +12,9 @@ use randt_persist::persist;
 /// Blocks in a window. Finer ones find the ends of a standstill better, coarser ones cost less.
 const BLOCKS: usize = 20;
 
-/// Blocks next to motion that are not used for the bias: a fifth of the window, because a window that is still
-/// as a whole may end in the first jerk of a departure or begin in the last swing of a stop.
+/// Blocks next to motion that are not used for the bias: a fifth of the window, because a window
+/// that is still as a whole may end in the first jerk of a departure or begin in the last swing of
+/// a stop.
 const GUARD: usize = BLOCKS / 5;
 
 /// Fewest samples in a window; with fewer the spread is not significant.
@@ -21,7 +23,8 @@ const SAMPLES_MIN: f64 = 20.0;
 /// What no average of a MEMS gyro goes below within a minute (bias instability, 20 deg/h), rad/s.
 const INSTABILITY_RAD_S: f64 = 1e-4;
 
-/// A bias seen while the robot stood. Its samples are in no other measurement: they may be fused as independent.
+/// A bias seen while the robot stood. Its samples are in no other measurement: they may be fused
+/// as independent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StandstillBias {
     /// First instant of the samples.
@@ -38,9 +41,10 @@ pub struct StandstillBias {
 
 /// Finds standstill in a window that slides block by block, at any sampling rate, in fixed memory.
 ///
-/// A window is still where rate and specific force hardly vary, the mean rate of its halves agrees, and it lies
-/// within what a bias can be: around zero at first, around the owner's estimate after [`Self::expect_bias`].
-/// The last one keeps a slow and even turn from passing for a bias.
+/// A window is still where rate and specific force hardly vary, the mean rate of its halves
+/// agrees, and it lies within what a bias can be: around zero at first, around the owner's
+/// estimate after [`Self::expect_bias`]. The last one keeps a slow and even turn from passing for
+/// a bias.
 #[derive(Clone, Debug)]
 pub struct Standstill {
     block_ns: i64,
@@ -130,14 +134,15 @@ impl Standstill {
         }
     }
 
-    /// The owner's estimate of the bias with its standard deviation, rad/s: standstills must show it again.
-    /// The deviation should grow with time, or a bias that drifted away would never be believed.
+    /// The owner's estimate of the bias with its standard deviation, rad/s: standstills must show
+    /// it again. The deviation should grow with time, or a bias that drifted away would never be
+    /// believed.
     pub fn expect_bias(&mut self, bias_rad_s: Vector3<f64>, sigma_rad_s: Vector3<f64>) {
         self.expected = Some((bias_rad_s, sigma_rad_s.norm()));
     }
 
-    /// Takes one sample: angular rate, rad/s, bias included, and specific force, m/s^2, in the body.
-    /// Gives a measurement of the bias about once in half a window of standstill.
+    /// Takes one sample: angular rate, rad/s, bias included, and specific force, m/s^2, in the
+    /// body. Gives a measurement of the bias about once in half a window of standstill.
     pub fn push(
         &mut self,
         stamp_ns: i64,

@@ -1,7 +1,7 @@
 //! `cargo bench -p randt-mapper`: what the pose graph costs.
 //!
-//! Prints machine, data, median and p99: one more loop in a graph of 1,000 keyframes that is solved already, the
-//! re-check of 400 good loops, and the whole of M3500 from its odometry.
+//! Prints machine, data, median and p99: one more loop in a graph of 1,000 keyframes that is
+//! solved already, the re-check of 400 good loops, and the whole of M3500 from its odometry.
 
 mod shared;
 

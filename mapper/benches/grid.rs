@@ -1,4 +1,5 @@
-//! `cargo bench -p randt-mapper --bench grid`: what the grid costs when a closure moves every keyframe.
+//! `cargo bench -p randt-mapper --bench grid`: what the grid costs when a closure moves every
+//! keyframe.
 //!
 //! Prints machine, data, median and p99.
 

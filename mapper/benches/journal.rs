@@ -1,7 +1,9 @@
-//! `cargo bench -p randt-mapper --bench journal`: how soon a mapper is back, and what its journal takes.
+//! `cargo bench -p randt-mapper --bench journal`: how soon a mapper is back, and what its journal
+//! takes.
 //!
-//! Prints machine, data, median and worst. The keyframes are odometry's on simulated drives. `-- LAPS FILE` drives so
-//! many laps through the building instead (1,380 sweeps, 300 keyframes each) and leaves their journal in a file.
+//! Prints machine, data, median and worst. The keyframes are odometry's on simulated drives. `--
+//! LAPS FILE` drives so many laps through the building instead (1,380 sweeps, 300 keyframes each)
+//! and leaves their journal in a file.
 #![allow(
     clippy::unwrap_used,
     reason = "a benchmark says by panicking what is wrong"
@@ -18,12 +20,14 @@ use shared::{machine, milliseconds, print};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Sweeps of a lap, and those in which the building's robot makes a thousand keyframes: three laps and a little.
+/// Sweeps of a lap, and those in which the building's robot makes a thousand keyframes: three laps
+/// and a little.
 const LAP_SCANS: u64 = 1380;
 const SCANS: u64 = 4600;
 const SCAN_S: f64 = 0.2;
 const RESTARTS: usize = 15;
-/// Limits: after this a mapper is there, after this it has all keyframes, and what a drive writes: ms, ms, kB/s.
+/// Limits: after this a mapper is there, after this it has all keyframes, and what a drive writes:
+/// ms, ms, kB/s.
 const RECALL_MAX_MS: f64 = 150.0;
 const RESTART_MAX_MS: f64 = 500.0;
 const RATE_MAX_KB_S: f64 = 50.0;

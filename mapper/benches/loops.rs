@@ -1,6 +1,8 @@
-//! `cargo bench -p randt-mapper --bench loops`: what a loop costs among a thousand keyframes, and what they weigh.
+//! `cargo bench -p randt-mapper --bench loops`: what a loop costs among a thousand keyframes, and
+//! what they weigh.
 //!
-//! Prints machine, data, median and p99. The keyframes are odometry's on a simulated drive through the building.
+//! Prints machine, data, median and p99. The keyframes are odometry's on a simulated drive through
+//! the building.
 #![allow(
     clippy::unwrap_used,
     reason = "a benchmark says by panicking what is wrong"
@@ -23,7 +25,8 @@ const KEYFRAMES: usize = 1000;
 const SCANS: u64 = 4600;
 /// Searches that are timed.
 const SEARCHES: usize = 500;
-/// How far a refinement starts from its end: what the estimate is off when a lap of 155 m closes, m and rad.
+/// How far a refinement starts from its end: what the estimate is off when a lap of 155 m closes,
+/// m and rad.
 const OFF: [f64; 3] = [0.3, -0.2, 0.03];
 /// Limits: ms, ms, MB.
 const SEARCH_MAX_MS: f64 = 0.5;

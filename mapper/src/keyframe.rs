@@ -23,7 +23,8 @@ pub struct MapKeyframe {
     pub submap_root: u64,
     /// Pose of `base_link` in that odometry frame, final.
     pub odom_from_base: Pose2,
-    /// Covariance (x, y, yaw) relative to the keyframe before, in this one's frame; m^2, m rad, rad^2.
+    /// Covariance (x, y, yaw) relative to the keyframe before, in this one's frame; m^2, m rad,
+    /// rad^2.
     pub step_covariance: Matrix3<f64>,
     /// Speed over ground, m/s.
     pub speed_m_s: f64,

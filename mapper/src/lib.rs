@@ -1,11 +1,12 @@
 //! odometry/keyframe to loops, pose graph and occupancy grid.
 //!
-//! Responsible for the global map: which keyframes are of one spot, where every keyframe is once that is known, and the
-//! grid to navigate by; and for coming back with the same map after a kill. Not responsible for the live pose (odometry)
-//! nor for carrying messages.
+//! Responsible for the global map: which keyframes are of one spot, where every keyframe is once
+//! that is known, and the grid to navigate by; and for coming back with the same map after a kill.
+//! Not responsible for the live pose (odometry) nor for carrying messages.
 //!
-//! [`Mapper`] is composed of a keyframe store, place recognition, loop verification, the pose graph and the occupancy
-//! grid, each in a folder of its name; `persistence` is what outlives the process. A struct with `push` methods: no I/O, no clock, no thread, no randomness; only
+//! [`Mapper`] is composed of a keyframe store, place recognition, loop verification, the pose
+//! graph and the occupancy grid, each in a folder of its name; `persistence` is what outlives the
+//! process. A struct with `push` methods: no I/O, no clock, no thread, no randomness; only
 //! [`journal::JournalFile`] touches a file.
 //!
 //! ```

@@ -1,4 +1,5 @@
-//! `randt-mapper`: odometry/keyframe to mapper/correction, mapper/graph and mapper/grid, as a process.
+//! `randt-mapper`: odometry/keyframe to mapper/correction, mapper/graph and mapper/grid, as a
+//! process.
 
 mod runtime;
 
@@ -14,12 +15,13 @@ use std::time::Duration;
 
 /// The mapper stage: loops, the pose graph, the occupancy grid.
 ///
-/// Every keyframe goes into a journal before the map that it makes is published. A stage that is started again has the
-/// same map, to the last bit, and asks odometry for what it has missed.
+/// Every keyframe goes into a journal before the map that it makes is published. A stage that is
+/// started again has the same map, to the last bit, and asks odometry for what it has missed.
 #[derive(Debug, Parser)]
 #[command(name = "randt-mapper", max_term_width = 100)]
 struct Arguments {
-    /// The journal, on a disk; if not given, in the run folder, where it survives the stage but not the machine
+    /// The journal, on a disk; if not given, in the run folder, where it survives the stage but
+    /// not the machine
     #[arg(long, value_name = "FILE")]
     journal: Option<PathBuf>,
     #[command(flatten)]

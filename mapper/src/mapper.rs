@@ -58,11 +58,12 @@ impl Mapper {
         }
     }
 
-    /// Takes the next keyframe: it enters graph and submaps, and where it closes loops the map follows. `false` where it
-    /// cannot be the next one: it is counted, and the map stays as it was.
+    /// Takes the next keyframe: it enters graph and submaps, and where it closes loops the map
+    /// follows. `false` where it cannot be the next one: it is counted, and the map stays as it
+    /// was.
     ///
-    /// What is kept from one keyframe to the next is what [`Mapper::restore`] brings back, no more: the graph's
-    /// equations are made anew for every new node.
+    /// What is kept from one keyframe to the next is what [`Mapper::restore`] brings back, no
+    /// more: the graph's equations are made anew for every new node.
     pub fn push(&mut self, message: MessageRef<'_, Keyframe>) -> bool {
         let keyframe = MapKeyframe::new(message, self.keyframes.last());
         if !self.is_next(message.head) || !self.graph.append(&keyframe, &self.keyframes) {
@@ -79,7 +80,8 @@ impl Mapper {
         true
     }
 
-    /// Searches for loops of the newest keyframe, takes those that hold, and merges components that prove to be one.
+    /// Searches for loops of the newest keyframe, takes those that hold, and merges components
+    /// that prove to be one.
     fn close_loops(&mut self) {
         let (keyframes, graph) = (&self.keyframes, &mut self.graph);
         let candidates = self.recognition.candidates(keyframes, graph);
@@ -151,14 +153,14 @@ impl Mapper {
         closures.filter(|closure| closure.status == LoopStatus::Accepted)
     }
 
-    /// Brings the occupancy grid of the largest component up to the keyframes and where they are now. Not part of every
-    /// step: whichever stage needs the grid decides how often.
+    /// Brings the occupancy grid of the largest component up to the keyframes and where they are
+    /// now. Not part of every step: whichever stage needs the grid decides how often.
     pub fn update_grid(&mut self) -> GridUpdate {
         self.update_grid_by(usize::MAX)
     }
 
-    /// The same with no more than this many keyframes painted for the first time: where it added as many, more may be
-    /// left.
+    /// The same with no more than this many keyframes painted for the first time: where it added
+    /// as many, more may be left.
     pub fn update_grid_by(&mut self, added_max: usize) -> GridUpdate {
         self.grid.follow(&self.keyframes, &self.graph, added_max)
     }

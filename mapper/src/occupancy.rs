@@ -1,8 +1,9 @@
 //! The occupancy grid: where keyframes' beams passed and where they ended.
 //!
-//! Responsible for counters that follow the graph. Every keyframe's votes can be taken out at its old pose and put in
-//! at its new one, to the last bit: the grid is a function of the keyframes and where they are now, not of the order
-//! or the way in which they came there. Not responsible for keeping keyframes, for poses, nor for files.
+//! Responsible for counters that follow the graph. Every keyframe's votes can be taken out at its
+//! old pose and put in at its new one, to the last bit: the grid is a function of the keyframes
+//! and where they are now, not of the order or the way in which they came there. Not responsible
+//! for keeping keyframes, for poses, nor for files.
 
 mod follow;
 mod lattice;
@@ -84,8 +85,9 @@ impl Grid {
         }
     }
 
-    /// Puts keyframes where they are now; others stay where they are. One that has not moved by a part of a cell costs
-    /// nothing. All keyframes in order of their ids are done in half the time when most have moved.
+    /// Puts keyframes where they are now; others stay where they are. One that has not moved by a
+    /// part of a cell costs nothing. All keyframes in order of their ids are done in half the time
+    /// when most have moved.
     pub fn update(&mut self, keyframes: &[GridKeyframe<'_>]) -> GridUpdate {
         let mut update = GridUpdate::default();
         let is_anew = self.is_cheaper_anew(keyframes);
@@ -158,7 +160,8 @@ impl Grid {
         self.tiles.changed_at(index)
     }
 
-    /// What has changed after a version: tiles with their new content, `None` for those that are empty now.
+    /// What has changed after a version: tiles with their new content, `None` for those that are
+    /// empty now.
     pub fn changed_since(&self, version: u64) -> impl Iterator<Item = (TileIndex, Option<&Tile>)> {
         let changed = self
             .tiles()
@@ -183,7 +186,8 @@ impl Grid {
         }
     }
 
-    /// The grid as a picture that a planner reads; `None` when it is wider than any picture should be.
+    /// The grid as a picture that a planner reads; `None` when it is wider than any picture should
+    /// be.
     pub fn picture(&self) -> Option<Picture> {
         Picture::from_grid(self)
     }
@@ -192,8 +196,8 @@ impl Grid {
         LatticePose::nearest(&keyframe.map_from_base, self.config.cell_size_m)
     }
 
-    /// Whether these are all keyframes, each once, and most have moved: then painting each of them once on nothing is
-    /// less than taking out and painting the ones that moved.
+    /// Whether these are all keyframes, each once, and most have moved: then painting each of them
+    /// once on nothing is less than taking out and painting the ones that moved.
     fn is_cheaper_anew(&self, keyframes: &[GridKeyframe<'_>]) -> bool {
         let (mut known, mut moved) = (0, 0);
         for keyframe in keyframes {

@@ -1,4 +1,5 @@
-//! What outlives the mapper's process: the journal of keyframes, snapshots of the map, and the way back from both.
+//! What outlives the mapper's process: the journal of keyframes, snapshots of the map, and the way
+//! back from both.
 
 pub mod journal;
 mod restore;

@@ -1,6 +1,8 @@
-//! Which old keyframes the newest one may have come back to: by what it looks like, and by where the estimate has it.
+//! Which old keyframes the newest one may have come back to: by what it looks like, and by where
+//! the estimate has it.
 //!
-//! Responsible for candidates and for when they are searched for. Not responsible for whether they are loops.
+//! Responsible for candidates and for when they are searched for. Not responsible for whether they
+//! are loops.
 
 mod scan_context;
 mod search;
@@ -16,7 +18,8 @@ use randt_persist::{Error, Persist, Reader, Writer, persist_enum};
 
 /// Loops are searched for at every this many keyframe distances of path.
 const SEARCH_KEYFRAMES: f64 = 2.0;
-/// Keyframes are near within this many standard deviations of the estimate, at least and at most this many metres.
+/// Keyframes are near within this many standard deviations of the estimate, at least and at most
+/// this many metres.
 const NEAR_DEVIATIONS: f64 = 3.0;
 const NEAR_MIN_M: f64 = 2.0;
 pub(crate) const NEAR_MAX_M: f64 = 8.0;
@@ -99,8 +102,8 @@ impl PlaceRecognition {
         Some(())
     }
 
-    /// Whether a search is due at this path; it counts as done. Neither turning on the spot nor a step shows anything
-    /// new.
+    /// Whether a search is due at this path; it counts as done. Neither turning on the spot nor a
+    /// step shows anything new.
     pub fn is_due(&mut self, path_m: f64) -> bool {
         let is_due = self.is_enabled && path_m - self.searched_m >= self.every_m;
         if is_due {

@@ -1,7 +1,8 @@
 //! The 2-D pose graph: where every keyframe is, given odometry and loops.
 //!
-//! Responsible for the least-squares estimate, for switching off loops that contradict the rest, for how well one node
-//! is known from another, and for the constraints that the mapper's keyframes bring. Not responsible for finding loops.
+//! Responsible for the least-squares estimate, for switching off loops that contradict the rest,
+//! for how well one node is known from another, and for the constraints that the mapper's
+//! keyframes bring. Not responsible for finding loops.
 //!
 //! ```
 //! use nalgebra::Matrix3;

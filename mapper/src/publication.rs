@@ -29,9 +29,9 @@ pub fn correction(mapper: &Mapper) -> Option<Correction> {
     })
 }
 
-/// Fills a message with the graph's summary and its entries from one on: nodes, then loops. Gives the first entry of the
-/// next message, `None` after the last. What the mapper does not know (what is on the disk, whether keyframes shall be
-/// sent again) is left as it was.
+/// Fills a message with the graph's summary and its entries from one on: nodes, then loops. Gives
+/// the first entry of the next message, `None` after the last. What the mapper does not know (what
+/// is on the disk, whether keyframes shall be sent again) is left as it was.
 pub fn fill_graph(
     mapper: &Mapper,
     first_entry: usize,
@@ -90,8 +90,8 @@ fn keyframe_id(mapper: &Mapper, index: KeyframeIdx) -> Option<u64> {
     Some(mapper.keyframes().get(index.0)?.keyframe_id)
 }
 
-/// Lists the tiles that changed after a version of the grid, those that changed first in front. Gives the version to ask
-/// from next, once all of these are published.
+/// Lists the tiles that changed after a version of the grid, those that changed first in front.
+/// Gives the version to ask from next, once all of these are published.
 pub fn list_tiles(mapper: &Mapper, version: u64, out: &mut Vec<TileIndex>) -> u64 {
     let grid = mapper.grid();
     out.clear();

@@ -1,7 +1,8 @@
-//! From candidates to loop closures: registration against the old submap, gates, agreement, and the graph.
+//! From candidates to loop closures: registration against the old submap, gates, agreement, and
+//! the graph.
 //!
-//! Responsible for which loops bend the map and for what became of every other one. Not responsible for finding
-//! candidates, nor for the estimate.
+//! Responsible for which loops bend the map and for what became of every other one. Not
+//! responsible for finding candidates, nor for the estimate.
 
 mod closure;
 mod confirm;
@@ -29,7 +30,8 @@ use randt_geometry::{Pose2, elementary::PI};
 const START_SIGMA_RAD: f64 = 0.1;
 /// Headings within this many standard deviations, and one sector, of the estimate's are the same.
 const HEADING_DEVIATIONS: f64 = 4.0;
-/// Share of the radar's range within which the mixtures are compared: beyond it they were seen from too far apart.
+/// Share of the radar's range within which the mixtures are compared: beyond it they were seen
+/// from too far apart.
 const DIVERGENCE_RANGE_SHARE: f64 = 0.6;
 
 /// Submaps, the query that is registered against them, and the closures that it gave.
@@ -77,7 +79,8 @@ impl LoopVerification {
         }
     }
 
-    /// Registers the newest keyframe against the submaps of its candidates, each submap once, and takes what holds.
+    /// Registers the newest keyframe against the submaps of its candidates, each submap once, and
+    /// takes what holds.
     pub fn verify(
         &mut self,
         candidates: &[LoopCandidate],
@@ -149,8 +152,8 @@ impl LoopVerification {
         Some(closure)
     }
 
-    /// Registers the query, which ends at the newer keyframe, to the submap of the older one; what is not measured
-    /// stays open.
+    /// Registers the query, which ends at the newer keyframe, to the submap of the older one; what
+    /// is not measured stays open.
     fn measure(
         &mut self,
         [older, newer]: [KeyframeIdx; 2],
@@ -184,8 +187,8 @@ impl LoopVerification {
         closure
     }
 
-    /// Where a registration may start: the estimate where it is sharp, else what the keyframe looks like, where odometry
-    /// allows that.
+    /// Where a registration may start: the estimate where it is sharp, else what the keyframe
+    /// looks like, where odometry allows that.
     fn starts(
         &self,
         candidate: &LoopCandidate,

@@ -1,5 +1,5 @@
-//! A radar that goes blind for seconds opens a new odometry frame: its component of the map stays separate until loops
-//! that agree with one another merge it, and never in the wrong alignment.
+//! A radar that goes blind for seconds opens a new odometry frame: its component of the map stays
+//! separate until loops that agree with one another merge it, and never in the wrong alignment.
 
 use randt_config::Config;
 use randt_drives::{Drive, config};
@@ -9,7 +9,8 @@ use randt_messages::{Keyframe, Message};
 use randt_simulator::World;
 use std::collections::BTreeSet;
 
-/// Gives the mapper a drive and says how far every accepted loop is off the truth at most (m, degrees).
+/// Gives the mapper a drive and says how far every accepted loop is off the truth at most (m,
+/// degrees).
 fn map(world: &World, drive: &Drive) -> (Mapper, f64, f64) {
     let mut mapper = Mapper::new(&config(world));
     for keyframe in &drive.keyframes {

@@ -1,4 +1,5 @@
-//! The grid alone: keyframes of a simulated drive at their true poses must give the walls, all of them, and no others.
+//! The grid alone: keyframes of a simulated drive at their true poses must give the walls, all of
+//! them, and no others.
 
 use nalgebra::Vector2;
 use randt_drives::Drive;
@@ -11,7 +12,8 @@ use std::ops::Range;
 
 /// Cells this near to a wall are right, m.
 const NEAR_M: f64 = 0.2;
-/// Walls count as seen from here to there, m: behind the radar's nearest range; beams are 0.23 m apart at the farthest.
+/// Walls count as seen from here to there, m: behind the radar's nearest range; beams are 0.23 m
+/// apart at the farthest.
 const SEEN_M: Range<f64> = 0.7..8.0;
 
 /// A keyframe at its true pose.
@@ -138,7 +140,8 @@ fn walls_are_where_they_are_and_nowhere_else() {
         wall_m(&Vector2::new(cell.x, top_and_bottom_m - cell.y)) <= NEAR_M
     });
     let found = share(&seen, |point| has(&occupied, point, NEAR_M));
-    // Cells at a wall of which the grid says anything, and those of them that a planner would drive through.
+    // Cells at a wall of which the grid says anything, and those of them that a planner would
+    // drive through.
     let at_wall: Vec<_> = free
         .iter()
         .chain(&occupied)

@@ -1,5 +1,5 @@
-//! A mapper that is killed, at whichever keyframe and in the middle of whichever write, comes back as if nothing had
-//! happened: its map is that of the undisturbed one, to the last bit.
+//! A mapper that is killed, at whichever keyframe and in the middle of whichever write, comes back
+//! as if nothing had happened: its map is that of the undisturbed one, to the last bit.
 
 use crate::undisturbed::{LAP, Undisturbed, finished, memory};
 use randt_drives::Drive;

@@ -1,4 +1,5 @@
-//! The journal's file: cut at any byte, locked, damaged, foreign, full. None is ever thrown away in silence.
+//! The journal's file: cut at any byte, locked, damaged, foreign, full. None is ever thrown away
+//! in silence.
 
 use randt_config::Config;
 use randt_mapper::Mapper;

@@ -1,4 +1,5 @@
-//! What the mapper publishes is what it knows: pages of the graph, the correction, tiles as the map's picture has them.
+//! What the mapper publishes is what it knows: pages of the graph, the correction, tiles as the
+//! map's picture has them.
 
 use randt_config::Config;
 use randt_geometry::Pose2;

@@ -51,7 +51,8 @@ fn with_a_checkpoint_nothing_is_pushed_anew() {
             assert_eq!((again.keyframes().len(), behind), (count, 0));
             assert!(memory(&again) == LAP.memories[count - 1], "after {count}");
             LAP.drive_on(&mut again, (count + 3).min(end));
-            // Killed before it was written: the one before, unless the journal has a snapshot by then.
+            // Killed before it was written: the one before, unless the journal has a snapshot by
+            // then.
             let (again, behind) = recalled(&before);
             assert!(again.keyframes().len() + behind == count && behind <= 1);
         }

@@ -1,4 +1,5 @@
-//! `cargo bench -p randt-odometry`: how long the state takes to save and to restore, and how large it is.
+//! `cargo bench -p randt-odometry`: how long the state takes to save and to restore, and how large
+//! it is.
 //!
 //! After every scan of simulated drives: what a process does before it publishes.
 

@@ -1,7 +1,8 @@
 //! Removes the motion inside a sweep, beam by beam.
 //!
-//! A return measured at t < T, T the sweep's end, is moved into the robot's frame at T: rotation from the
-//! integrated gyro, translation from the velocity, which runs straight from the last scan's to this one's.
+//! A return measured at t < T, T the sweep's end, is moved into the robot's frame at T: rotation
+//! from the integrated gyro, translation from the velocity, which runs straight from the last
+//! scan's to this one's.
 
 use crate::{gyro_integrator::GyroIntegrator, tilt::Tilt};
 use nalgebra::{Vector2, Vector3};
@@ -137,8 +138,8 @@ mod tests {
     const BEAMS: usize = 200;
     const PERIOD_NS: i64 = 200_000_000;
 
-    /// What a radar mounted at `radar` sees of fixed points while the robot drives an arc at a constant twist: the
-    /// points are in the robot's frame at the sweep's end.
+    /// What a radar mounted at `radar` sees of fixed points while the robot drives an arc at a
+    /// constant twist: the points are in the robot's frame at the sweep's end.
     fn sweep(points: &[Vector2<f64>], twist: Vector3<f64>, radar: &Pose2) -> Message<RadarPoints> {
         let mut scan = Message::<RadarPoints>::default();
         let sweep = &mut scan.head.sweep;

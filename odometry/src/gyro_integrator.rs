@@ -58,8 +58,8 @@ pub struct GyroTerm {
     pub standstill: Option<(f64, f64)>,
 }
 
-/// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter. It owns the gyro's bias: the attitude filter
-/// gets rates without it.
+/// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter. It owns the gyro's
+/// bias: the attitude filter gets rates without it.
 #[derive(Debug)]
 pub struct GyroIntegrator {
     base_from_imu: Quaternion,
@@ -70,7 +70,8 @@ pub struct GyroIntegrator {
     /// Of all three axes, from standstills; the window estimates that of the yaw better.
     bias: GyroBias,
     yaw_bias_rad_s: f64,
-    /// The last yaw bias that a standstill showed, with its standard deviation, until it is taken, rad/s.
+    /// The last yaw bias that a standstill showed, with its standard deviation, until it is taken,
+    /// rad/s.
     standstill_bias: Option<(f64, f64)>,
     /// Samples that went back in time, repeated a stamp or held no numbers.
     pub rejected: u64,
@@ -140,7 +141,8 @@ impl GyroIntegrator {
         self.attitude.start_from(attitude);
     }
 
-    /// Whether the states are in order, of stamps that leave room for sums, and the counters have room.
+    /// Whether the states are in order, of stamps that leave room for sums, and the counters have
+    /// room.
     fn is_sound(&self) -> bool {
         let stamps = self.states.iter().map(|m| m.stamp_ns);
         stamps.clone().all(|t| STAMPS_NS.contains(&t))
@@ -156,7 +158,8 @@ impl GyroIntegrator {
         self.states.drain(..after.saturating_sub(1));
     }
 
-    /// Integrates a sample; the yaw bias that a standstill shows is kept for [`Self::take_standstill_bias`].
+    /// Integrates a sample; the yaw bias that a standstill shows is kept for
+    /// [`Self::take_standstill_bias`].
     pub fn push(&mut self, sample: &ImuSample) {
         let stamp_ns = sample.header.stamp_ns;
         let rate = self.base_from_imu.rotate(Vector3::from(sample.rate_rad_s));

@@ -61,7 +61,8 @@ impl GyroMeasurement {
         Self {
             turn,
             span_ns: (begin_ns, end_ns),
-            // What the gyro lacks at its end may be too little to matter for the estimate, but it is other bits.
+            // What the gyro lacks at its end may be too little to matter for the estimate, but it
+            // is other bits.
             reaches_end: gyro
                 .newest_ns()
                 .is_some_and(|newest_ns| newest_ns >= end_ns),

@@ -1,4 +1,5 @@
-//! The first scans of a frame: the submap that they initialise, and the speed at which they were made.
+//! The first scans of a frame: the submap that they initialise, and the speed at which they were
+//! made.
 
 use crate::{
     gyro_integrator::GyroIntegrator,
@@ -16,17 +17,20 @@ const ROUNDS: u32 = 8;
 const SPEED_CHANGE_M_S: f64 = 0.005;
 /// Cells from which a scan can initialise a submap.
 const CELLS_MIN: usize = 5;
-/// Speeds tried at a start differ by this share of a cell per scan: the solver's basin is half a cell.
+/// Speeds tried at a start differ by this share of a cell per scan: the solver's basin is half a
+/// cell.
 const STEP_CELLS: f64 = 0.15;
 /// Most speeds tried to each side, so that a start takes milliseconds also where cells are small.
 const STEPS_MAX: f64 = 60.0;
 /// Reverse speeds are tried up to a quarter of the forward ones.
 const REVERSE_SHARE: i32 = 4;
-/// A robot stands at the start unless another speed explains this much more: echoes agree by chance.
+/// A robot stands at the start unless another speed explains this much more: echoes agree by
+/// chance.
 const GAIN_MIN: f64 = 1.1;
 
-/// Estimates as long as the frame's first scan is in the window. That scan is the submap then, and is de-skewed again as
-/// its speed becomes known. What it decides by is the window's, so it has no state of its own.
+/// Estimates as long as the frame's first scan is in the window. That scan is the submap then, and
+/// is de-skewed again as its speed becomes known. What it decides by is the window's, so it has no
+/// state of its own.
 #[derive(Clone, Copy, Debug)]
 pub struct Initializer {
     cell_size_m: f64,
@@ -52,7 +56,8 @@ impl Initializer {
         window.holds_first_scan()
     }
 
-    /// Estimates the window's states, and de-skews the first scan anew by them; `None` for the frame's first scan.
+    /// Estimates the window's states, and de-skews the first scan anew by them; `None` for the
+    /// frame's first scan.
     pub fn estimate(
         &self,
         window: &mut SlidingWindow,
@@ -85,8 +90,9 @@ impl Initializer {
         solution
     }
 
-    /// A log may begin while the vehicle drives: the second scan is then metres from the first, and both are skewed.
-    /// Tries forward speeds on both at once and starts from the one under which most cells have a counterpart.
+    /// A log may begin while the vehicle drives: the second scan is then metres from the first,
+    /// and both are skewed. Tries forward speeds on both at once and starts from the one under
+    /// which most cells have a counterpart.
     fn search_start_speed(
         &self,
         window: &mut SlidingWindow,
@@ -113,7 +119,8 @@ impl Initializer {
         support_at(best.1);
     }
 
-    /// Sum of the robust weights of the second scan's cells where both scans were made at this forward speed.
+    /// Sum of the robust weights of the second scan's cells where both scans were made at this
+    /// forward speed.
     fn support_at_speed(
         &self,
         speed_m_s: f64,
@@ -157,7 +164,8 @@ impl Initializer {
             .sum()
     }
 
-    /// A first scan with too few cells initialises nothing: it is dropped, and the next one is the first.
+    /// A first scan with too few cells initialises nothing: it is dropped, and the next one is the
+    /// first.
     pub fn drop_sparse_first_scan(&self, window: &mut SlidingWindow) {
         let is_sparse = |window: &SlidingWindow| {
             let first = window.oldest();
@@ -168,7 +176,8 @@ impl Initializer {
         }
     }
 
-    /// The frame's first scan leaves the window with its final state: it enters the emptied submap as every scan does.
+    /// The frame's first scan leaves the window with its final state: it enters the emptied submap
+    /// as every scan does.
     pub fn complete(&self, submaps: &mut Submaps, odom_from_first: &Pose2) {
         submaps.seed(odom_from_first, &[]);
     }

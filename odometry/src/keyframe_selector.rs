@@ -70,7 +70,8 @@ impl KeyframeSelector {
         self.next_id
     }
 
-    /// Moves the covariance on by one step whose own noise is `step`: in the new frame, Ad^-1 P Ad^-T + Q.
+    /// Moves the covariance on by one step whose own noise is `step`: in the new frame, Ad^-1 P
+    /// Ad^-T + Q.
     pub fn propagate(&mut self, last_from_base: &Pose2, step: &Matrix3<f64>) {
         let adjoint = last_from_base.inverse().adjoint();
         self.covariance = adjoint * self.covariance * adjoint.transpose() + step;
@@ -135,7 +136,8 @@ impl KeyframeSelector {
     }
 }
 
-/// Covariance of one step's relative pose: the information of the scan itself, with the motion model where it has none.
+/// Covariance of one step's relative pose: the information of the scan itself, with the motion
+/// model where it has none.
 pub fn step_covariance(scan: &WindowScan, config: &Config) -> Matrix3<f64> {
     let odometry = &config.odometry;
     let dt = scan.dt_s.max(1e-3);

@@ -1,9 +1,10 @@
 //! radar/points and imu/sample to odometry/state and odometry/keyframe.
 //!
-//! Responsible for the live pose: de-skew, sliding-window motion estimation against submaps, trust, keyframes.
-//! Not responsible for loops (mapper) nor for carrying messages (core/stage, tools). A struct with `push`
-//! methods: no I/O, no clock, no thread, no randomness; the same scans and the same samples give the same bits,
-//! however the two interleave, and whether or not the state was saved and restored in between.
+//! Responsible for the live pose: de-skew, sliding-window motion estimation against submaps,
+//! trust, keyframes. Not responsible for loops (mapper) nor for carrying messages (core/stage,
+//! tools). A struct with `push` methods: no I/O, no clock, no thread, no randomness; the same
+//! scans and the same samples give the same bits, however the two interleave, and whether or not
+//! the state was saved and restored in between.
 
 mod deskew;
 mod gyro_integrator;

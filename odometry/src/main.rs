@@ -1,4 +1,5 @@
-//! `randt-odometry`: radar/points and imu/sample to odometry/state and odometry/keyframe, as a process.
+//! `randt-odometry`: radar/points and imu/sample to odometry/state and odometry/keyframe, as a
+//! process.
 
 use clap::Parser;
 use randt_messages::{
@@ -21,8 +22,8 @@ const HEAR_MAX: Duration = Duration::from_secs(1);
 
 /// The odometry stage: the live pose of every scan, and keyframes for the mapper.
 ///
-/// Its state is saved in the run folder after every scan. When it is started again it goes on to the last bit; another
-/// build or configuration keeps the pose and opens a new odometry frame.
+/// Its state is saved in the run folder after every scan. When it is started again it goes on to
+/// the last bit; another build or configuration keeps the pose and opens a new odometry frame.
 #[derive(Debug, Parser)]
 #[command(name = "randt-odometry", max_term_width = 100)]
 struct Arguments {
@@ -59,7 +60,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut late_logged = 0;
     let give_up = Instant::now() + HEAR_MAX;
     while !has_predecessor && Instant::now() < give_up {
-        // Numbers go on after those of a map from before; the first scans stay in the buffer meanwhile.
+        // Numbers go on after those of a map from before; the first scans stay in the buffer
+        // meanwhile.
         let left = give_up.saturating_duration_since(Instant::now());
         if stage.wait(&[&graph], Some(left))? == WakeReason::Stop {
             return Ok(stage.close()?);
@@ -80,7 +82,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Reads which keyframes the mapper has and lacks, and sends what it lacks; gives whether a message came.
+/// Reads which keyframes the mapper has and lacks, and sends what it lacks; gives whether a
+/// message came.
 fn answer(
     graph: &mut Subscriber<MapperGraph>,
     feed: &mut Feed,
@@ -104,8 +107,8 @@ fn answer(
     }
     if let Some(wanted) = wanted {
         let ring = feed.store.ring();
-        // What the ring has beyond that belongs to a scan that is not saved yet. The keyframe before goes with it: it shows
-        // the mapper whether both are of the same drive.
+        // What the ring has beyond that belongs to a scan that is not saved yet. The keyframe
+        // before goes with it: it shows the mapper whether both are of the same drive.
         let next = feed.odometry.pose_record().next_keyframe;
         let there = (wanted.saturating_sub(1)..next).filter_map(|id| ring.get(id));
         for keyframe in there.take(AGAIN) {

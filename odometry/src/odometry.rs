@@ -35,7 +35,8 @@ pub trait Sink {
 
 /// The live estimate from filtered scans and IMU samples, each given in order of their stamps.
 ///
-/// How scans and samples interleave does not change the result, as long as no scan's wait for the IMU runs out.
+/// How scans and samples interleave does not change the result, as long as no scan's wait for the
+/// IMU runs out.
 #[derive(Debug)]
 pub struct Odometry {
     config: Config,
@@ -84,10 +85,11 @@ impl Odometry {
         self.process_covered(sink);
     }
 
-    /// Takes a filtered scan; it is processed as soon as the IMU covers its sweep. A later scan ends the wait of those
-    /// whose sweep ended `imu_wait_max_s` before its own: in a file there is no other clock. A process, whose scans may
-    /// run ahead of their samples, keeps the next scan back while [`Self::waiting_for_ns`] has one, and [proceeds]
-    /// when its own clock says that nothing will come before [`Self::deadline_ns`].
+    /// Takes a filtered scan; it is processed as soon as the IMU covers its sweep. A later scan
+    /// ends the wait of those whose sweep ended `imu_wait_max_s` before its own: in a file there
+    /// is no other clock. A process, whose scans may run ahead of their samples, keeps the next
+    /// scan back while [`Self::waiting_for_ns`] has one, and [proceeds] when its own clock says
+    /// that nothing will come before [`Self::deadline_ns`].
     ///
     /// [proceeds]: Self::proceed
     pub fn push_points(&mut self, points: MessageRef<'_, RadarPoints>, sink: &mut impl Sink) {
@@ -100,8 +102,8 @@ impl Odometry {
         }
     }
 
-    /// The wait of the first scan that waits is over: it is processed with the IMU samples that are there, which its
-    /// state shows.
+    /// The wait of the first scan that waits is over: it is processed with the IMU samples that
+    /// are there, which its state shows.
     pub fn proceed(&mut self, sink: &mut impl Sink) {
         if let Some(scan) = self.synchronizer.take_uncovered() {
             self.process(scan, sink);
@@ -134,9 +136,9 @@ impl Odometry {
         self.synchronizer.waiting_for_ns()
     }
 
-    /// Until when samples must be published that the first scan that waits may use, by the clock that publishes: the
-    /// bounded wait in terms of what the messages carry, so that a log of them gives the same. `i64::MAX` where the scan
-    /// was never published.
+    /// Until when samples must be published that the first scan that waits may use, by the clock
+    /// that publishes: the bounded wait in terms of what the messages carry, so that a log of them
+    /// gives the same. `i64::MAX` where the scan was never published.
     pub fn deadline_ns(&self) -> Option<i64> {
         self.synchronizer.deadline_ns()
     }
@@ -193,7 +195,8 @@ impl Odometry {
         self.forget_gyro_before_window();
     }
 
-    /// Whether the sweep comes after the last one, without a gap that the motion model cannot bridge.
+    /// Whether the sweep comes after the last one, without a gap that the motion model cannot
+    /// bridge.
     fn follows_last_scan(&self, end_ns: i64) -> bool {
         let gap_max_ns = (self.config.odometry.gap_max_s * 1e9) as i64;
         let last_ns = self.synchronizer.last_end_ns();
@@ -250,7 +253,8 @@ impl Odometry {
         }
     }
 
-    /// Estimates the window's states; `None` for the first scan of a frame, and where the solver fails.
+    /// Estimates the window's states; `None` for the first scan of a frame, and where the solver
+    /// fails.
     fn estimate(&mut self) -> Option<Solution> {
         let (gyro, config) = (self.gyro.as_ref(), &self.config);
         let solution = if self.initializer.is_running(&self.window) {
@@ -319,8 +323,8 @@ impl Odometry {
         }
     }
 
-    /// The oldest scan leaves the window: de-skewed once more by its final state, it becomes a keyframe where one is
-    /// due and enters the submaps.
+    /// The oldest scan leaves the window: de-skewed once more by its final state, it becomes a
+    /// keyframe where one is due and enters the submaps.
     fn retire_oldest(&mut self, sink: &mut impl Sink) {
         self.window.deskew(0, self.gyro.as_ref(), &self.config);
         let Some(scan) = self.window.oldest() else {

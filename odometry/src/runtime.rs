@@ -1,4 +1,5 @@
-//! What makes odometry a process: the checkpoints that outlive it, and the order in which it takes its inputs.
+//! What makes odometry a process: the checkpoints that outlive it, and the order in which it takes
+//! its inputs.
 //!
 //! Only with the feature `process`; computing offline does not need it.
 

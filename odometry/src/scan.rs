@@ -1,4 +1,5 @@
-//! A filtered scan as odometry keeps it: checked, in memory of its own, saved without what the message leaves empty.
+//! A filtered scan as odometry keeps it: checked, in memory of its own, saved without what the
+//! message leaves empty.
 
 use crate::stamps::STAMPS_NS;
 use core::ops::{Deref, DerefMut};

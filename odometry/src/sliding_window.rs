@@ -1,4 +1,5 @@
-//! The window of the last l scans (RaNDT, III-C): their states, the prior of the oldest, and the least squares over them.
+//! The window of the last l scans (RaNDT, III-C): their states, the prior of the oldest, and the
+//! least squares over them.
 
 mod block_tridiagonal;
 mod factors;
@@ -69,7 +70,8 @@ impl SlidingWindow {
         self.used >= self.scans.len()
     }
 
-    /// Whether the frame's first scan is in the window: it is then the submap itself and has no NDT term.
+    /// Whether the frame's first scan is in the window: it is then the submap itself and has no
+    /// NDT term.
     pub fn holds_first_scan(&self) -> bool {
         self.retired.is_none()
     }
@@ -107,8 +109,8 @@ impl SlidingWindow {
         }
     }
 
-    /// Puts a scan into the window, its state predicted by motion model and gyro; the first one of a frame is at
-    /// `odom_from_first`.
+    /// Puts a scan into the window, its state predicted by motion model and gyro; the first one of
+    /// a frame is at `odom_from_first`.
     pub fn predict(
         &mut self,
         points: &Message<RadarPoints>,

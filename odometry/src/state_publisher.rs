@@ -31,7 +31,8 @@ pub struct Estimate<'a> {
     pub odom_frame_id: u64,
     /// The submap that it was registered to.
     pub submap_id: u64,
-    /// Squared distance below which a cell of the scan has a close counterpart: its robust weight is above 1/2.
+    /// Squared distance below which a cell of the scan has a close counterpart: its robust weight
+    /// is above 1/2.
     pub inlier_max: f64,
 }
 

@@ -9,7 +9,8 @@ use randt_persist::persist;
 
 pub use submap::Submap;
 
-/// The submap in force and, near its end, the one that follows; both hold the scans of the overlap.
+/// The submap in force and, near its end, the one that follows; both hold the scans of the
+/// overlap.
 #[derive(Clone, Debug)]
 pub struct Submaps {
     config: SubmapConfig,
@@ -100,8 +101,8 @@ impl Submaps {
         }
     }
 
-    /// Adds a scan with its final pose to every open submap where it has moved since the last one; hands over where the
-    /// active submap ends.
+    /// Adds a scan with its final pose to every open submap where it has moved since the last one;
+    /// hands over where the active submap ends.
     pub fn insert(&mut self, odom_from_base: &Pose2, points: &[Point]) {
         let has_moved = self.odom_from_inserted.is_none_or(|odom_from_inserted| {
             let relative = odom_from_inserted.between(odom_from_base);
@@ -144,7 +145,8 @@ mod tests {
         (0..20).map(point).collect()
     }
 
-    /// Drives straight ahead in steps of half a metre, each a keyframe; gives the submap in force after each.
+    /// Drives straight ahead in steps of half a metre, each a keyframe; gives the submap in force
+    /// after each.
     fn driven(submaps: &mut Submaps, steps: u64) -> Vec<u64> {
         let step = |keyframe: u64| {
             let pose = Pose2::new(0.5 * keyframe as f64, 0.0, 0.0);

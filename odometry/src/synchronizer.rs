@@ -1,5 +1,5 @@
-//! The inputs: scans and IMU samples wait for each other, so that the order in which they are used does not depend on the
-//! order in which they come.
+//! The inputs: scans and IMU samples wait for each other, so that the order in which they are used
+//! does not depend on the order in which they come.
 
 mod imu_queue;
 
@@ -18,7 +18,8 @@ use std::collections::VecDeque;
 /// Scans that may wait for the IMU; a wait of 0.1 s never holds more than one or two.
 const PENDING_MAX: usize = 4;
 
-/// A message by its publisher's start and its number: its epoch and its sequence. Later ones are greater.
+/// A message by its publisher's start and its number: its epoch and its sequence. Later ones are
+/// greater.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MessageId {
     /// New at each start of the publisher.
@@ -93,14 +94,16 @@ impl ScanImuSynchronizer {
         }
     }
 
-    /// Takes an IMU sample. Gives the oldest one where there is no room for both: it is to be integrated at once.
+    /// Takes an IMU sample. Gives the oldest one where there is no room for both: it is to be
+    /// integrated at once.
     pub fn push_imu(&mut self, sample: &ImuSample, counters: &mut Counters) -> Option<ImuSample> {
         self.last_imu = Some(MessageId::from_sample(sample));
         if !is_measurement(sample) {
             counters.imu_rejected += 1;
             return None;
         }
-        // Samples come in the order of publishing: the first one shows whether another was on its way in time.
+        // Samples come in the order of publishing: the first one shows whether another was on its
+        // way in time.
         let published_ns = sample.header.published_ns;
         let ended_wait_ns = self.ended_wait_ns.take();
         if ended_wait_ns.is_some_and(|end_ns| (1..=end_ns).contains(&published_ns)) {
@@ -135,8 +138,8 @@ impl ScanImuSynchronizer {
         Some(end_ns)
     }
 
-    /// The next scan whose sweep the IMU covers, or for which nothing more can come. `gyro` is `None` where scans do not
-    /// wait for an IMU.
+    /// The next scan whose sweep the IMU covers, or for which nothing more can come. `gyro` is
+    /// `None` where scans do not wait for an IMU.
     pub fn take_covered(&mut self, gyro: Option<&GyroIntegrator>) -> Option<SynchronizedScan> {
         let (end_ns, deadline_ns) = (self.waiting_for_ns()?, self.deadline_ns()?);
         let samples = match gyro {
@@ -160,11 +163,12 @@ impl ScanImuSynchronizer {
         Some(SynchronizedScan { scan, samples })
     }
 
-    /// Whether the wait of the first scan is over because a sweep came that ends at `newest_end_ns`, or because there is
-    /// no room for more scans.
+    /// Whether the wait of the first scan is over because a sweep came that ends at
+    /// `newest_end_ns`, or because there is no room for more scans.
     pub fn is_wait_over(&self, newest_end_ns: i64) -> bool {
         self.waiting_for_ns().is_some_and(|end_ns| {
-            // A stamp far back means that the clock was set: nothing more will come for the scan before.
+            // A stamp far back means that the clock was set: nothing more will come for the scan
+            // before.
             newest_end_ns > end_ns.saturating_add(self.imu_wait_ns)
                 || is_set_back(newest_end_ns, end_ns)
                 || self.pending.len() >= PENDING_MAX
@@ -192,7 +196,8 @@ impl ScanImuSynchronizer {
         self.last_end_ns = Some(end_ns);
     }
 
-    /// Whether the clock was set back for a scan that ends at `end_ns`, and not yet for the samples that the gyro has.
+    /// Whether the clock was set back for a scan that ends at `end_ns`, and not yet for the
+    /// samples that the gyro has.
     fn is_imu_old(&self, end_ns: i64, gyro: Option<&GyroIntegrator>) -> bool {
         let newest_ns = gyro.and_then(GyroIntegrator::newest_ns);
         (self.imu_is_old || self.last_end_ns.is_some_and(|t| is_set_back(end_ns, t)))
@@ -219,8 +224,8 @@ impl ScanImuSynchronizer {
         self.pending.front().map(|scan| scan.head.sweep.end_ns)
     }
 
-    /// Until when samples must be published that the first scan that waits may use, ns; `i64::MAX` where the scan was
-    /// never published.
+    /// Until when samples must be published that the first scan that waits may use, ns; `i64::MAX`
+    /// where the scan was never published.
     pub fn deadline_ns(&self) -> Option<i64> {
         Some(match self.pending.front()?.head.scan_published_ns {
             0 => i64::MAX,

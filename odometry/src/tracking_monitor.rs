@@ -8,20 +8,22 @@ use randt_messages::Trust;
 use randt_ndt::AdaptiveLoss;
 use randt_persist::persist;
 
-/// A direction is weak where a scan's information along it is below this many times what the grid alone seems to give
-/// along a bare wall. Simulated corridors, whose ends are out of sight, have 1.2 to 1.6 times that, places with corners
-/// over 16 times; at 5.6 times, 0.07 % of the scans of eleven sound drives are called weak at most.
+/// A direction is weak where a scan's information along it is below this many times what the grid
+/// alone seems to give along a bare wall. Simulated corridors, whose ends are out of sight, have
+/// 1.2 to 1.6 times that, places with corners over 16 times; at 5.6 times, 0.07 % of the scans of
+/// eleven sound drives are called weak at most.
 const WEAK_MAX: f64 = 5.6;
-/// A scan fits poorly where its mean robust weight is below that of a cell at this squared distance from its counterpart:
-/// 0.40 under the loss of the mixed profile. Of fifteen sound drives one scan in a thousand is below 0.43 to 0.58; scans
-/// of a robot that was carried elsewhere, of a frozen radar or under a wrong gyro are below 0.40.
+/// A scan fits poorly where its mean robust weight is below that of a cell at this squared
+/// distance from its counterpart: 0.40 under the loss of the mixed profile. Of fifteen sound
+/// drives one scan in a thousand is below 0.43 to 0.58; scans of a robot that was carried
+/// elsewhere, of a frozen radar or under a wrong gyro are below 0.40.
 const POOR_SQUARED_DISTANCE: f64 = 4.82;
 /// One poor fit may be a passer-by; this many of the last [`FIT_SCANS`] are not.
 const POOR_FITS: u32 = 3;
 /// Scans whose fits are remembered.
 const FIT_SCANS: u32 = 10;
-/// How long trust stays away after the last reason against it, ns: five scans, in which a weak direction or a poor fit
-/// shows again if it has not passed.
+/// How long trust stays away after the last reason against it, ns: five scans, in which a weak
+/// direction or a poor fit shows again if it has not passed.
 const HELD_NS: i64 = 1_000_000_000;
 /// Scans in a row without support before the pose is given up.
 const LOST_AFTER: u32 = 5;
@@ -40,7 +42,8 @@ pub struct TrackingMonitor {
 
 persist!(TrackingMonitor { unsupported, poor_fits, doubted_ns } sound is_sound);
 
-/// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2; yaw is marginalised.
+/// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2;
+/// yaw is marginalised.
 pub fn position_information(solution: &Solution) -> [f64; 2] {
     let reduced = marginalize_yaw(&solution.scan_information);
     let values = SymmetricEigen::new(reduced).eigenvalues;
@@ -52,10 +55,10 @@ pub fn position_information(solution: &Solution) -> [f64; 2] {
 
 /// Information along a bare wall that comes of the grid alone, 1/m^2.
 ///
-/// The squares of size l cut the wall to pieces whose variance along it is l^2 / 12, widened by 1 + slack. Two of them,
-/// the scan's and the map's, make 6 / (l^2 (1 + slack)) of information. The scan's correspondences share the weight of
-/// the NDT term, each by its robust weight, whose mean is the fit. As the scan's squares move with the robot, it pulls
-/// towards standing still.
+/// The squares of size l cut the wall to pieces whose variance along it is l^2 / 12, widened by
+/// 1 + slack. Two of them, the scan's and the map's, make 6 / (l^2 (1 + slack)) of information.
+/// The scan's correspondences share the weight of the NDT term, each by its robust weight, whose
+/// mean is the fit. As the scan's squares move with the robot, it pulls towards standing still.
 fn wall_information(fit: f64, config: &Config) -> f64 {
     let cell_m = config.cell_size_m();
     6.0 * config.odometry.ndt_weight * fit / (cell_m * cell_m * (1.0 + config.ndt.slack))

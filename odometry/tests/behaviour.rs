@@ -180,7 +180,8 @@ fn a_start_at_speed_is_found_from_two_scans() {
     let outcome = run(&events[begin..index_of(&events, from + 25) + 10]);
     let error_m = error_m(&outcome.states, &poses[from - 1..]);
     assert_eq!(outcome.frames(), [(0, 27)]);
-    // No standstill has shown the gyro's bias: along a corridor the heading drifts until it is known.
+    // No standstill has shown the gyro's bias: along a corridor the heading drifts until it is
+    // known.
     assert!(error_m < 0.2, "{error_m} m");
     let found_m_s = outcome.states[3].velocity[0];
     assert!(

@@ -1,4 +1,5 @@
-//! The result does not depend on how scans and IMU samples interleave, nor on which waits for the other.
+//! The result does not depend on how scans and IMU samples interleave, nor on which waits for the
+//! other.
 
 use crate::support::{Input, Outcome, config, inputs, shift};
 use proptest::prelude::*;
@@ -8,8 +9,8 @@ use std::sync::LazyLock;
 
 const SECOND_NS: i64 = 1_000_000_000;
 
-/// The two streams of a drive with its faults, each in its own order: scans missing, the clock set back, samples
-/// missing, repeated and out of order.
+/// The two streams of a drive with its faults, each in its own order: scans missing, the clock set
+/// back, samples missing, repeated and out of order.
 struct Streams {
     scans: Vec<Message<RadarPoints>>,
     samples: Vec<ImuSample>,
@@ -37,9 +38,9 @@ static DRIVE: LazyLock<Streams> = LazyLock::new(|| {
 });
 
 impl Streams {
-    /// One interleaving. `ahead(n)` says by how many samples more than it must the IMU is ahead when scan n comes; where
-    /// it is behind, the scan waits for the samples that it lacks. A scan that comes while another one waits would end
-    /// that one's wait, so it is kept back.
+    /// One interleaving. `ahead(n)` says by how many samples more than it must the IMU is ahead
+    /// when scan n comes; where it is behind, the scan waits for the samples that it lacks. A scan
+    /// that comes while another one waits would end that one's wait, so it is kept back.
     fn run(&self, mut ahead: impl FnMut(usize) -> i64) -> Outcome {
         let mut odometry = Odometry::new(&config(), true);
         let mut outcome = Outcome::default();
@@ -161,18 +162,19 @@ fn samples_without_scans_do_not_pile_up() {
     assert!((19_740..19_752).contains(&outcome.states[0].imu_sequence));
 }
 
-/// Samples that were published too late are not used, live or from a log: what was computed live is reproduced from the
-/// log, where the samples are available.
+/// Samples that were published too late are not used, live or from a log: what was computed live
+/// is reproduced from the log, where the samples are available.
 #[test]
 fn what_was_published_too_late_is_not_used_however_it_is_read() {
     let end_ns = DRIVE.scans[9].head.sweep.end_ns;
-    // The IMU's driver was stopped for 0.3 s; and then just long enough that only the sample at the sweep's end is missing.
+    // The IMU's driver was stopped for 0.3 s; and then just long enough that only the sample at
+    // the sweep's end is missing.
     late_samples(end_ns - 50_000_000..end_ns + 250_000_000, 50_000_000);
     late_samples(end_ns..end_ns + 160_000_000, 1);
 }
 
-/// `still`: what was measured in this time was published at its end. The IMU then ends at least `short_min_ns` before
-/// scan 9.
+/// `still`: what was measured in this time was published at its end. The IMU then ends at least
+/// `short_min_ns` before scan 9.
 fn late_samples(still: std::ops::Range<i64>, short_min_ns: i64) {
     let wait_ns = (config().odometry.imu_wait_max_s * 1e9) as i64;
     let mut scans: Vec<_> = DRIVE.scans[..14].to_vec();

@@ -8,7 +8,8 @@ use std::sync::LazyLock;
 /// Most bytes that the state may have.
 const ROOM: usize = 1 << 20;
 
-/// A drive of 48 s with the standstill at its start, turns, a gap that opens a frame, and a scan twice.
+/// A drive of 48 s with the standstill at its start, turns, a gap that opens a frame, and a scan
+/// twice.
 static DRIVE: LazyLock<Vec<Input>> = LazyLock::new(|| {
     let mut inputs = inputs(240);
     for scan in (150..157).rev() {

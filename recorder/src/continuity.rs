@@ -1,18 +1,21 @@
-//! What did not come: messages missing before one that did, also over restarts of this recorder and of publishers.
+//! What did not come: messages missing before one that did, also over restarts of this recorder
+//! and of publishers.
 //!
-//! A publisher gives a reader that joins no more than its history. What a recorder that was away cannot get any more shows
-//! in the numbers: the last message in the files of the recorder before, and the first one that this one gets.
+//! A publisher gives a reader that joins no more than its history. What a recorder that was away
+//! cannot get any more shows in the numbers: the last message in the files of the recorder before,
+//! and the first one that this one gets.
 
 use crate::{Positions, Raw};
 use randt_messages::{DropCause, LastRecorded, OdometryStateTopic, Topic, health::text_of};
 
-/// A recorder that has not listened for this time was away: stopped, or starved. Awake it listens five times a second.
+/// A recorder that has not listened for this time was away: stopped, or starved. Awake it listens
+/// five times a second.
 const AWAY_NS: i64 = 1_000_000_000;
-/// A publisher that died while the recorder was away has its successor within this time after that; systemd and a busy machine
-/// need 2.3 s.
+/// A publisher that died while the recorder was away has its successor within this time after
+/// that; systemd and a busy machine need 2.3 s.
 const SUCCESSOR_MAX_NS: i64 = 5_000_000_000;
-/// States of odometry that goes on are at most this many numbers behind the last one: those that it sends again. Farther
-/// back it has begun anew.
+/// States of odometry that goes on are at most this many numbers behind the last one: those that
+/// it sends again. Farther back it has begun anew.
 const STATES_AGAIN: u64 = 64;
 /// The last health message of a recorder that was killed is not counted as missing.
 const ITSELF: &str = "recorder";
@@ -50,7 +53,8 @@ struct Away {
 }
 
 impl Continuity {
-    /// Goes on after what the files of an earlier recorder hold; nothing is missing for one that has none.
+    /// Goes on after what the files of an earlier recorder hold; nothing is missing for one that
+    /// has none.
     pub fn after(recorded: Positions) -> Self {
         let newest_ns = recorded.newest_ns();
         Self {
@@ -74,7 +78,8 @@ impl Continuity {
         }
     }
 
-    /// Takes a message; gives what is missing before it. A publisher's messages come in the order of their numbers.
+    /// Takes a message; gives what is missing before it. A publisher's messages come in the order
+    /// of their numbers.
     pub fn take(&mut self, raw: &Raw) -> Option<Gap> {
         let message = Positions::position_of(raw)?;
         let gap = self.gap(&message);
@@ -117,8 +122,8 @@ impl Continuity {
         }
     }
 
-    /// Whether a publisher may have sent something before its end that did not come. `message`: the first of its successor, whose
-    /// epoch is the time when that began.
+    /// Whether a publisher may have sent something before its end that did not come. `message`:
+    /// the first of its successor, whose epoch is the time when that began.
     fn is_end_unknown(&self, message: &LastRecorded, last: &LastRecorded) -> bool {
         let Some(away) = self.away else {
             return false;

@@ -1,8 +1,9 @@
 //! The recorder: every topic into MCAP files, on a disk that may stall, fill up, break or vanish.
 //!
-//! Responsible for three promises: nothing older than about a second is ever lost, what is not recorded is counted, and no
-//! disk ever holds the pipeline up. The stage's thread copies messages into a [`Queue`], a thread of its own brings them
-//! to the disk. Not responsible for the container (`randt-log`).
+//! Responsible for three promises: nothing older than about a second is ever lost, what is not
+//! recorded is counted, and no disk ever holds the pipeline up. The stage's thread copies messages
+//! into a [`Queue`], a thread of its own brings them to the disk. Not responsible for the
+//! container (`randt-log`).
 
 mod continuity;
 mod disk;

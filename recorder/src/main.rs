@@ -20,8 +20,9 @@ const DATA_LOST: u8 = 3;
 
 /// The recorder stage: every message of every topic, and what viewers need, into log files.
 ///
-/// A file is called NAME.mcap.active until it is finished. A disk that is slow, full, broken or gone is reported in the stage's status and
-/// never holds the pipeline up; recording goes on when it can, and the log lists what is missing.
+/// A file is called NAME.mcap.active until it is finished. A disk that is slow, full, broken or
+/// gone is reported in the stage's status and never holds the pipeline up; recording goes on when
+/// it can, and the log lists what is missing.
 #[derive(Debug, Parser)]
 #[command(name = "randt-recorder", max_term_width = 100)]
 struct Arguments {

@@ -26,7 +26,8 @@ pub(crate) fn channel_of(topic: &str) -> Channel {
         .unwrap_or_default()
 }
 
-/// What follows from the configuration: how to read the log again. It is the same in every file of a run.
+/// What follows from the configuration: how to read the log again. It is the same in every file of
+/// a run.
 pub fn configuration_records(loaded: &Loaded) -> Vec<(&'static str, Fields)> {
     let layouts = channels().into_iter();
     vec![

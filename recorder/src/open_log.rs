@@ -34,8 +34,8 @@ pub(crate) struct OpenLog {
 }
 
 impl OpenLog {
-    /// Begins it with its metadata, on the disk before the first message. `positions`: how far the files
-    /// before it reach.
+    /// Begins it with its metadata, on the disk before the first message. `positions`: how far the
+    /// files before it reach.
     pub fn begin(
         name: String,
         options: Options,

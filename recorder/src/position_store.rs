@@ -15,7 +15,8 @@ const FILE: &str = "recorder.positions";
 /// Which folder it is, and the positions.
 const BYTES: usize = size_of::<u64>() + Positions::BYTES_MAX;
 
-/// The record. It is lost with the machine's memory, as are the publishers whose messages it counts.
+/// The record. It is lost with the machine's memory, as are the publishers whose messages it
+/// counts.
 #[derive(Debug)]
 pub struct PositionStore {
     checkpoint: Checkpoint,
@@ -24,7 +25,8 @@ pub struct PositionStore {
 }
 
 impl PositionStore {
-    /// Opens or makes it; for another folder than the last recorder's it is empty: those files are another recording.
+    /// Opens or makes it; for another folder than the last recorder's it is empty: those files are
+    /// another recording.
     pub fn open(stage: &mut Stage, folder: &Path) -> Result<Self, Error> {
         let path = stage.domain().state().join(FILE);
         stage.reserve(&path, 2 * BYTES)?;

@@ -1,4 +1,5 @@
-//! How far each publisher has been followed: the last message of each topic, by its epoch and sequence.
+//! How far each publisher has been followed: the last message of each topic, by its epoch and
+//! sequence.
 
 use crate::Raw;
 use bytemuck::{Zeroable, pod_read_unaligned};

@@ -66,9 +66,9 @@ pub struct Inputs {
 }
 
 impl Inputs {
-    /// Begins to read them; their writers deliver the history that they still hold, so that what a recorder that was
-    /// killed did not bring to the disk is recorded again. `recorded`: what the files hold; what is missing behind it is
-    /// counted.
+    /// Begins to read them; their writers deliver the history that they still hold, so that what a
+    /// recorder that was killed did not bring to the disk is recorded again. `recorded`: what the
+    /// files hold; what is missing behind it is counted.
     pub fn open(stage: &mut Stage, recorded: Positions) -> Result<Self, Error> {
         let topics = Vec::new();
         let mut readers = Readers { stage, topics };
@@ -101,7 +101,8 @@ impl Inputs {
         self.topics.iter().map(|topic| topic.missed()).sum()
     }
 
-    /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250 times a second.
+    /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250
+    /// times a second.
     pub fn waitables(&self) -> Vec<&dyn Waitable> {
         let slow = self
             .topics
@@ -156,7 +157,8 @@ mod tests {
     use randt_messages::BUS_TOPICS;
     use randt_stage::TOPICS;
 
-    /// `randt top` shows what stages report of their ports (`tools/randt/src/commands/top/traffic.rs`).
+    /// `randt top` shows what stages report of their ports
+    /// (`tools/randt/src/commands/top/traffic.rs`).
     #[test]
     fn a_registered_topic_has_its_qos_and_its_channel_and_is_recorded() {
         let run = tempfile::tempdir().unwrap();

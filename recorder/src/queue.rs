@@ -1,4 +1,5 @@
-//! Between the bus and the disk: messages wait here while the disk is busy, up to a budget in bytes.
+//! Between the bus and the disk: messages wait here while the disk is busy, up to a budget in
+//! bytes.
 
 use crate::{Drops, Gap, Raw};
 use randt_messages::{DropCause, LogDrop};
@@ -6,7 +7,8 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Bytes that may wait. An iSDR-C with everything computed from it makes 1.2 MB/s: the better part of a minute.
+/// Bytes that may wait. An iSDR-C with everything computed from it makes 1.2 MB/s: the better part
+/// of a minute.
 pub const BUDGET: usize = 64 << 20;
 
 /// A bounded queue. Pushing never waits for the disk: what finds no room is dropped and counted.
@@ -43,7 +45,8 @@ impl Queue {
         }
     }
 
-    /// Adds messages in their order; the newest are dropped where there is no room, so that gaps are few and long.
+    /// Adds messages in their order; the newest are dropped where there is no room, so that gaps
+    /// are few and long.
     pub fn push(&self, messages: impl IntoIterator<Item = Raw>, now_ns: i64) {
         let mut state = self.lock();
         for raw in messages {

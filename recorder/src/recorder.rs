@@ -1,7 +1,8 @@
 //! From messages to files: chunks, syncs, rotation, and what to do when the disk fails.
 //!
-//! Responsible for losing nothing older than about a second, whatever happens, and for files that are each complete by
-//! themselves. Not responsible for the disk ([`Sink`]), nor for messages that wait ([`crate::Queue`]).
+//! Responsible for losing nothing older than about a second, whatever happens, and for files that
+//! are each complete by themselves. Not responsible for the disk ([`Sink`]), nor for messages that
+//! wait ([`crate::Queue`]).
 
 use crate::{
     Positions, Raw, Sink,
@@ -18,8 +19,8 @@ use std::io;
 
 /// After a failure the disk is tried again with this period.
 const RETRY_NS: i64 = 1_000_000_000;
-/// What was recorded is brought onto the disk with this period: with the pauses before and the disk's own time, nothing older than
-/// 1.5 s is ever lost.
+/// What was recorded is brought onto the disk with this period: with the pauses before and the
+/// disk's own time, nothing older than 1.5 s is ever lost.
 pub const SYNC_NS: i64 = 800_000_000;
 /// Files that begin in the same second have a number; more than this is an error.
 const NAMES_MAX: u32 = 1000;
@@ -65,7 +66,8 @@ pub struct Recorder<S> {
     preamble: Preamble,
     viewer: Viewer,
     file: Option<OpenLog>,
-    /// Messages that a power cut would still take away; they are written again where the disk fails.
+    /// Messages that a power cut would still take away; they are written again where the disk
+    /// fails.
     unsynced: Vec<Raw>,
     /// How far the files reach without these.
     positions: Positions,
@@ -77,7 +79,8 @@ pub struct Recorder<S> {
 }
 
 impl<S: Sink> Recorder<S> {
-    /// Nothing is opened before the first [`Recorder::tick`]. `positions`: how far the files reach that are there.
+    /// Nothing is opened before the first [`Recorder::tick`]. `positions`: how far the files reach
+    /// that are there.
     pub fn new(
         sink: S,
         settings: Settings,
@@ -205,7 +208,8 @@ impl<S: Sink> Recorder<S> {
         done
     }
 
-    /// A file that is not found any more is lost with what it alone had. The next one lists that as a drop.
+    /// A file that is not found any more is lost with what it alone had. The next one lists that
+    /// as a drop.
     fn judge_loss(&mut self, cause: &io::Error, only_here: Counts, begun_ns: i64, now_ns: i64) {
         if cause.kind() != io::ErrorKind::NotFound {
             return;

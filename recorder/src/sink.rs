@@ -2,13 +2,16 @@
 
 use std::io;
 
-/// What the recorder needs of a disk. Tests have ones that are full, slow, broken or lose their power.
+/// What the recorder needs of a disk. Tests have ones that are full, slow, broken or lose their
+/// power.
 pub trait Sink {
-    /// Begins a file; refuses where the name is taken (`AlreadyExists`). It is not called that before it is finished.
+    /// Begins a file; refuses where the name is taken (`AlreadyExists`). It is not called that
+    /// before it is finished.
     fn create(&mut self, name: &str) -> io::Result<()>;
     /// Adds to its end.
     fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
-    /// Returns when all that was added would outlive a power cut; refuses where the file is not in its folder any more.
+    /// Returns when all that was added would outlive a power cut; refuses where the file is not in
+    /// its folder any more.
     fn sync(&mut self) -> io::Result<()>;
     /// Syncs it and gives it its name.
     fn finish(&mut self) -> io::Result<()>;

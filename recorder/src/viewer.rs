@@ -9,8 +9,8 @@ use randt_messages::{
     RadarPoints, Topic,
 };
 
-/// A grid that changes is recorded with its period, or as rarely as a large one needs, so that it takes no more than this
-/// before compression, ...
+/// A grid that changes is recorded with its period, or as rarely as a large one needs, so that it
+/// takes no more than this before compression, ...
 const GRID_BYTES_PER_SECOND: i64 = 500_000;
 /// ... but whole each minute, changed or not.
 const GRID_PERIOD_MAX_NS: i64 = 60_000_000_000;

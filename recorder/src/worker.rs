@@ -39,8 +39,8 @@ struct Shared {
 }
 
 impl Worker {
-    /// Starts the thread; `now_ns` is the pipeline's clock. `keep` is given how far the files reach, whenever they have
-    /// grown.
+    /// Starts the thread; `now_ns` is the pipeline's clock. `keep` is given how far the files
+    /// reach, whenever they have grown.
     pub fn start<S: Sink + Send + 'static>(
         queue: Arc<Queue>,
         recorder: Recorder<S>,
@@ -82,8 +82,8 @@ impl Worker {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Brings all that waits to the disk and ends the file; gives how many messages no file has, those in
-    /// files that vanished among them.
+    /// Brings all that waits to the disk and ends the file; gives how many messages no file has,
+    /// those in files that vanished among them.
     pub fn finish(mut self) -> u64 {
         self.queue.close();
         let left = self.thread.take().map(JoinHandle::join);

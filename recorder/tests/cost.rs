@@ -1,5 +1,6 @@
-//! What recording costs: `cargo bench -p randt-recorder`. Prints the share of one core and gigabytes an hour for the
-//! radar and the IMU of an iSDR-C, written to a real disk as fast as it goes.
+//! What recording costs: `cargo bench -p randt-recorder`. Prints the share of one core and
+//! gigabytes an hour for the radar and the IMU of an iSDR-C, written to a real disk as fast as it
+//! goes.
 #![allow(
     clippy::unwrap_used,
     clippy::disallowed_methods,

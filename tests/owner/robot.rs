@@ -87,7 +87,8 @@ impl Robot {
         for name in ["victim", "victim/state", "victim/bus"] {
             assert_eq!(fs::metadata(self.path(name)).unwrap().uid(), 0, "{name}");
         }
-        // On the stick everybody may read all of it; beside the missions what belongs to their owner.
+        // On the stick everybody may read all of it; beside the missions what belongs to their
+        // owner.
         let stick = below(&self.path("stick"));
         let mut missions = below(&self.path("missions"));
         missions.retain(|file| fs::symlink_metadata(file).unwrap().uid() == USER);
@@ -105,8 +106,8 @@ pub(super) fn give(path: &Path) {
     lchown(path, Some(USER), Some(USER)).unwrap();
 }
 
-/// Copies a program. By another process: one that any thread of this one starts meanwhile would have the copy open for
-/// writing for a moment, and what is open for writing cannot be started.
+/// Copies a program. By another process: one that any thread of this one starts meanwhile would
+/// have the copy open for writing for a moment, and what is open for writing cannot be started.
 pub(super) fn copy(program: &Path, to: &Path) {
     let mut cp = Command::new("cp");
     assert!(cp.arg(program).arg(to).status().unwrap().success());

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 /// Memory is looked at so often.
 const LOOK: Duration = Duration::from_millis(500);
-/// The first scans catch up with the stages' starts; processor time and bytes are counted after that.
+/// The first scans catch up with the stages' starts; processor time and bytes are counted after
+/// that.
 const WARM_UP: Duration = Duration::from_secs(3);
 
 /// The stages that compute, and the recorder where it is asked for.

@@ -1,4 +1,5 @@
-//! A long-range radar's case for memory: scans of 400 beams and 30,000 returns, made here, through filter and odometry.
+//! A long-range radar's case for memory: scans of 400 beams and 30,000 returns, made here, through
+//! filter and odometry.
 
 use crate::support::stages::{RunFolder, memory};
 use randt_messages::{

@@ -1,4 +1,5 @@
-//! Bytes through write and send, of every stage. Tracing slows a stage down: times are not taken here.
+//! Bytes through write and send, of every stage. Tracing slows a stage down: times are not taken
+//! here.
 
 use super::drive::Stages;
 use crate::support::calls;

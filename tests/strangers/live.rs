@@ -15,7 +15,8 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// A stranger that sends whole sweeps of the radar's device number from another address of this host, until it is ended.
+/// A stranger that sends whole sweeps of the radar's device number from another address of this
+/// host, until it is ended.
 pub(super) fn attack(to: &str, ends: &AtomicBool) {
     let socket = UdpSocket::bind("127.0.0.2:0").unwrap();
     let mut number = 0_u32;
@@ -46,7 +47,8 @@ pub(super) fn attack(to: &str, ends: &AtomicBool) {
     }
 }
 
-/// When a log first has the warning in the radar's health, and a state that is not good, s after an instant.
+/// When a log first has the warning in the radar's health, and a state that is not good, s after
+/// an instant.
 pub(super) fn recorded_after(folder: &Path, begin_ns: i64) -> (Option<f64>, Option<f64>) {
     let (mut output, mut doubted) = (None, None);
     for name in names(folder) {

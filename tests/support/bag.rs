@@ -1,4 +1,5 @@
-//! ROS 1 bags, read and written by other code than the program's: to lay the same messages out anew, or to spoil them.
+//! ROS 1 bags, read and written by other code than the program's: to lay the same messages out
+//! anew, or to spoil them.
 
 use std::path::Path;
 

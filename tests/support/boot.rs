@@ -1,5 +1,5 @@
-//! A machine of our own for a test: systemd as the first process of new namespaces (`boot.sh`), with our units and
-//! programs on it.
+//! A machine of our own for a test: systemd as the first process of new namespaces (`boot.sh`),
+//! with our units and programs on it.
 
 use super::stages::program;
 use super::{Ended, ended};
@@ -96,7 +96,8 @@ impl Image {
         fs::write(&path, text).unwrap();
     }
 
-    /// Puts a program, or anything large, there. A link where that can be, which is copied as the machine boots.
+    /// Puts a program, or anything large, there. A link where that can be, which is copied as the
+    /// machine boots.
     pub fn program(&self, from: &Path, name: &str) {
         let to = self.file("usr/bin").join(name);
         fs::create_dir_all(to.parent().unwrap()).unwrap();
@@ -128,7 +129,8 @@ impl Image {
         symlink(root, self.folder.path().join("lower")).unwrap();
     }
 
-    /// Keeps what lies in /var/lib/randt in a file, as on a disk of its own; it must have a file system.
+    /// Keeps what lies in /var/lib/randt in a file, as on a disk of its own; it must have a file
+    /// system.
     pub fn disk(&self, file: &Path) {
         symlink(file, self.folder.path().join("kept")).unwrap();
     }
@@ -228,7 +230,8 @@ impl Machine {
 
 impl Drop for Machine {
     fn drop(&mut self) {
-        // All of its processes and mounts go with its first process, and that one with the process that has started it.
+        // All of its processes and mounts go with its first process, and that one with the process
+        // that has started it.
         let _ = self.unshare.kill();
         let _ = self.unshare.wait();
         let begin = Instant::now();

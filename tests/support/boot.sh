@@ -1,9 +1,11 @@
 #!/bin/sh
-# Boots systemd as the first process of namespaces of its own, on an overlay of this machine's files: nothing is installed
-# here, and all of it goes with its last process. Run by `unshare`, as root.
+# Boots systemd as the first process of namespaces of its own, on an overlay of this machine's
+# files: nothing is installed here, and all of it goes with its last process. Run by `unshare`, as
+# root.
 #
-# boot.sh WORK TARGET: WORK has the empty folders disk and root; what lies in WORK/files is laid over this machine's files,
-# or over those of another system's root where the link WORK/lower leads to one.
+# boot.sh WORK TARGET: WORK has the empty folders disk and root; what lies in WORK/files is laid
+# over this machine's files, or over those of another system's root where the link WORK/lower leads
+# to one.
 set -eu
 work=$1
 target=$2

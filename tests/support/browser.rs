@@ -11,8 +11,8 @@ const BROWSER: &str = "chromium";
 /// A browser starts in a second; a machine may be busy.
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
-/// The page: it tries by itself, from a worker and from a sandboxed frame, and reports three words.
-/// TARGET is the address to watch, REPORT where the words go.
+/// The page: it tries by itself, from a worker and from a sandboxed frame, and reports three
+/// words. TARGET is the address to watch, REPORT where the words go.
 const PAGE: &str = r#"<!DOCTYPE html><title>page</title><script>
 const attempt = `(target, report) => {
   const protocols = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
@@ -116,7 +116,8 @@ impl Browser {
         Self { folder }
     }
 
-    /// Opens a page that a host serves and that tries to watch; gives what it got in all three ways.
+    /// Opens a page that a host serves and that tries to watch; gives what it got in all three
+    /// ways.
     pub fn visit(&self, pages: &Pages, host: &str, watch: &str) -> String {
         let url = format!("http://{host}:{}/page?{watch}", pages.address.port());
         self.report(pages, &url, &[])

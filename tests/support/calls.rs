@@ -1,7 +1,7 @@
 //! What a process hands to the system in write and send calls, seen from outside with strace.
 //!
-//! The system's own count of written bytes leaves out what is sent through sockets, and has no count of that. Notices
-//! between stages are such sends.
+//! The system's own count of written bytes leaves out what is sent through sockets, and has no
+//! count of that. Notices between stages are such sends.
 
 use super::stages::Running;
 use std::process::{Command, Stdio};
@@ -52,7 +52,8 @@ pub fn watch(running: &Running, span: Duration) -> Option<Calls> {
     })
 }
 
-/// Name and bytes of a line `PID NAME(ARGUMENTS) = BYTES`; `None` for a call that failed or was cut by the end.
+/// Name and bytes of a line `PID NAME(ARGUMENTS) = BYTES`; `None` for a call that failed or was
+/// cut by the end.
 fn call(line: &str) -> Option<(&str, u64)> {
     let (call, result) = line.rsplit_once(" = ")?;
     let (_, name) = call.split_once('(')?.0.rsplit_once(' ')?;

@@ -16,7 +16,8 @@ pub struct Group {
 }
 
 impl Group {
-    /// A group of `memory` or `cpu`; prints a line where this user may make none, or the system has none.
+    /// A group of `memory` or `cpu`; prints a line where this user may make none, or the system
+    /// has none.
     pub fn new(controller: &str) -> Option<Self> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let count = COUNT.fetch_add(1, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! The directives that units may have.
 
-/// Directives that are in use, with the release that brought them where that is no ancient one. Ubuntu 20.04 has 245; a
-/// newer one needs a fallback, and a reason here.
+/// Directives that are in use, with the release that brought them where that is no ancient one.
+/// Ubuntu 20.04 has 245; a newer one needs a fallback, and a reason here.
 pub const DIRECTIVES: &[(&str, &[&str])] = &[
     (
         "ancient",

@@ -1,4 +1,5 @@
-//! What is done to a stage of a booted machine, how long it takes to come back, and whether anybody else noticed.
+//! What is done to a stage of a booted machine, how long it takes to come back, and whether
+//! anybody else noticed.
 
 use super::boot::Machine;
 use super::watch::{Heard, Watch, now_us};
@@ -9,9 +10,10 @@ use std::time::{Duration, Instant};
 pub const STAGES: [&str; 6] = ["radar", "imu", "filter", "odometry", "mapper", "recorder"];
 /// Nothing is waited for longer.
 const WAIT_MAX: Duration = Duration::from_secs(60);
-/// Where nothing else runs a stage is back 0.3 s after it was started anew, 0.7 s after it was killed and 1 s after its
-/// watchdog ended it; data flow two sweeps of 0.2 s later, and a hang is seen by others after 2 s. The table shows it. A
-/// machine of a test may be slow and busy: what must hold there is that nobody waits much longer, such as for a time-out.
+/// Where nothing else runs a stage is back 0.3 s after it was started anew, 0.7 s after it was
+/// killed and 1 s after its watchdog ended it; data flow two sweeps of 0.2 s later, and a hang is
+/// seen by others after 2 s. The table shows it. A machine of a test may be slow and busy: what
+/// must hold there is that nobody waits much longer, such as for a time-out.
 const BACK_MAX_MS: f64 = 4000.0;
 const FLOWS_MAX_MS: f64 = 4000.0;
 const SEEN_MAX_MS: f64 = 10_000.0;
@@ -91,7 +93,8 @@ impl<'m> FaultInjector<'m> {
         }
     }
 
-    /// Does it, waits until the stage is back and data flow, and looks whether the others are who they were.
+    /// Does it, waits until the stage is back and data flow, and looks whether the others are who
+    /// they were.
     pub fn strike(&mut self, stage: &'static str, fault: InjectedFault) {
         let unit = format!("randt-{stage}.service");
         let before = pids(self.machine);
@@ -186,7 +189,8 @@ impl<'m> FaultInjector<'m> {
         }
     }
 
-    /// How long it took until another stage's status showed that a stage hangs. No stage reads what the recorder writes.
+    /// How long it took until another stage's status showed that a stage hangs. No stage reads
+    /// what the recorder writes.
     fn seen(&self, stage: &str, begin_us: u64) -> Option<f64> {
         let (by, words) = match stage {
             "radar" | "filter" => ("odometry", "stale: no scan for "),
@@ -237,8 +241,8 @@ impl<'m> FaultInjector<'m> {
         seconds.map_or_else(|| panic!("{unit}: {text}"), |s: f64| s * 1e3)
     }
 
-    /// Every scan of a radar's process has its pose, each one the next, in one frame: only with the radar scans can be
-    /// missed.
+    /// Every scan of a radar's process has its pose, each one the next, in one frame: only with
+    /// the radar scans can be missed.
     fn trajectory(&self) {
         let states = self.watch.states();
         for (before, state) in states.iter().zip(states.iter().skip(1)) {

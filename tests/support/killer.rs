@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 pub const STAGES: [&str; 3] = ["filter", "odometry", "mapper"];
 /// The next fault may fall this long after the last one.
 pub const APART: Duration = Duration::from_secs(5);
-/// A stage is back within a second where nothing else runs; the machine of a test may be slow and busy.
+/// A stage is back within a second where nothing else runs; the machine of a test may be slow and
+/// busy.
 pub const BACK_MAX_MS: f64 = 5000.0;
 /// Nothing is waited for longer.
 const WAIT_MAX: Duration = Duration::from_secs(60);
@@ -96,7 +97,8 @@ impl Killer {
         self.starts.iter().map(|starts| starts - 1).sum()
     }
 
-    /// Injects it, waits until the stage that was hit is back, and checks whether another one was disturbed.
+    /// Injects it, waits until the stage that was hit is back, and checks whether another one was
+    /// disturbed.
     pub fn strike(&mut self, stage: &'static str, fault: InjectedFault) {
         let occasion = self.observer.keyframes_heard;
         let came = match fault {

@@ -1,10 +1,12 @@
-//! A small world that is unlike its mirror image and its own turns: an L with niches, driven round twice in 90 s.
+//! A small world that is unlike its mirror image and its own turns: an L with niches, driven round
+//! twice in 90 s.
 
 use super::{ended, randt};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Arms of 14 m and 11 m, one 5 m wide and one 6 m; unequal niches, furniture inside the route's ring.
+/// Arms of 14 m and 11 m, one 5 m wide and one 6 m; unequal niches, furniture inside the route's
+/// ring.
 pub const WORLD: &str = "
 wall concrete 0,0 9,0 9,-0.8 10.5,-0.8 10.5,0 14,0 14,5 6,5 6,11 2.5,11 2.5,11.6 1,11.6 1,11 0,11
 wall concrete 0,11 0,8 -1.2,8 -1.2,7 0,7 0,0

@@ -1,5 +1,5 @@
-//! The journal of a map of thousands of keyframes, made in seconds: up and down a corridor, by a robot that looks for no
-//! loops there, because those are what takes minutes (docs/pipeline.md).
+//! The journal of a map of thousands of keyframes, made in seconds: up and down a corridor, by a
+//! robot that looks for no loops there, because those are what takes minutes (docs/pipeline.md).
 
 use randt_config::{Config, Selection};
 use randt_geometry::elementary::{PI, sin_cos};

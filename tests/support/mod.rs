@@ -1,4 +1,5 @@
-//! What whole-program tests share: the binary with a time limit, the recordings, trajectories, hostile inputs.
+//! What whole-program tests share: the binary with a time limit, the recordings, trajectories,
+//! hostile inputs.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -96,8 +97,8 @@ pub fn ended(command: Command) -> Ended {
 
 /// The same with a limit of its own, for drives of many minutes.
 ///
-/// It goes behind what runs in real time in other tests: an emulated sensor that is kept from sending loses data, as a
-/// real one does.
+/// It goes behind what runs in real time in other tests: an emulated sensor that is kept from
+/// sending loses data, as a real one does.
 pub fn ended_within(command: Command, time_max: Duration) -> Ended {
     let _turn = computes(&command).then(Computing::begin);
     let folder = tempfile::tempdir().unwrap();

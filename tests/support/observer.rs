@@ -1,4 +1,5 @@
-//! An observer in a domain: subscribes to every stage's health and odometry's states, and knows the processes.
+//! An observer in a domain: subscribes to every stage's health and odometry's states, and knows
+//! the processes.
 
 use randt_messages::{
     Keyframe, OdometryState, OdometryStateTopic, StageHealthTopic, StageState, health::text_of,

@@ -62,7 +62,8 @@ pub fn build(programs: &Path, version: &str, out: &Path) -> PathBuf {
     PathBuf::from(output.stdout.trim())
 }
 
-/// The states of a build in which, for example, a field has been added: their layout has another name.
+/// The states of a build in which, for example, a field has been added: their layout has another
+/// name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct OtherStates;
 

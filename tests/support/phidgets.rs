@@ -1,4 +1,5 @@
-//! A simulated log whose IMU stamps are like those of a Phidgets Spatial: off the scans, and with its jitter.
+//! A simulated log whose IMU stamps are like those of a Phidgets Spatial: off the scans, and with
+//! its jitter.
 
 use super::Random;
 use randt_geometry::elementary::ln;
@@ -10,10 +11,11 @@ use std::path::Path;
 pub const OFF_NS: i64 = 1_700_000;
 /// The simulator's samples come every 4 ms, one of them 0.3 ms before a sweep ends.
 const SHIFT_NS: i64 = 2_000_000;
-/// A Phidgets Spatial at 250 Hz, stamped when a sample reached the host (13,964 of them): 90 % of the intervals are
-/// 4 ms to within 0.15 ms; 1 % are above 5.8 ms, 0.1 % above 8.0 ms, the longest has 10.9 ms and the shortest, of the
-/// samples that had to queue up behind a late one, 0.7 ms. That is what this gives: one sample in sixteen comes late, by
-/// 1 ms on average, and what follows it waits.
+/// A Phidgets Spatial at 250 Hz, stamped when a sample reached the host (13,964 of them): 90 % of
+/// the intervals are 4 ms to within 0.15 ms; 1 % are above 5.8 ms, 0.1 % above 8.0 ms, the longest
+/// has 10.9 ms and the shortest, of the samples that had to queue up behind a late one, 0.7 ms.
+/// That is what this gives: one sample in sixteen comes late, by 1 ms on average, and what follows
+/// it waits.
 const NOISE_NS: f64 = 75_000.0;
 const LATE_ONE_IN: usize = 16;
 const LATE_MEAN_NS: f64 = 980_000.0;

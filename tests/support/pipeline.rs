@@ -104,7 +104,8 @@ impl Pipeline {
         command.arg(self.domain.run());
     }
 
-    /// Starts a program and waits until it is in its loop: it holds the lock of those who start until then.
+    /// Starts a program and waits until it is in its loop: it holds the lock of those who start
+    /// until then.
     pub fn start(&mut self, name: &str, mut command: Command) -> u32 {
         command.stdin(Stdio::null()).stdout(Stdio::null());
         let child = command.stderr(Stdio::null()).spawn().unwrap();

@@ -1,4 +1,5 @@
-//! Python with the packages that read what we write: `mcap` and the official protobuf schemas, in an environment of its own.
+//! Python with the packages that read what we write: `mcap` and the official protobuf schemas, in
+//! an environment of its own.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,8 +13,8 @@ const PACKAGES: [&str; 3] = [
 ];
 const IMPORTS: &str = "import mcap, mcap_protobuf, foxglove_schemas_protobuf";
 
-/// A script of this folder, ready for its arguments. `None` where there is no network: a developer goes without, CI does
-/// not.
+/// A script of this folder, ready for its arguments. `None` where there is no network: a developer
+/// goes without, CI does not.
 pub fn script(name: &str) -> Option<Command> {
     static READY: OnceLock<bool> = OnceLock::new();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -1,4 +1,5 @@
-//! A log as the recorder writes it, without processes: a simulated drive, computed and written as it would be published.
+//! A log as the recorder writes it, without processes: a simulated drive, computed and written as
+//! it would be published.
 
 use super::drive::events;
 use randt_config::{Config, Selection};
@@ -36,8 +37,9 @@ impl Sink for Published {
     }
 }
 
-/// That many scans with all that is computed of them. Scans come 20 ms after their sweep's end, samples 1 ms after they
-/// were measured, a state 3 ms after its scan; seven samples at the end of the third second are not there.
+/// That many scans with all that is computed of them. Scans come 20 ms after their sweep's end,
+/// samples 1 ms after they were measured, a state 3 ms after its scan; seven samples at the end of
+/// the third second are not there.
 pub fn write(scans: u64, path: &Path) {
     let loaded = Config::load(&Selection::default()).unwrap();
     let config = loaded.config.clone();

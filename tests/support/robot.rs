@@ -1,4 +1,5 @@
-//! A robot on a booted machine: its configuration, its emulated sensors, and waiting for what becomes of them.
+//! A robot on a booted machine: its configuration, its emulated sensors, and waiting for what
+//! becomes of them.
 
 use super::boot::{Image, Machine};
 use super::pipeline::log;
@@ -76,7 +77,8 @@ pub fn until(what: &str, time_max: Duration, mut is_so: impl FnMut() -> bool) ->
 /// Waits until poses come, at full rate and good.
 pub fn until_alive(machine: &Machine) -> Duration {
     until("all is alive", BOOTED_MAX, || {
-        // What is not as it should be, such as IMU samples that come late on a busy machine, stands behind that.
+        // What is not as it should be, such as IMU samples that come late on a busy machine,
+        // stands behind that.
         let status = machine.status("randt-odometry");
         let rate = status.split_once(" Hz, last scan 0.");
         let is_full = rate.is_some_and(|(hz, _)| hz.parse().is_ok_and(|hz: f64| hz > 4.5));

@@ -1,4 +1,5 @@
-//! The stages as processes in a domain of their own, each started by hand, and what the system reports of them.
+//! The stages as processes in a domain of their own, each started by hand, and what the system
+//! reports of them.
 
 use randt_config::{Config, Selection};
 use randt_stage::Domain;
@@ -189,7 +190,8 @@ impl Drop for Running {
     }
 }
 
-/// Memory in use by a domain: its segments, iceoryx2's files, and what survives the stages. Blocks, not lengths.
+/// Memory in use by a domain: its segments, iceoryx2's files, and what survives the stages.
+/// Blocks, not lengths.
 pub fn memory(domain: &Domain) -> u64 {
     let segments = randt_stage::leftovers(domain);
     let segments: u64 = segments.iter().map(|leftover| leftover.bytes).sum();

@@ -1,7 +1,8 @@
 //! What runs in real time and what computes as fast as it can take turns.
 //!
-//! An emulated sensor that is kept from sending loses data, as a real one does; so nothing computes as long as a drive is
-//! lived whose every message counts. Drives of one kind run side by side.
+//! An emulated sensor that is kept from sending loses data, as a real one does; so nothing
+//! computes as long as a drive is lived whose every message counts. Drives of one kind run side by
+//! side.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -17,7 +18,8 @@ static UNDER_WAY: Mutex<UnderWay> = Mutex::new(UnderWay {
 });
 static CHANGED: Condvar = Condvar::new();
 
-/// As long as it is held nothing computes. Its holder may not compute either: that would wait without end.
+/// As long as it is held nothing computes. Its holder may not compute either: that would wait
+/// without end.
 pub struct RealTime(());
 
 /// As long as it is held no drive is lived.

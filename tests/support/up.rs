@@ -4,8 +4,8 @@ use randt_stage::Domain;
 use std::path::Path;
 use std::process::Command;
 
-/// Other tests load the machine: a sample that comes late is waited for, so that a live pipeline and `randt run`, both
-/// with this setting, use the same ones.
+/// Other tests load the machine: a sample that comes late is waited for, so that a live pipeline
+/// and `randt run`, both with this setting, use the same ones.
 pub const PATIENT: [&str; 2] = ["--set", "odometry.imu_wait_max_s=20"];
 
 /// `randt up --play LOG --out OUT --rate 1` in a domain, patient.

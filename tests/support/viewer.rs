@@ -198,8 +198,9 @@ fn take(bytes: &[u8], channels: &Channels, heard: &Mutex<Heard>) {
     });
 }
 
-/// A link in front of a server, for one viewer at a time: that many bytes a second towards the viewer, and a delay each way.
-/// Like ssh it takes from the server whatever the system's buffers hold.
+/// A link in front of a server, for one viewer at a time: that many bytes a second towards the
+/// viewer, and a delay each way. Like ssh it takes from the server whatever the system's buffers
+/// hold.
 pub fn slow_link(server: SocketAddr, bytes_s: f64, delay: Duration) -> SocketAddr {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap();

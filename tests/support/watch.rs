@@ -1,5 +1,5 @@
-//! What the pipeline on a booted machine sends, as it comes: this test's own program runs there as the stages' user and
-//! prints a line a message.
+//! What the pipeline on a booted machine sends, as it comes: this test's own program runs there as
+//! the stages' user and prints a line a message.
 
 use super::boot::Machine;
 use randt_messages::{
@@ -27,7 +27,8 @@ pub struct Heard {
     pub what: String,
     /// The sender's.
     pub epoch: u64,
-    /// Of a state: whether the IMU covers it. Of health: whether anything went through the stage's ports.
+    /// Of a state: whether the IMU covers it. Of health: whether anything went through the stage's
+    /// ports.
     pub flows: bool,
     /// Of a state.
     pub state: Option<State>,

@@ -11,7 +11,8 @@ pub struct SelectionArguments {
     /// Radar: isdr-c, navtech-cts, or a file; if not given, it follows from the input
     #[arg(long, value_name = "NAME|FILE")]
     sensor: Option<String>,
-    /// Where the sensors sit on the robot, and how the drivers reach them; if not given, as in the input
+    /// Where the sensors sit on the robot, and how the drivers reach them; if not given, as in the
+    /// input
     #[arg(long, value_name = "FILE")]
     robot: Option<String>,
     /// Set one key, such as ndt.cell_size_m=0.5; may be given several times
@@ -47,7 +48,8 @@ impl SelectionArguments {
         self.load_recorded(sensor_from_input, None)
     }
 
-    /// The same for an input that was recorded with a configuration of its own: it holds unless the user names another.
+    /// The same for an input that was recorded with a configuration of its own: it holds unless
+    /// the user names another.
     pub fn load_recorded(
         &self,
         sensor_from_input: Option<&'static str>,

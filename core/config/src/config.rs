@@ -75,7 +75,8 @@ impl Config {
         }
     }
 
-    /// A number that differs where any value differs that is used in computing: FNV-1a over all keys with their values.
+    /// A number that differs where any value differs that is used in computing: FNV-1a over all
+    /// keys with their values.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint_of(|section| !DRIVERS.contains(&section))
     }
@@ -94,7 +95,8 @@ impl Config {
         hash
     }
 
-    /// Farthest range whose returns are used, m: the environment's, or the sensor's where that is smaller.
+    /// Farthest range whose returns are used, m: the environment's, or the sensor's where that is
+    /// smaller.
     pub fn sight_m(&self) -> f64 {
         self.filter.range_max_m.min(self.sensor.range_max_m)
     }
@@ -131,7 +133,8 @@ config! {
     view: View,
 }
 
-/// Sections that decide how messages are acquired, not what is computed from them: another address makes the same map.
+/// Sections that decide how messages are acquired, not what is computed from them: another address
+/// makes the same map.
 const DRIVERS: &[&str] = &["radar", "imu", "record", "view"];
 
 /// What must be below what, as section and key.

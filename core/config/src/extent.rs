@@ -2,8 +2,8 @@
 
 use crate::Config;
 
-/// The mapper's submaps reach this many keyframe distances of path to each side of their root: enough to hold what a
-/// robot at the root sees, little enough that odometry has not drifted.
+/// The mapper's submaps reach this many keyframe distances of path to each side of their root:
+/// enough to hold what a robot at the root sees, little enough that odometry has not drifted.
 const REACH_KEYFRAMES: f64 = 8.0;
 
 /// Squares to a side of a grid that odometry has: three of 16 MB each.
@@ -31,8 +31,8 @@ impl Config {
         self.sight_m() + self.odometry.speed_max_m_s * self.sensor.period_s
     }
 
-    /// Farthest from its root that a return of odometry's submaps can lie, m: a scan at the very edge still fits, and
-    /// the speed may carry one interval beyond it.
+    /// Farthest from its root that a return of odometry's submaps can lie, m: a scan at the very
+    /// edge still fits, and the speed may carry one interval beyond it.
     pub fn submap_extent_m(&self) -> f64 {
         self.sight_m() + self.submap.radius_m + 2.0 * self.cell_size_m()
     }

@@ -20,7 +20,8 @@ pub enum Host {
 
 impl Host {
     /// Reads a host alone; an IPv6 address is in brackets. `None` for anything that no browser
-    /// writes: user information, a trailing dot, an IPv6 zone, an IPv4 address in another notation.
+    /// writes: user information, a trailing dot, an IPv6 zone, an IPv4 address in another
+    /// notation.
     pub fn parse(text: &str) -> Option<Self> {
         if let Some(inside) = text.strip_prefix('[') {
             let address: Ipv6Addr = inside.strip_suffix(']')?.parse().ok()?;
@@ -57,8 +58,8 @@ impl Host {
         }
     }
 
-    /// Whether it is a name of the machine that calls itself `own_name`: that name, its first part,
-    /// and both as multicast DNS knows them.
+    /// Whether it is a name of the machine that calls itself `own_name`: that name, its first
+    /// part, and both as multicast DNS knows them.
     pub fn is_own(&self, own_name: &str) -> bool {
         let Self::Name(name) = self else {
             return false;

@@ -11,7 +11,8 @@ use toml::de::{DeTable, DeValue};
 /// No configuration is longer; a device or a log that was given by mistake is.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// Where each key that was set was set, by section and key. Keys that are not here have their default.
+/// Where each key that was set was set, by section and key. Keys that are not here have their
+/// default.
 pub type Origins = BTreeMap<(&'static str, &'static str), Location>;
 
 /// A kind of file that holds some sections only.
@@ -79,7 +80,8 @@ pub(crate) fn read_text(path: &str) -> Result<String, Error> {
 }
 
 impl Layer<'_> {
-    /// Lays the text over `config`. Returns everything that is wrong; what is right is set all the same.
+    /// Lays the text over `config`. Returns everything that is wrong; what is right is set all the
+    /// same.
     pub fn apply(&self, config: &mut Config, origins: &mut Origins) -> Vec<Error> {
         let (table, syntax) = DeTable::parse_recoverable(self.text);
         if !syntax.is_empty() {
@@ -243,7 +245,8 @@ fn unknown_section(location: Location, name: &str) -> Error {
     }
 }
 
-/// An unknown key with the nearest known one: of its own section, unless another's is nearer by more than a slip.
+/// An unknown key with the nearest known one: of its own section, unless another's is nearer by
+/// more than a slip.
 fn unknown_key(location: Location, section: &str, key: &str) -> Error {
     const OTHER_SECTION: usize = 2;
     let distance = |(of, name): &(&'static str, &'static str)| {

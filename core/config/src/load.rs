@@ -1,4 +1,5 @@
-//! What is in force: defaults, then sensor, profile, robot and overrides, each over the one before.
+//! What is in force: defaults, then sensor, profile, robot and overrides, each over the one
+//! before.
 
 use crate::builtin::{Builtin, PROFILES, ROBOT, SENSORS};
 use crate::layer::{
@@ -24,7 +25,8 @@ pub struct Selection {
     pub sensor: Option<String>,
     /// Radar as the input names it; a profile's own section `sensor` goes over it.
     pub sensor_from_input: Option<&'static str>,
-    /// The whole configuration of a recorded run, which holds where the user names neither profile nor sensor.
+    /// The whole configuration of a recorded run, which holds where the user names neither profile
+    /// nor sensor.
     pub recorded: Option<String>,
     /// Robot: a file's path; what lies in FILE.d beside it goes over it.
     pub robot: Option<String>,
@@ -99,7 +101,8 @@ impl Selection {
 }
 
 impl Loaded {
-    /// Whether a key of this section was set; where none of [`crate::Robot`] was, the input's own mounting holds.
+    /// Whether a key of this section was set; where none of [`crate::Robot`] was, the input's own
+    /// mounting holds.
     pub fn is_set(&self, section: &str) -> bool {
         self.origins.keys().any(|(of, _)| *of == section)
     }
@@ -140,7 +143,8 @@ impl Loaded {
         self.add_text(name, &read_text(name)?, only)
     }
 
-    /// Lays a log's own configuration over what is there. A log stays readable by builds that have other keys.
+    /// Lays a log's own configuration over what is there. A log stays readable by builds that have
+    /// other keys.
     fn add_recorded(&mut self, text: &str) -> Result<(), Error> {
         let layer = Layer {
             source: "the log",
@@ -169,8 +173,9 @@ impl Loaded {
     }
 }
 
-/// The files that are laid over a file: `*.toml` in the folder FILE.d beside it, in the order of their names. So a
-/// package's file can stay as it is, and what one robot has of its own is in a separate file.
+/// The files that are laid over a file: `*.toml` in the folder FILE.d beside it, in the order of
+/// their names. So a package's file can stay as it is, and what one robot has of its own is in a
+/// separate file.
 fn drop_ins(path: &str) -> Result<Vec<String>, Error> {
     let folder = format!("{path}.d");
     let io = |source| Error::Io {

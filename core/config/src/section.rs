@@ -23,7 +23,8 @@ pub(crate) enum Refusal {
     Value(String),
 }
 
-/// Declares a section of the configuration: `name: type = default`, then `=> rule` where it is a number.
+/// Declares a section of the configuration: `name: type = default`, then `=> rule` where it is a
+/// number.
 macro_rules! section {
     ($(#[doc = $about:literal])+ pub struct $name:ident {
         $( $(#[doc = $doc:literal])+ pub $key:ident : $ty:ty = $default:expr $(=> $rule:expr)? ),+ $(,)?

@@ -2,7 +2,8 @@
 
 use crate::{Config, Loaded, Location, Rule};
 
-/// If this section is not set the input's own values hold, so writing its zeros would change the result.
+/// If this section is not set the input's own values hold, so writing its zeros would change the
+/// result.
 const FROM_INPUT: &str = "robot";
 
 impl Loaded {

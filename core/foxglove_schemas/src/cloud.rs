@@ -6,13 +6,14 @@ use foxglove::messages::{PackedElementField, PointCloud};
 use randt_geometry::elementary::sin_cos;
 use randt_messages::{MessageRef, RadarPoints, RadarScan, Return, SweepHead};
 
-/// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that no viewer shows would double what the
-/// cloud takes on the disk.
+/// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that no viewer
+/// shows would double what the cloud takes on the disk.
 const GRAIN_M: f64 = 1.0 / 64.0;
 /// The same for intensities, in the sensor's unit.
 const GRAIN: f64 = 1.0 / 4.0;
 
-/// What the filter left, in the radar's frame, each return where its beam saw it: motion during the sweep is not removed.
+/// What the filter left, in the radar's frame, each return where its beam saw it: motion during
+/// the sweep is not removed.
 pub fn of_points(message: MessageRef<'_, RadarPoints>) -> PointCloud {
     of_some_points(message, usize::MAX)
 }

@@ -11,8 +11,9 @@ use randt_ndt::Cell;
 const CORNERS: u32 = 12;
 /// How many standard deviations it is wide to each side: within are 86 % of the points.
 const DEVIATIONS: f64 = 2.0;
-/// Faint to strong (viridis without its darkest, which cannot be seen on a dark ground). Cells of one colour are one
-/// primitive: viewers draw a few large ones easily, and hundreds of small ones not.
+/// Faint to strong (viridis without its darkest, which cannot be seen on a dark ground). Cells of
+/// one colour are one primitive: viewers draw a few large ones easily, and hundreds of small ones
+/// not.
 const COLOURS: [Colour; 6] = [
     [0.27, 0.35, 0.64, 0.9],
     [0.16, 0.47, 0.56, 0.9],
@@ -24,7 +25,8 @@ const COLOURS: [Colour; 6] = [
 /// This share of the intensities at either end does not stretch the scale of colours.
 const OUTSIDE: f64 = 0.05;
 
-/// Cells in the frame of a root, that lies in `odom` (x m, y m, yaw rad), coloured by their mean intensity.
+/// Cells in the frame of a root, that lies in `odom` (x m, y m, yaw rad), coloured by their mean
+/// intensity.
 pub fn of_cells<'a>(
     cells: impl Iterator<Item = &'a Cell>,
     root: [f64; 3],

@@ -1,4 +1,5 @@
-//! `SceneUpdate`: the pose graph and its loops, put together from the pages in which the mapper sends them.
+//! `SceneUpdate`: the pose graph and its loops, put together from the pages in which the mapper
+//! sends them.
 
 use crate::MAP;
 use crate::scene::{Colour, color, drawing, lines, point};
@@ -10,7 +11,8 @@ use std::collections::BTreeMap;
 
 /// Keyframes of the component of the map that the newest one belongs to.
 const PATH: Colour = [0.98, 0.55, 0.24, 1.0];
-/// Those of other components: each has a frame of its own, and where they are drawn says nothing of where they are.
+/// Those of other components: each has a frame of its own, and where they are drawn says nothing
+/// of where they are.
 const OTHER_COMPONENT: Colour = [0.55, 0.55, 0.6, 0.5];
 /// A loop that is believed, and one that is hardly.
 const BELIEVED: Colour = [0.16, 0.75, 0.35, 1.0];
@@ -36,7 +38,8 @@ impl Graph {
         self.frames.insert(keyframe_id, odom_frame_id);
     }
 
-    /// Takes a page; whether with it a whole graph has become known. A graph that lacks a page is dropped.
+    /// Takes a page; whether with it a whole graph has become known. A graph that lacks a page is
+    /// dropped.
     pub fn take(&mut self, message: MessageRef<'_, MapperGraph>) -> bool {
         let head = message.head;
         if message.items.is_empty() {

@@ -1,4 +1,5 @@
-//! `SceneUpdate` of the pose graph as several entities: over a slow link only those that changed are sent.
+//! `SceneUpdate` of the pose graph as several entities: over a slow link only those that changed
+//! are sent.
 
 use crate::MAP;
 use crate::graph::Graph;
@@ -14,8 +15,8 @@ const ABOVE_M: f64 = 0.03;
 const PATH: Colour = [0.1, 0.4, 0.9, 1.0];
 const LOOP: Colour = [0.9, 0.5, 0.0, 0.8];
 
-/// The graph as entities with a name each, "path N" and "loops N". They have no stamp: what is fixed to `map` needs none,
-/// and so an entity that has not changed is the same bytes.
+/// The graph as entities with a name each, "path N" and "loops N". They have no stamp: what is
+/// fixed to `map` needs none, and so an entity that has not changed is the same bytes.
 pub fn graph_entities(graph: &Graph) -> Vec<(String, SceneUpdate)> {
     let nodes: Vec<&GraphEntry> = graph.nodes().collect();
     let ends: Vec<[&GraphEntry; 2]> = graph.loops().map(|(_, ends)| ends).collect();

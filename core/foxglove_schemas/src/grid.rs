@@ -29,7 +29,8 @@ impl Tiles {
         self.tiles.insert(index, tile.items.into_boxed_slice());
     }
 
-    /// Bytes of the whole grid as a message; `None` where there is none, or one that no viewer could show.
+    /// Bytes of the whole grid as a message; `None` where there is none, or one that no viewer
+    /// could show.
     pub fn size(&self) -> Option<i64> {
         self.extent().map(|extent| extent.bytes())
     }
@@ -93,7 +94,8 @@ impl Tiles {
     }
 }
 
-/// A kilometre square of cells of 0.1 m is 400 MB: whatever is larger has gone wrong, and no viewer shows it.
+/// A kilometre square of cells of 0.1 m is 400 MB: whatever is larger has gone wrong, and no
+/// viewer shows it.
 const BYTES_MAX: i64 = 64 << 20;
 
 /// The tiles' rectangle.

@@ -1,7 +1,8 @@
-//! What viewers understand, made of our messages: Foxglove's well-known schemas in protobuf, one file a schema.
+//! What viewers understand, made of our messages: Foxglove's well-known schemas in protobuf, one
+//! file a schema.
 //!
-//! Responsible for what a message looks like, what its topic is called and how often it goes at most, not for when it
-//! goes. Pure: the same messages give the same bytes.
+//! Responsible for what a message looks like, what its topic is called and how often it goes at
+//! most, not for when it goes. Pure: the same messages give the same bytes.
 
 mod cloud;
 mod ellipse;

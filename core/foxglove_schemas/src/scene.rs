@@ -10,7 +10,8 @@ use foxglove::messages::{
 /// Red, green, blue, alpha, from 0 to 1.
 pub(crate) type Colour = [f64; 4];
 
-/// Points are at whole numbers of this, m: digits that no viewer shows would double what a drawing takes on the disk.
+/// Points are at whole numbers of this, m: digits that no viewer shows would double what a drawing
+/// takes on the disk.
 const GRAIN_M: f64 = 1.0 / 256.0;
 
 /// Pairs of points, or a line through all of them; in metres, a few pixels thick at every zoom.

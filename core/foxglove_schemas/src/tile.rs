@@ -1,5 +1,5 @@
-//! `SceneUpdate` of one tile of the occupancy grid, in quarters: what changes on the map goes to a viewer a quarter at a time,
-//! where a `Grid` would have to go whole.
+//! `SceneUpdate` of one tile of the occupancy grid, in quarters: what changes on the map goes to a
+//! viewer a quarter at a time, where a `Grid` would have to go whole.
 
 use crate::{MAP, pose_of, scene};
 use foxglove::messages::{Color, Point3, SceneEntity, SceneUpdate, TriangleListPrimitive};
@@ -9,7 +9,8 @@ use std::collections::HashMap;
 /// From this value on a cell is drawn as occupied.
 const OCCUPIED_MIN: u8 = 50;
 const UNKNOWN: u8 = 255;
-/// Occupied cells lie above the free ones by this, m, which run through below them: fewer and larger rectangles.
+/// Occupied cells lie above the free ones by this, m, which run through below them: fewer and
+/// larger rectangles.
 const ABOVE_M: f64 = 0.01;
 
 const FREE_COLOUR: Color = Color {
@@ -33,20 +34,23 @@ const SIDE: usize = TILE_CELLS / 2;
 pub enum Detail {
     /// Every cell.
     Fine,
-    /// Four cells as one, which is occupied where any of them is: a quarter of the bytes, to be replaced by the fine one.
+    /// Four cells as one, which is occupied where any of them is: a quarter of the bytes, to be
+    /// replaced by the fine one.
     Coarse,
 }
 
 /// A quarter of a tile: small enough to go over a slow link in a moment.
 #[derive(Clone, Debug)]
 pub struct TileQuarter {
-    /// The entity's name, "tile ROW COLUMN.QUARTER": an entity that comes by that name replaces it.
+    /// The entity's name, "tile ROW COLUMN.QUARTER": an entity that comes by that name replaces
+    /// it.
     pub name: String,
     /// Its middle in `map`, m.
     pub middle_m: [f64; 2],
     /// Whether nothing in it is known.
     pub is_empty: bool,
-    /// One entity in `map`, which stays; without a stamp, so that the same cells give the same bytes.
+    /// One entity in `map`, which stays; without a stamp, so that the same cells give the same
+    /// bytes.
     pub update: SceneUpdate,
 }
 
@@ -140,8 +144,8 @@ impl Patch {
         drawn.collect()
     }
 
-    /// Rectangles that cover every wanted cell, and besides them only cells that may be covered: from below, each as wide as
-    /// it can be and then as high.
+    /// Rectangles that cover every wanted cell, and besides them only cells that may be covered:
+    /// from below, each as wide as it can be and then as high.
     fn rectangles(&self, wanted: &dyn Fn(u8) -> bool, may: &dyn Fn(u8) -> bool) -> Vec<Rectangle> {
         let side = self.side;
         let mut covered = vec![false; side * side];

@@ -1,5 +1,5 @@
-//! The topics that viewers see, each with its schema and its rate: what a live view and a recording share, so that one
-//! layout shows both.
+//! The topics that viewers see, each with its schema and its rate: what a live view and a
+//! recording share, so that one layout shows both.
 
 use crate::channel;
 use foxglove::Encode;

@@ -5,8 +5,8 @@ use foxglove::messages::{FrameTransform, FrameTransforms, Quaternion};
 use randt_config::Robot;
 use randt_messages::{Correction, OdometryState};
 
-/// All frames as they lie when a state holds: where the sensors sit, `odom` to `base_link`, and `map` to `odom` where the
-/// mapper has published it.
+/// All frames as they lie when a state holds: where the sensors sit, `odom` to `base_link`, and
+/// `map` to `odom` where the mapper has published it.
 pub fn transforms(
     robot: &Robot,
     state: &OdometryState,

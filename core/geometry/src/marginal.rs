@@ -2,7 +2,8 @@
 
 use nalgebra::{Matrix2, Matrix3};
 
-/// Information about the position with yaw marginalised: the Schur complement of yaw in the information of (x, y, yaw).
+/// Information about the position with yaw marginalised: the Schur complement of yaw in the
+/// information of (x, y, yaw).
 pub fn marginalize_yaw(information: &Matrix3<f64>) -> Matrix2<f64> {
     let h = information;
     let yaw = h.m33.max(f64::MIN_POSITIVE);

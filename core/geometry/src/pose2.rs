@@ -7,7 +7,8 @@ use crate::elementary::{sin_cos, wrap};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use randt_persist::persist;
 
-/// Below this angle the closed forms lose digits to cancellation; three Taylor terms are exact to 1e-16.
+/// Below this angle the closed forms lose digits to cancellation; three Taylor terms are exact to
+/// 1e-16.
 const SMALL_ANGLE_RAD: f64 = 1e-2;
 
 /// A pose in the plane: the frame `b` seen from the frame `a`.
@@ -169,7 +170,8 @@ impl Pose2 {
     /// Inverse of the right Jacobian: Log(T Exp(d)) ~ Log(T) + Jr^-1 d.
     pub fn right_jacobian_inverse(twist: Vector3<f64>) -> Matrix3<f64> {
         let j = Self::right_jacobian(twist);
-        // Block form [A w; 0 1]: A is a scaled rotation, so its inverse is its transpose over the scale.
+        // Block form [A w; 0 1]: A is a scaled rotation, so its inverse is its transpose over the
+        // scale.
         let scale = 1.0 / (j.m11 * j.m11 + j.m12 * j.m12);
         let (a, b) = (j.m11 * scale, j.m12 * scale);
         Matrix3::new(
@@ -185,7 +187,8 @@ impl Pose2 {
         )
     }
 
-    /// The pose between `self` (fraction 0) and `other` (1): position straight, heading along the shorter way round.
+    /// The pose between `self` (fraction 0) and `other` (1): position straight, heading along the
+    /// shorter way round.
     pub fn interpolate(&self, other: &Self, fraction: f64) -> Self {
         Self::new(
             self.x_m + (other.x_m - self.x_m) * fraction,

@@ -1,6 +1,8 @@
-//! Time against angle of a turning sensor: what a turntable of constant speed would have, by least squares.
+//! Time against angle of a turning sensor: what a turntable of constant speed would have, by least
+//! squares.
 //!
-//! Stamps of beams come in bursts of up to 16 ms (Navtech); the turntable's speed is far steadier than that.
+//! Stamps of beams come in bursts of up to 16 ms (Navtech); the turntable's speed is far steadier
+//! than that.
 
 /// A line through (counts, time).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,8 +14,9 @@ pub struct Rotation {
 }
 
 impl Rotation {
-    /// Fits rows of (counts of the encoder, over its zero; stamp). Counts are of any encoder; stamps have units of
-    /// `ns_per_unit` ns and are taken relative to `first`, one of them. Without two different counts it stands still.
+    /// Fits rows of (counts of the encoder, over its zero; stamp). Counts are of any encoder;
+    /// stamps have units of `ns_per_unit` ns and are taken relative to `first`, one of them.
+    /// Without two different counts it stands still.
     pub fn fit(
         rows: impl Iterator<Item = (i64, i64)> + Clone,
         first: i64,

@@ -4,8 +4,8 @@ use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, McapResult};
 
-/// The largest record or chunk that is accepted, compressed or not. Ours have about 1 MiB; the largest
-/// message has 0.8 MB. It bounds what a hostile length can make us allocate.
+/// The largest record or chunk that is accepted, compressed or not. Ours have about 1 MiB; the
+/// largest message has 0.8 MB. It bounds what a hostile length can make us allocate.
 pub(crate) const SIZE_MAX: usize = 256 << 20;
 
 /// Bytes of a record before its content: opcode and length.
@@ -26,7 +26,8 @@ pub(crate) struct Chunk {
 }
 
 impl Chunk {
-    /// A chunk from its record with the frame. A `cut` one gives the records before the cut, unchecked.
+    /// A chunk from its record with the frame. A `cut` one gives the records before the cut,
+    /// unchecked.
     pub(crate) fn new(mut input: Vec<u8>, cut: bool) -> McapResult<Self> {
         let header = header_size(&input).ok_or(McapError::UnexpectedEoc)?;
         let available = (input.len() - header) as u64;
@@ -38,7 +39,8 @@ impl Chunk {
             put(&mut input, header - 8, &available.to_le_bytes());
         }
         let compressed = u64_at(&input, header - 8).unwrap_or(u64::MAX);
-        // mcap 0.26 counts below zero where a record of an uncompressed chunk runs into what follows.
+        // mcap 0.26 counts below zero where a record of an uncompressed chunk runs into what
+        // follows.
         if compressed != available {
             return Err(McapError::BadChunkLength {
                 header: compressed,
@@ -63,7 +65,8 @@ impl Chunk {
     pub(crate) fn next_record(&mut self, record: &mut Vec<u8>) -> McapResult<Option<u8>> {
         while let Some(event) = self.reader.next_event() {
             match event {
-                // Where less is left than it asks for, it gets what is left, and knows that this is the end.
+                // Where less is left than it asks for, it gets what is left, and knows that this
+                // is the end.
                 Ok(LinearReadEvent::ReadRequest(wanted)) => {
                     let rest = self.input.get(self.fed..).unwrap_or_default();
                     let next = rest.get(..wanted).unwrap_or(rest);

@@ -3,8 +3,9 @@
 use crate::{Channel, ChannelId, Entry, Error, LogReader, LogWriter};
 use std::io::{Read, Seek, Write};
 
-/// Copies a log to a new one: metadata, channels of any encoding, and the messages for which `keep` is true, bit for bit.
-/// Damage is stepped over, as by every reader. Gives the number of messages.
+/// Copies a log to a new one: metadata, channels of any encoding, and the messages for which
+/// `keep` is true, bit for bit. Damage is stepped over, as by every reader. Gives the number of
+/// messages.
 pub fn copy<R: Read + Seek, W: Write + Seek>(
     reader: &mut LogReader<R>,
     writer: &mut LogWriter<W>,

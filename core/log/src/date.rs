@@ -1,6 +1,7 @@
 //! Names of logs and their folders: the date that the clock reads.
 
-/// UTC to the second, such as `2026-11-24T13-05-10Z`: sorts by time, and every file system takes it.
+/// UTC to the second, such as `2026-11-24T13-05-10Z`: sorts by time, and every file system takes
+/// it.
 pub fn name_of_date(now_ns: i64) -> String {
     let seconds = now_ns.div_euclid(1_000_000_000);
     let (days, second) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
@@ -19,7 +20,8 @@ pub fn is_date(name: &str) -> bool {
     name.len() >= SHAPE.len() && SHAPE.iter().zip(name.bytes()).all(fits)
 }
 
-/// Year, month and day of a number of days since 1970. Years begin in March here, so that the leap day is the last.
+/// Year, month and day of a number of days since 1970. Years begin in March here, so that the leap
+/// day is the last.
 fn date(days: i64) -> (i64, i64, i64) {
     const ERA: i64 = 146_097;
     let days = days + 719_468;

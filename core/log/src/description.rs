@@ -8,8 +8,8 @@ pub(crate) const CODES: &str = "codes ";
 
 /// The layout of a topic's messages, little-endian, one line per field: offset, size, name, type.
 ///
-/// Each struct comes once, after those inside it. A field that holds the codes of an enum is followed by a line of their
-/// names: `codes trust: 0 lost, 1 degraded, 2 good`.
+/// Each struct comes once, after those inside it. A field that holds the codes of an enum is
+/// followed by a line of their names: `codes trust: 0 lost, 1 degraded, 2 good`.
 ///
 /// ```
 /// let text = randt_log::describe::<randt_messages::RadarScan>();

@@ -22,9 +22,11 @@ pub struct Channel {
     pub topic: String,
     /// Type name with layout hash; empty where the log has none.
     pub type_name: String,
-    /// How its messages are serialised: `randt` for ours, `protobuf` for viewers, `cdr` or `ros1` in ROS bags.
+    /// How its messages are serialised: `randt` for ours, `protobuf` for viewers, `cdr` or `ros1`
+    /// in ROS bags.
     pub message_encoding: String,
-    /// How the schema is written: `randt-layout`, `protobuf`, `ros2msg`; empty where there is none.
+    /// How the schema is written: `randt-layout`, `protobuf`, `ros2msg`; empty where there is
+    /// none.
     pub schema_encoding: String,
     /// What a message holds, for readers that do not know the topic.
     pub schema: Vec<u8>,

@@ -1,7 +1,7 @@
 //! Why a log cannot be written or read.
 
-/// Why a log cannot be written or read. Every text names the file and includes the cause, so there is no `source`, which
-/// would print the cause twice.
+/// Why a log cannot be written or read. Every text names the file and includes the cause, so there
+/// is no `source`, which would print the cause twice.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -31,7 +31,8 @@ pub enum Error {
         /// Its first bytes.
         found: Vec<u8>,
     },
-    /// A topic's messages have another layout than in this program, and the log does not describe it.
+    /// A topic's messages have another layout than in this program, and the log does not describe
+    /// it.
     #[error(
         "{path}: topic {topic} holds {found}, this program reads {expected}: the log was written by another build ({written_by}); read it with that one"
     )]

@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// A log file in the making: `NAME.active` until [`LogFile::finish`] gives it its name.
 ///
-/// Dropped before that, it takes the `.active` file with it. A process that is killed leaves it, and
-/// [`crate::LogReader`] reads it up to the cut.
+/// Dropped before that, it takes the `.active` file with it. A process that is killed leaves it,
+/// and [`crate::LogReader`] reads it up to the cut.
 #[derive(Debug)]
 pub struct LogFile {
     writer: LogWriter<BufWriter<File>>,
@@ -41,7 +41,8 @@ impl LogFile {
         Self::create_under(path, ".active", options)
     }
 
-    /// Begins a copy: `NAME.part` until it is finished, because `NAME.active` may be what is copied.
+    /// Begins a copy: `NAME.part` until it is finished, because `NAME.active` may be what is
+    /// copied.
     pub fn create_copy(path: &Path, options: Options) -> Result<Self, Error> {
         Self::create_under(path, ".part", options)
     }

@@ -1,7 +1,7 @@
 //! Whether the lengths inside a record lie within it.
 //!
-//! mcap's parser reserves memory for a text before it checks that the text is there: one damaged byte can
-//! ask for 4 GiB, which a small machine refuses by ending the process.
+//! mcap's parser reserves memory for a text before it checks that the text is there: one damaged
+//! byte can ask for 4 GiB, which a small machine refuses by ending the process.
 
 use mcap::records::op;
 

@@ -1,8 +1,8 @@
 //! The MCAP log: the messages' bytes as they are on the bus.
 //!
-//! Responsible for one container format, written and read: a channel per topic, the layout's table as its
-//! schema, metadata at the start, damage counted and stepped over, layouts of other builds translated.
-//! Not responsible for what the messages mean, nor for when they are written.
+//! Responsible for one container format, written and read: a channel per topic, the layout's table
+//! as its schema, metadata at the start, damage counted and stepped over, layouts of other builds
+//! translated. Not responsible for what the messages mean, nor for when they are written.
 //!
 //! ```
 //! use randt_log::{LogReader, LogWriter, Options};

@@ -16,7 +16,8 @@ use std::path::Path;
 /// A message record's header: channel, sequence, log time, publish time.
 const MESSAGE_HEADER: usize = 2 + 4 + 8 + 8;
 
-/// Reads messages in the file's order. Damage is counted and stepped over; a cut file gives what is there.
+/// Reads messages in the file's order. Damage is counted and stepped over; a cut file gives what
+/// is there.
 pub struct LogReader<R> {
     records: RecordReader<R>,
     written_by: String,
@@ -66,7 +67,8 @@ impl<R: Read + Seek> LogReader<R> {
         self.records.whole_chunks_only();
     }
 
-    /// The next message, `None` at the end. An error is the operating system's and ends the reading.
+    /// The next message, `None` at the end. An error is the operating system's and ends the
+    /// reading.
     pub fn next_entry(&mut self) -> Result<Option<Entry<'_>>, Error> {
         loop {
             let Some((opcode, offset)) = self.records.next_record()? else {
@@ -91,7 +93,8 @@ impl<R: Read + Seek> LogReader<R> {
         }
     }
 
-    /// A metadata record by name, as far as the file was read: all that stand before the first message.
+    /// A metadata record by name, as far as the file was read: all that stand before the first
+    /// message.
     pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
         self.metadata.get(name)
     }
@@ -126,7 +129,8 @@ impl<R: Read + Seek> LogReader<R> {
         self.channels.values().map(|known| &known.channel)
     }
 
-    /// The topics that were read although the log has them in another build's layout, each with what it lacks.
+    /// The topics that were read although the log has them in another build's layout, each with
+    /// what it lacks.
     pub fn translated(&self) -> impl Iterator<Item = String> {
         self.channels.values().filter_map(|known| {
             let translation = known.translation.get()?.as_ref()?;

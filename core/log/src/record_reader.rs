@@ -48,7 +48,8 @@ impl<R: Read + Seek> RecordReader<R> {
         Ok(reader)
     }
 
-    /// The next record before the first chunk and the first message; `None` where one of these comes.
+    /// The next record before the first chunk and the first message; `None` where one of these
+    /// comes.
     pub fn next_before_data(&mut self) -> Result<Option<(u8, u64)>, Error> {
         match self.next_file_record()? {
             Some((op::MESSAGE, offset)) => {
@@ -93,7 +94,8 @@ impl<R: Read + Seek> RecordReader<R> {
         }
     }
 
-    /// As [`Self::next_record`], outside chunks. `None` with `self.chunk` set means: read that one.
+    /// As [`Self::next_record`], outside chunks. `None` with `self.chunk` set means: read that
+    /// one.
     fn next_file_record(&mut self) -> Result<Option<(u8, u64)>, Error> {
         while !self.ended {
             let offset = self.position;

@@ -128,8 +128,8 @@ impl Kind {
 }
 
 impl StoredLayout {
-    /// Reads a description as [`crate::describe`] writes it; `None` where it makes no sense. No field of the result leads
-    /// out of its struct, whatever the text says.
+    /// Reads a description as [`crate::describe`] writes it; `None` where it makes no sense. No
+    /// field of the result leads out of its struct, whatever the text says.
     pub fn parse(text: &str) -> Option<Self> {
         let mut parser = Parser::default();
         text.lines().try_for_each(|line| parser.take(line))?;
@@ -196,8 +196,8 @@ impl<'a> Parser<'a> {
         Arc::get_mut(self.structs.get_mut(self.last)?)
     }
 
-    /// A kind by its name; each struct comes after those inside it. The length of an array may be a constant's name, so it
-    /// follows from the size.
+    /// A kind by its name; each struct comes after those inside it. The length of an array may be
+    /// a constant's name, so it follows from the size.
     fn kind(&self, name: &str, size: usize) -> Option<Kind> {
         let name = name.trim();
         if let Some(array) = name.strip_prefix('[') {

@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Puts a log together in memory. What [`LogStream::take`] gives is appended to a file, and nothing that was given is
-/// changed later: whatever such a file is cut to, it holds every chunk that ends before the cut.
+/// Puts a log together in memory. What [`LogStream::take`] gives is appended to a file, and
+/// nothing that was given is changed later: whatever such a file is cut to, it holds every chunk
+/// that ends before the cut.
 #[derive(Debug)]
 pub struct LogStream {
     writer: LogWriter<NoSeek<Outbox>>,

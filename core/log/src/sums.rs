@@ -10,8 +10,9 @@ const FOOTER: usize = 20;
 /// Read at once.
 const BLOCK: usize = 1 << 16;
 
-/// Reads a file from its beginning to its end and lists what is wrong: the checksums of the data and of the summary, the
-/// end. The list is empty where nothing is; a log that was never finished has none of them, which is listed.
+/// Reads a file from its beginning to its end and lists what is wrong: the checksums of the data
+/// and of the summary, the end. The list is empty where nothing is; a log that was never finished
+/// has none of them, which is listed.
 pub fn check_sums(source: impl Read) -> io::Result<Vec<String>> {
     let mut file = Summed::new(source);
     let mut wrong = Vec::new();

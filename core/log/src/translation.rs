@@ -47,7 +47,8 @@ enum How {
     Widen(Number, Number),
     /// A code gets the number that its name has in this build.
     Recode(Vec<(u32, u32)>),
-    /// A bit of a value that is converted already, at `from` in the output, becomes a value of its own.
+    /// A bit of a value that is converted already, at `from` in the output, becomes a value of its
+    /// own.
     MoveBit(u32),
 }
 
@@ -98,7 +99,8 @@ impl Translation {
         }
     }
 
-    /// A message's bytes in this program's layout; `None` where their number does not fit the stored one.
+    /// A message's bytes in this program's layout; `None` where their number does not fit the
+    /// stored one.
     pub fn apply(&self, bytes: &[u8]) -> Option<Vec<u8>> {
         let (head, items) = bytes.split_at_checked(self.head.from)?;
         let mut out = Vec::new();
@@ -239,7 +241,8 @@ fn stored_bit<'a>(from: &Struct, to: &'a Struct, former: &[Former]) -> Option<(&
     })
 }
 
-/// The codes of a field as this build has them; `None` where they are the same, or where the log does not name them.
+/// The codes of a field as this build has them; `None` where they are the same, or where the log
+/// does not name them.
 fn recoding(from: &Field, to: &Field) -> Option<Vec<(u32, u32)>> {
     let number = Kind::Number(Number::U32);
     if from.kind != number || to.kind != number {

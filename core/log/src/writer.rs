@@ -46,7 +46,8 @@ impl Default for Options {
     }
 }
 
-/// Writes messages in the order in which they come; a topic's channel begins with its first message.
+/// Writes messages in the order in which they come; a topic's channel begins with its first
+/// message.
 ///
 /// Call [`LogWriter::finish`]: what is merely dropped loses its errors.
 pub struct LogWriter<W: Write + Seek> {
@@ -67,7 +68,8 @@ impl<W: Write + Seek> LogWriter<W> {
         Self::with(sink, path, options, false)
     }
 
-    /// The same; `append_only`: chunks are put together in memory, and nothing that was written is ever changed.
+    /// The same; `append_only`: chunks are put together in memory, and nothing that was written is
+    /// ever changed.
     pub(crate) fn with(
         sink: W,
         path: impl Into<String>,
@@ -104,8 +106,8 @@ impl<W: Write + Seek> LogWriter<W> {
         }
     }
 
-    /// Writes a record of names and values. Write it before the first message: the reader of a log that
-    /// was cut has only what stands before the cut.
+    /// Writes a record of names and values. Write it before the first message: the reader of a log
+    /// that was cut has only what stands before the cut.
     pub fn write_metadata(
         &mut self,
         name: &str,

@@ -1,4 +1,5 @@
-//! Logs of earlier layouts, kept in `fixtures`: each is read for as long as there are robots that recorded such logs.
+//! Logs of earlier layouts, kept in `fixtures`: each is read for as long as there are robots that
+//! recorded such logs.
 
 use randt_log::{LogReader, LogWriter, Options, ROBOT_METADATA, Robot, channels};
 use randt_messages::health::fixed_text;

@@ -56,8 +56,8 @@ fn log(count: u64, returns: usize, compression: Compression) -> Vec<u8> {
     writer.finish().unwrap().into_inner()
 }
 
-/// Reads everything: the scans' sequence numbers and the damage. Checks every scan that it gets; only one
-/// in a chunk that is cut has no checksum.
+/// Reads everything: the scans' sequence numbers and the damage. Checks every scan that it gets;
+/// only one in a chunk that is cut has no checksum.
 fn read(bytes: Vec<u8>, returns: usize) -> (Vec<u64>, Vec<DamageKind>) {
     let Ok(mut reader) = LogReader::new(Cursor::new(bytes), "t") else {
         return Default::default();

@@ -4,7 +4,8 @@ use randt_log::{Error, LogReader, LogWriter, Options};
 use randt_messages::{Message, Topic};
 use std::io::Cursor;
 
-/// One topic as two builds have it. Between them a field came, one went, one changed its kind, one its offset, an array grew.
+/// One topic as two builds have it. Between them a field came, one went, one changed its kind, one
+/// its offset, an array grew.
 mod before {
     use randt_messages::Header;
 

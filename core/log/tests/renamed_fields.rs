@@ -1,4 +1,5 @@
-//! Fields that an earlier build had under another name, in a bit of another field or with other codes.
+//! Fields that an earlier build had under another name, in a bit of another field or with other
+//! codes.
 
 use randt_log::{Channel, LogReader, LogWriter, Options, RecordHeader};
 use randt_messages::{

@@ -3,8 +3,8 @@
 use crate::plain;
 
 plain! {
-    /// Where odometry is and how far it has counted: small, and valid for every build with this layout. It is used where
-    /// the whole state cannot be taken over.
+    /// Where odometry is and how far it has counted: small, and valid for every build with this
+    /// layout. It is used where the whole state cannot be taken over.
     pub struct PoseRecord {
         /// End of the last scan's sweep.
         pub stamp_ns: i64,
@@ -42,7 +42,8 @@ plain! {
         pub epoch: u64,
         /// Sequence in that epoch.
         pub sequence: u64,
-        /// Number that continues over restarts of the publisher, as that of states and keyframes does; else 0.
+        /// Number that continues over restarts of the publisher, as that of states and keyframes
+        /// does; else 0.
         pub id: u64,
         /// When it was published, ns.
         pub published_ns: i64,

@@ -14,8 +14,8 @@ coded! {
         Full = 2 => "disk-full",
         /// They could not be written, or were lost again with the file.
         Failed = 3 => "disk-failed",
-        /// Their publisher was replaced while no recorder ran, and what it sent last is lost. The count says how often that
-        /// happened, because the number of messages is unknown.
+        /// Their publisher was replaced while no recorder ran, and what it sent last is lost. The
+        /// count says how often that happened, because the number of messages is unknown.
         Replaced = 4 => "publisher-replaced",
     }
 }

@@ -3,7 +3,8 @@
 use crate::{Header, plain};
 
 plain! {
-    /// One reading in the IMU's own frame (x forward, y left, z up when mounted upright, SI units).
+    /// One reading in the IMU's own frame (x forward, y left, z up when mounted upright, SI
+    /// units).
     pub struct ImuSample {
         /// `stamp_ns` is the estimated instant of measurement.
         pub header: Header,

@@ -115,8 +115,8 @@ impl<T: Layout, const N: usize> Layout for [T; N] {
     }
 }
 
-/// Declares plain old data: `repr(C)`, no padding (refused by the compiler), with its layout hash. The crate that uses it
-/// needs `bytemuck` with its feature `derive`.
+/// Declares plain old data: `repr(C)`, no padding (refused by the compiler), with its layout hash.
+/// The crate that uses it needs `bytemuck` with its feature `derive`.
 ///
 /// A field may have, behind its documentation:
 /// - `#[was(NAME)]`: its name in earlier builds, whose logs are read by it;
@@ -174,8 +174,8 @@ macro_rules! plain {
     )+ };
 }
 
-/// Declares an enum that messages hold as its code, a `u32`. Each variant has its code and its name for logs:
-/// `Good = 2 => "good"`. What no variant stands for is the one marked `#[default]`.
+/// Declares an enum that messages hold as its code, a `u32`. Each variant has its code and its
+/// name for logs: `Good = 2 => "good"`. What no variant stands for is the one marked `#[default]`.
 macro_rules! coded {
     ($( $(#[$meta:meta])* pub enum $name:ident {
         $( $(#[$variant_meta:meta])* $variant:ident = $code:literal => $text:literal ),+ $(,)?

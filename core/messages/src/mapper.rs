@@ -27,7 +27,8 @@ plain! {
         pub graph_version: u64,
         /// The odometry frame whose pose this is.
         pub odom_frame_id: u64,
-        /// First `odom_frame_id` of the component of the pose graph that it belongs to. No edge joins two components.
+        /// First `odom_frame_id` of the component of the pose graph that it belongs to. No edge
+        /// joins two components.
         #[was(part)]
         pub component: u64,
         /// Pose of `odom` in `map`: x m, y m, yaw rad.
@@ -43,7 +44,8 @@ plain! {
         pub graph_version: u64,
         /// Keyframes in the graph.
         pub keyframes: u64,
-        /// The keyframe that the mapper waits for: one more than the newest that it has, 0 where it has none.
+        /// The keyframe that the mapper waits for: one more than the newest that it has, 0 where
+        /// it has none.
         pub wanted_keyframe: u64,
         /// Keyframes below this number are on disk and need not be kept by anybody else.
         pub on_disk: u64,
@@ -81,8 +83,8 @@ plain! {
         pub kind: u32,
     }
 
-    /// The fixed part of a tile of the occupancy grid; its cells follow row by row from the lower left one:
-    /// 0 free to 100 occupied, 255 unknown.
+    /// The fixed part of a tile of the occupancy grid; its cells follow row by row from the lower
+    /// left one: 0 free to 100 occupied, 255 unknown.
     pub struct TileHead {
         /// Stamp: that of the newest keyframe.
         pub header: Header,
@@ -90,7 +92,8 @@ plain! {
         pub grid_version: u64,
         /// Column of the tile, to the right.
         pub column: i32,
-        /// Row of the tile, upwards; cell (0, 0) is the lower left one of tile (0, 0) and has its corner at the origin.
+        /// Row of the tile, upwards; cell (0, 0) is the lower left one of tile (0, 0) and has its
+        /// corner at the origin.
         pub row: i32,
         /// Edge of a cell, m.
         pub resolution_m: f64,

@@ -8,8 +8,8 @@ coded! {
         /// The estimate has no support in the data; the next scan opens a new odom frame.
         #[default]
         Lost = 0 => "lost",
-        /// Some direction is held by the motion model or IMU alone, the scans fit their map poorly, or beams of two senders
-        /// came.
+        /// Some direction is held by the motion model or IMU alone, the scans fit their map
+        /// poorly, or beams of two senders came.
         Degraded = 1 => "degraded",
         /// The scan fixes the pose in every direction.
         Good = 2 => "good",
@@ -54,7 +54,8 @@ plain! {
         pub gyro_bias_rad_s: [f64; 3],
         /// `base_link` in a level frame of the same yaw-free heading: quaternion w, x, y, z.
         pub attitude: [f64; 4],
-        /// Covariance of x, y, yaw in the frame of `base_link` (perturbation on the right), row by row; m^2, m rad, rad^2.
+        /// Covariance of x, y, yaw in the frame of `base_link` (perturbation on the right), row by
+        /// row; m^2, m rad, rad^2.
         pub covariance: [f64; 9],
         /// Eigenvalues of the scans' own position information, 1/m^2, smaller first.
         pub information_eigenvalues: [f64; 2],

@@ -79,8 +79,8 @@ plain! {
         pub range_resolution_m: f32,
         /// Angle between neighbouring beams of the full sweep.
         pub azimuth_step_rad: f32,
-        /// 1 where the beams may not all be the radar's: beams of another sender came meanwhile, or copies of a beam
-        /// differed. Else 0.
+        /// 1 where the beams may not all be the radar's: beams of another sender came meanwhile,
+        /// or copies of a beam differed. Else 0.
         #[was_bit(sensor, 31)]
         pub contested: u64,
         /// The table; entries from `beam_count` on are zero.

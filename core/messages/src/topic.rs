@@ -3,7 +3,8 @@
 use crate::{Header, layout::Layout};
 use bytemuck::Pod;
 
-/// One topic of the bus and of the log. A message is one `Head` followed by up to `MAX_ITEMS` items.
+/// One topic of the bus and of the log. A message is one `Head` followed by up to `MAX_ITEMS`
+/// items.
 pub trait Topic: core::fmt::Debug + 'static {
     /// Name with version, such as `radar/scan/v1`.
     const NAME: &'static str;
@@ -79,7 +80,8 @@ impl<T: Topic> Message<T> {
         }
     }
 
-    /// Reads a message from the bytes that [`MessageRef::write_bytes`] made; `None` where their number does not fit.
+    /// Reads a message from the bytes that [`MessageRef::write_bytes`] made; `None` where their
+    /// number does not fit.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (head, tail) = bytes.split_at_checked(size_of::<T::Head>())?;
         let item = size_of::<T::Item>();
@@ -111,7 +113,8 @@ impl<'a, T: Topic> MessageRef<'a, T> {
     }
 }
 
-/// Declares a topic: `Marker = "name/v1": Head, [Item; MAX]`. The head's field `header` is a [`Header`](crate::Header).
+/// Declares a topic: `Marker = "name/v1": Head, [Item; MAX]`. The head's field `header` is a
+/// [`Header`](crate::Header).
 ///
 /// ```
 /// use randt_messages::{Header, Topic};

@@ -1,5 +1,5 @@
-//! Every topic of ours, once: its messages and how they are carried. What handles all topics (quality of service, the
-//! log's layouts, the recorder, `randt top`) takes them from here.
+//! Every topic of ours, once: its messages and how they are carried. What handles all topics
+//! (quality of service, the log's layouts, the recorder, `randt top`) takes them from here.
 
 use crate::{
     Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphHead, HEALTH_PORTS, ImuSample, KeyframeHead,
@@ -9,14 +9,16 @@ use crate::{
 
 /// Readers of a topic: its stage, recorder, view, supervisor and a person's tool or two.
 const READERS: usize = 6;
-/// Readers of a topic that every `randt top` reads: people's tools may never take the place of a stage that comes back.
+/// Readers of a topic that every `randt top` reads: people's tools may never take the place of a
+/// stage that comes back.
 const WATCHED: usize = 16;
 
 /// How a topic is carried on the bus.
 ///
-/// Under safe overflow a late reader gets at most its own buffer of the history, so the two go together. A reader's
-/// buffer lasts as long as a stage may be stopped, a writer's history as long as the recorder may be away: 5 s and more.
-/// Under load the recorder's restart takes up to 2.3 s, and it may be killed again.
+/// Under safe overflow a late reader gets at most its own buffer of the history, so the two go
+/// together. A reader's buffer lasts as long as a stage may be stopped, a writer's history as long
+/// as the recorder may be away: 5 s and more. Under load the recorder's restart takes up to 2.3 s,
+/// and it may be killed again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TopicQos {
     /// Messages that wait for a reader.
@@ -82,7 +84,8 @@ pub trait TopicVisitor {
     fn visit<T: Topic>(&mut self) -> Result<(), Self::Error>;
 }
 
-/// Registers topics in the order of the data's way: those of the bus with how they are carried, those of logs alone.
+/// Registers topics in the order of the data's way: those of the bus with how they are carried,
+/// those of logs alone.
 macro_rules! topics {
     (
         bus { $(
@@ -156,11 +159,12 @@ topics! {
         };
         /// Topic of the occupancy grid's tiles that changed, paced.
         MapperGrid = "mapper/grid/v1": TileHead, [u8; TILE_CELLS * TILE_CELLS], TopicQos {
-            // Tiles that have changed, every 2 s: while there are many, 160 a second; the map of a drive changes by 200
-            // tiles in 2 s at most.
+            // Tiles that have changed, every 2 s: while there are many, 160 a second; the map of a
+            // drive changes by 200 tiles in 2 s at most.
             buffer: 512, history: 512, readers: READERS, usual_items: [4096, 4096], rate_max_hz: 100,
         };
-        /// Topic of [`StageHealth`]: many writers, twice a second each, and one at once when the loop is entered.
+        /// Topic of [`StageHealth`]: many writers, twice a second each, and one at once when the
+        /// loop is entered.
         StageHealthTopic = "stage/health/v1": StageHealth, [(); 0], TopicQos {
             buffer: 16, history: 16, readers: WATCHED, usual_items: [0, 0], rate_max_hz: 2,
         };

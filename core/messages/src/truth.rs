@@ -1,4 +1,5 @@
-//! `truth/pose`: where a simulated robot really was. Evaluation reads it; the estimator never does.
+//! `truth/pose`: where a simulated robot really was. Evaluation reads it; the estimator never
+//! does.
 
 use crate::{Header, plain};
 

@@ -3,12 +3,14 @@
 use crate::Distribution;
 use randt_persist::persist;
 
-/// Smaller eigenvalue of the position covariance, at least this share of the larger (RaNDT, III-B):
-/// a wall in a cell must not become infinitely thin.
+/// Smaller eigenvalue of the position covariance, at least this share of the larger (RaNDT,
+/// III-B): a wall in a cell must not become infinitely thin.
 const EIGENVALUE_RATIO_MIN: f64 = 0.001;
-/// Smallest variance of a position, m^2 (5 mm): below a third of the finest range bin nothing is known.
+/// Smallest variance of a position, m^2 (5 mm): below a third of the finest range bin nothing is
+/// known.
 const POSITION_VARIANCE_MIN: f64 = 2.5e-5;
-/// Added to the variance of the intensity (RaNDT, III-B), so that equal intensities stay invertible.
+/// Added to the variance of the intensity (RaNDT, III-B), so that equal intensities stay
+/// invertible.
 const INTENSITY_VARIANCE_MIN: f64 = 1e-6;
 /// Variance that makes the intensity dimension silent: the distance in it then vanishes.
 const INTENSITY_VARIANCE_SILENT: f64 = 1e12;
@@ -22,7 +24,8 @@ pub struct CellRule {
     pub use_intensity: bool,
     /// Edge of the square that cuts the points, m.
     pub cell_size_m: f64,
-    /// How much less information a cell has along a direction in which the points fill the square; 0: not less.
+    /// How much less information a cell has along a direction in which the points fill the square;
+    /// 0: not less.
     pub slack: f64,
 }
 
@@ -70,11 +73,13 @@ impl Cell {
     }
 }
 
-/// Widens a symmetric 2 x 2 matrix (xx, xy, yy) along the axes in which it fills its square: each eigenvalue l grows
-/// by 1 + slack (l / full)^2, `full` being the variance of an evenly filled square.
+/// Widens a symmetric 2 x 2 matrix (xx, xy, yy) along the axes in which it fills its square: each
+/// eigenvalue l grows by 1 + slack (l / full)^2, `full` being the variance of an evenly filled
+/// square.
 ///
-/// A wall that runs through a square is cut by it, so the middle of the piece shows where the square is, not where the
-/// wall is: squares of a scan move with the robot, and pull the estimate towards standing still.
+/// A wall that runs through a square is cut by it, so the middle of the piece shows where the
+/// square is, not where the wall is: squares of a scan move with the robot, and pull the estimate
+/// towards standing still.
 fn slacken([xx, xy, yy]: [f64; 3], full: f64, slack: f64) -> [f64; 3] {
     let half_difference = 0.5 * (xx - yy);
     let radius = (half_difference * half_difference + xy * xy).sqrt();
@@ -87,8 +92,8 @@ fn slacken([xx, xy, yy]: [f64; 3], full: f64, slack: f64) -> [f64; 3] {
     along_same_axes([half_difference, xy], radius, large, small)
 }
 
-/// The symmetric matrix of the same axes, whose half difference and off-diagonal are given with their length, and of
-/// these eigenvalues.
+/// The symmetric matrix of the same axes, whose half difference and off-diagonal are given with
+/// their length, and of these eigenvalues.
 fn along_same_axes(
     [half_difference, xy]: [f64; 2],
     radius: f64,
@@ -125,8 +130,9 @@ fn floor_eigenvalues([xx, xy, yy]: [f64; 3]) -> [f64; 3] {
 pub struct ScanCell {
     /// In the frame of the scan.
     pub cell: Cell,
-    /// How far its mean moves with the velocity that the scan was de-skewed by: d mean / d velocity, s.
-    /// 0 for a scan taken at one instant, about minus the mean age of its points otherwise.
+    /// How far its mean moves with the velocity that the scan was de-skewed by: d mean / d
+    /// velocity, s. 0 for a scan taken at one instant, about minus the mean age of its points
+    /// otherwise.
     pub velocity_jacobian_s: f64,
 }
 

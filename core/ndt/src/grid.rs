@@ -4,13 +4,14 @@ use crate::{Cell, CellRule, Distribution};
 use randt_persist::{Error, Persist, Reader, Writer};
 
 const NONE: u32 = u32::MAX;
-/// Squares with points that room is made for at once (10 MB); no sensor's scans fill more, but tiny cells could ask
-/// for more memory than there is.
+/// Squares with points that room is made for at once (10 MB); no sensor's scans fill more, but
+/// tiny cells could ask for more memory than there is.
 const ROOM_MAX: usize = 65_536;
 
 /// Cells over the square from -half to +half in x and y.
 ///
-/// `add` points, then `refresh`, then ask for cells. Nothing is allocated after `new` up to 65,536 squares with points.
+/// `add` points, then `refresh`, then ask for cells. Nothing is allocated after `new` up to 65,536
+/// squares with points.
 #[derive(Clone, Debug)]
 pub struct Grid {
     inverse_size: f64,
@@ -70,7 +71,8 @@ impl Grid {
         self.is_dirty.clear();
     }
 
-    /// Column and row of a position, which may lie outside. Floors: squares at the axes are as large as others.
+    /// Column and row of a position, which may lie outside. Floors: squares at the axes are as
+    /// large as others.
     #[inline]
     fn square_of(&self, x_m: f64, y_m: f64) -> (i64, i64) {
         (
@@ -87,7 +89,8 @@ impl Grid {
         })
     }
 
-    /// Adds a point (x m, y m, intensity); gives the index of its cell, `None` outside of the grid or where it is not finite.
+    /// Adds a point (x m, y m, intensity); gives the index of its cell, `None` outside of the grid
+    /// or where it is not finite.
     #[inline]
     pub fn add(&mut self, point: [f64; 3]) -> Option<usize> {
         if !(point[0].is_finite() && point[1].is_finite() && point[2].is_finite()) {
@@ -149,8 +152,8 @@ impl Grid {
         self.cells.iter().filter(|cell| cell.count > 0)
     }
 
-    /// Calls `visit(index, cell)` for the cells in the squares around a position, `radius` squares to each side,
-    /// row by row.
+    /// Calls `visit(index, cell)` for the cells in the squares around a position, `radius` squares
+    /// to each side, row by row.
     #[inline]
     pub fn for_each_near(
         &self,
@@ -188,7 +191,8 @@ impl Grid {
     }
 }
 
-/// Squares and sums are enough: the index, and the cells as of a refresh, are made from them again.
+/// Squares and sums are enough: the index, and the cells as of a refresh, are made from them
+/// again.
 impl Persist for Grid {
     fn save(&self, out: &mut Writer<'_>) {
         self.squares.save(out);

@@ -1,8 +1,8 @@
 //! Normal distributions transform with intensity as third dimension (RaNDT, III-B and III-C).
 //!
-//! Responsible for cells, grids of cells, and what one scan's cells contribute to a pose: the robust
-//! distribution-to-distribution distance with its derivatives. Not responsible for solving, for motion
-//! or for when a scan enters a map. No I/O, no clock.
+//! Responsible for cells, grids of cells, and what one scan's cells contribute to a pose: the
+//! robust distribution-to-distribution distance with its derivatives. Not responsible for solving,
+//! for motion or for when a scan enters a map. No I/O, no clock.
 //!
 //! ```
 //! use randt_geometry::Pose2;

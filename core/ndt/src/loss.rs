@@ -4,8 +4,9 @@ use wide::f64x4;
 
 /// rho(s) = (b |a-2| / a) ((2 s / (b |a-2|) + 1)^(a/2) - 1) with b = mu c^2 and rho'(0) = 1.
 ///
-/// `s` is a squared distance. The shape is rounded to a multiple of 0.5 below 2, so that the power in the
-/// derivative is a multiple of a quarter and needs square roots only: the same bits on every machine.
+/// `s` is a squared distance. The shape is rounded to a multiple of 0.5 below 2, so that the power
+/// in the derivative is a multiple of a quarter and needs square roots only: the same bits on
+/// every machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveLoss {
     alpha: f64,

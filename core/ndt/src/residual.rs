@@ -1,8 +1,10 @@
-//! The NDT term of a scan in pose and velocity: the robust distance to the map with its derivatives.
+//! The NDT term of a scan in pose and velocity: the robust distance to the map with its
+//! derivatives.
 //!
-//! r^2 = d^T (R S_scan R^T + S_map)^-1 d, d = R mu_scan + t - mu_map over (x, y, intensity) (the NDT
-//! term of RaNDT, III-C; the moving covariance rotates and the sum is inverted). Four neighbours of one scan cell are
-//! four SIMD lanes; the tests compare with [`crate::scalar::evaluate`].
+//! r^2 = d^T (R S_scan R^T + S_map)^-1 d, d = R mu_scan + t - mu_map over (x, y, intensity) (the
+//! NDT term of RaNDT, III-C; the moving covariance rotates and the sum is inverted). Four
+//! neighbours of one scan cell are four SIMD lanes; the tests compare with
+//! [`crate::scalar::evaluate`].
 
 use crate::{AdaptiveLoss, Association, ScanCell, scalar};
 use nalgebra::{Matrix3, Vector3};
@@ -12,9 +14,9 @@ use wide::f64x4;
 
 /// Gauss-Newton normal equations of one scan, not yet weighted.
 ///
-/// A cell that was measured s seconds away from the scan's instant moves with s times the velocity, so its Jacobian by the
-/// velocity is s times that by the pose, and three 3 x 3 blocks hold everything. Perturbations are (x, y, yaw) on the
-/// right of the pose, in its own frame.
+/// A cell that was measured s seconds away from the scan's instant moves with s times the
+/// velocity, so its Jacobian by the velocity is s times that by the pose, and three 3 x 3 blocks
+/// hold everything. Perturbations are (x, y, yaw) on the right of the pose, in its own frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NormalEquations {
     /// Sum of w J^T A J.
@@ -52,8 +54,8 @@ struct Sums {
     weight: f64,
 }
 
-/// The normal equations at a pose, and at a velocity that differs by `velocity_change` (m/s, m/s, rad/s in the
-/// scan's frame) from the one that the scan was de-skewed by.
+/// The normal equations at a pose, and at a velocity that differs by `velocity_change` (m/s, m/s,
+/// rad/s in the scan's frame) from the one that the scan was de-skewed by.
 pub fn evaluate(
     cells: &[ScanCell],
     associations: &[Association],
@@ -195,7 +197,8 @@ mod tests {
     use crate::{CellRule, Grid};
     use proptest::prelude::*;
 
-    /// A corner of two rough walls with different intensities, as map and as scan cells with derivatives by the velocity.
+    /// A corner of two rough walls with different intensities, as map and as scan cells with
+    /// derivatives by the velocity.
     fn scene() -> (Grid, Vec<ScanCell>) {
         let rule = CellRule {
             points_min: 4,

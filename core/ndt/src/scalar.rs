@@ -1,4 +1,5 @@
-//! One correspondence in plain scalars: what the association search uses, and the oracle of the lanes.
+//! One correspondence in plain scalars: what the association search uses, and the oracle of the
+//! lanes.
 
 use crate::{AdaptiveLoss, Association, Cell, NormalEquations, ScanCell};
 use nalgebra::{Matrix3, Vector2, Vector3};

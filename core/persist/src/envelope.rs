@@ -29,7 +29,8 @@ struct Head {
 
 const HEAD: usize = size_of::<Head>();
 
-/// Writes a state that `save` writes, with its identity; returns the number of bytes in use. Fails with [`Error::Room`].
+/// Writes a state that `save` writes, with its identity; returns the number of bytes in use. Fails
+/// with [`Error::Room`].
 pub fn encode(
     identity: &StateIdentity,
     out: &mut [u8],

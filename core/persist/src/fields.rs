@@ -1,8 +1,8 @@
 //! The macro that turns a list of fields into both directions.
 
-/// Implements [`Persist`](crate::Persist) for a struct: the fields to save, then those that keep the value that they were made with.
-/// The compiler refuses a list that lacks a field. `sound` names a method that says whether restored values can be
-/// worked with.
+/// Implements [`Persist`](crate::Persist) for a struct: the fields to save, then those that keep
+/// the value that they were made with. The compiler refuses a list that lacks a field. `sound`
+/// names a method that says whether restored values can be worked with.
 ///
 /// `persist!(Type { a, b } kept { settings, scratch } sound is_sound);`
 #[macro_export]

@@ -1,10 +1,11 @@
 //! Persisted state: what a struct remembers, as bytes and back, to the last bit.
 //!
-//! Responsible for one list of a struct's fields that serves both directions, and for the envelope that
-//! distinguishes damaged states from foreign ones. Not responsible for keeping the bytes: this crate knows no file and no clock.
+//! Responsible for one list of a struct's fields that serves both directions, and for the envelope
+//! that distinguishes damaged states from foreign ones. Not responsible for keeping the bytes:
+//! this crate knows no file and no clock.
 //!
-//! A state is restored into a struct that was made as new. So what follows from the configuration is not saved, and
-//! the struct keeps the capacity it was made with.
+//! A state is restored into a struct that was made as new. So what follows from the configuration
+//! is not saved, and the struct keeps the capacity it was made with.
 //!
 //! # The bytes
 //!
@@ -21,8 +22,9 @@
 //! | enum of [`persist_enum!`] | `u32` [`variant_code`] of the variant's name, then its fields |
 //! | [`Writer::varint`] | LEB128: 1 to 10 bytes |
 //!
-//! [`encode`] puts an envelope of 48 bytes before them: magic (8), code fingerprint (16), configuration fingerprint
-//! (`u64`), length of the state (`u64`), CRC-32 over both with a zero in its place (`u32`), zero (`u32`).
+//! [`encode`] puts an envelope of 48 bytes before them: magic (8), code fingerprint (16),
+//! configuration fingerprint (`u64`), length of the state (`u64`), CRC-32 over both with a zero in
+//! its place (`u32`), zero (`u32`).
 //!
 //! ```
 //! use randt_persist::{StateIdentity, decode, encode, persist};

@@ -108,7 +108,8 @@ impl<T: Persist + Default> Persist for Option<T> {
     }
 }
 
-/// A list: its length, then its values. It grows as they come, so that a false length cannot ask for memory.
+/// A list: its length, then its values. It grows as they come, so that a false length cannot ask
+/// for memory.
 macro_rules! list {
     ($list:ident, $push:ident) => {
         impl<T: Persist + Default> Persist for $list<T> {

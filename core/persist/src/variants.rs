@@ -27,11 +27,13 @@ pub const fn are_distinct(mut codes: &[u32]) -> bool {
     true
 }
 
-/// Implements [`Persist`](crate::Persist) for an enum: its variants, each with the names of its fields, whose types have a
-/// [`Default`]. The compiler refuses a list that lacks a variant or a field.
+/// Implements [`Persist`](crate::Persist) for an enum: its variants, each with the names of its
+/// fields, whose types have a [`Default`]. The compiler refuses a list that lacks a variant or a
+/// field.
 ///
-/// A variant is saved as [`variant_code`](crate::variant_code) of its name, four bytes, then its fields. So variants may
-/// be added, removed and put in another order; a variant that is renamed keeps its saved name after `as`.
+/// A variant is saved as [`variant_code`](crate::variant_code) of its name, four bytes, then its
+/// fields. So variants may be added, removed and put in another order; a variant that is renamed
+/// keeps its saved name after `as`.
 ///
 /// `persist_enum!(Type { Unit, Renamed as "Before", Tuple(a), Struct { a, b } });`
 #[macro_export]

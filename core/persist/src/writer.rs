@@ -31,8 +31,8 @@ impl<'a> Writer<'a> {
         self.bytes(bytemuck::bytes_of(value));
     }
 
-    /// Appends a number that is small as a rule: seven bits a byte, the lowest first, the highest bit set where more
-    /// follow (LEB128).
+    /// Appends a number that is small as a rule: seven bits a byte, the lowest first, the highest
+    /// bit set where more follow (LEB128).
     #[inline]
     pub fn varint(&mut self, mut value: u64) {
         while value >= 0x80 {
@@ -48,7 +48,8 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Appends what `save` writes to a list of bytes. `save` runs twice: once to learn the length, once to write.
+/// Appends what `save` writes to a list of bytes. `save` runs twice: once to learn the length,
+/// once to write.
 pub fn append(out: &mut Vec<u8>, save: impl Fn(&mut Writer<'_>)) {
     let mut length = Writer::new(&mut []);
     save(&mut length);

@@ -11,8 +11,8 @@ pub struct DomainArguments {
     /// Name of the pipeline: programs with the same one see each other, others do not
     #[arg(long, value_name = "NAME", default_value = "randt")]
     pub prefix: String,
-    /// Folder in memory for what must survive a stage, in which no other user can write; /run/randt if that exists, else
-    /// $XDG_RUNTIME_DIR/randt, else /dev/shm/randt-UID
+    /// Folder in memory for what must survive a stage, in which no other user can write;
+    /// /run/randt if that exists, else $XDG_RUNTIME_DIR/randt, else /dev/shm/randt-UID
     #[arg(long, value_name = "DIR")]
     pub run: Option<PathBuf>,
 }

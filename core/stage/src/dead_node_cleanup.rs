@@ -2,8 +2,8 @@
 //!
 //! A process may be killed at any moment: while it makes a node, a service or a port, and while it
 //! clears another one away. So nothing is concluded from what a dead process has or has not done.
-//! The holder of a slot is read from the services' segments, and the nodes that live from the locks
-//! of their files. A node that is dead never lives again, so the two need not be read at one
+//! The holder of a slot is read from the services' segments, and the nodes that live from the
+//! locks of their files. A node that is dead never lives again, so the two need not be read at one
 //! instant: a slot is orphaned when its node is dead after the slot was read. iceoryx2 then takes
 //! the node out of the service, and a node's files are removed when no service has it any more. A
 //! process that is killed during the clean-up leaves what the next one finds; iceoryx2's own
@@ -34,7 +34,8 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// A process that dies meanwhile is met in the next round, and kills are seldom faster than rounds.
+/// A process that dies meanwhile is met in the next round, and kills are seldom faster than
+/// rounds.
 const ROUNDS: usize = 5;
 /// Permission to write is taken from a service's definition when it is whole.
 const HALF_MADE: u32 = 0o200;
@@ -225,7 +226,8 @@ fn remove_unusable_services(domain: &Domain) -> usize {
 /// definition names. Memory is named by its port, a connection by both of its ports; a port is
 /// listed with its node before it makes any.
 fn remove_orphans(domain: &Domain, files: &NodeFiles) {
-    // What is found is searched for among owners that are read later: none is made before its owner.
+    // What is found is searched for among owners that are read later: none is made before its
+    // owner.
     let segments = segments(&domain.segment_prefix());
     let memory = files_of(domain, Path::new(SHARED_MEMORY));
     let found: Vec<(PathBuf, Metadata)> = memory.chain(files_of(domain, &domain.root())).collect();

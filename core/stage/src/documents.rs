@@ -1,8 +1,9 @@
-//! A program's man pages and shell completions, made of the definitions that its options are parsed by.
+//! A program's man pages and shell completions, made of the definitions that its options are
+//! parsed by.
 //!
-//! Every program writes its own: the definitions stay in the mains, and the packaged pages describe the options of the
-//! program that runs. The option is not clap's, because clap would first require a subcommand, and because `--help` is
-//! for users of the program.
+//! Every program writes its own: the definitions stay in the mains, and the packaged pages
+//! describe the options of the program that runs. The option is not clap's, because clap would
+//! first require a subcommand, and because `--help` is for users of the program.
 
 use crate::Error;
 use clap::{Command, Parser};
@@ -13,7 +14,8 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// `PROGRAM --documents DIR` writes them below DIR, in the folders that they have below /usr/share.
+/// `PROGRAM --documents DIR` writes them below DIR, in the folders that they have below
+/// /usr/share.
 const OPTION: &str = "--documents";
 /// Where the shells search, in Debian's packages.
 const SHELLS: [(Shell, &str); 3] = [
@@ -50,7 +52,8 @@ fn write(command: Command, folder: &Path) -> Result<(), Error> {
     for (shell, subfolder) in SHELLS {
         let mut text = Vec::new();
         shell.generate(&completed, &mut text);
-        // clap_complete writes a program's hyphen in two ways for bash, so that options of its commands are not found.
+        // clap_complete writes a program's hyphen in two ways for bash, so that options of its
+        // commands are not found.
         let [two, one] = ["__subcmd__", "__"].map(|mark| name.replace('-', mark));
         let text = String::from_utf8_lossy(&text)
             .replace(&two, &one)

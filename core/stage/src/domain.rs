@@ -31,8 +31,8 @@ const SOCKET_PATH_MAX: usize = 107;
 /// Most characters of a socket's name after the prefix: iceoryx2's number and ending.
 const SOCKET_NAME: usize = 38;
 
-/// A prefix and a run folder. Stages with the same ones find each other; the folder in which a stage was started does not
-/// matter.
+/// A prefix and a run folder. Stages with the same ones find each other; the folder in which a
+/// stage was started does not matter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Domain {
     prefix: String,
@@ -40,7 +40,8 @@ pub struct Domain {
 }
 
 impl Domain {
-    /// The domain of a prefix. `run`: the run folder, on a file system in memory; if not given, [`Self::default_run`].
+    /// The domain of a prefix. `run`: the run folder, on a file system in memory; if not given,
+    /// [`Self::default_run`].
     pub fn new(prefix: &str, run: Option<&Path>) -> Result<Self, Error> {
         let good = |c: char| c.is_ascii_alphanumeric() || c == '-';
         if prefix.is_empty() || prefix.len() > 24 || !prefix.chars().all(good) {
@@ -67,8 +68,8 @@ impl Domain {
         }
     }
 
-    /// The run folder of programs without the option: /run/randt if that exists, else the folder `randt` of the user's
-    /// session, else /dev/shm/randt-UID.
+    /// The run folder of programs without the option: /run/randt if that exists, else the folder
+    /// `randt` of the user's session, else /dev/shm/randt-UID.
     pub fn default_run(user: u32) -> PathBuf {
         if Path::new(SYSTEM_RUN).is_dir() {
             return PathBuf::from(SYSTEM_RUN);
@@ -109,9 +110,9 @@ impl Domain {
         self.folder().join("state")
     }
 
-    /// How files of this domain in /dev/shm begin: the prefix, and a number made of the run folder, because the same prefix
-    /// in another run folder is another domain. Short, because paths of sockets are. No prefix can hold an underscore, so
-    /// none is another's beginning.
+    /// How files of this domain in /dev/shm begin: the prefix, and a number made of the run
+    /// folder, because the same prefix in another run folder is another domain. Short, because
+    /// paths of sockets are. No prefix can hold an underscore, so none is another's beginning.
     pub fn segment_prefix(&self) -> String {
         let hash = hash_bytes(FNV_SEED, self.run.as_os_str().as_encoded_bytes());
         format!("{}-{:04x}_", self.prefix, hash as u16)
@@ -132,7 +133,8 @@ impl Domain {
         Ok(())
     }
 
-    /// Refuses a domain that another user made, or a run folder in which another user could make or change one.
+    /// Refuses a domain that another user made, or a run folder in which another user could make
+    /// or change one.
     pub fn check_owner(&self) -> Result<(), Error> {
         private_folder::check_way_to(&self.run, false)?;
         let owner = match fs::symlink_metadata(&self.run) {
@@ -155,8 +157,9 @@ impl Domain {
     }
 }
 
-/// The folder in memory of a user's session: $XDG_RUNTIME_DIR, or what logind makes where that is not set, so that a
-/// program that cron or sudo starts finds the same one. A folder that others can use is ignored.
+/// The folder in memory of a user's session: $XDG_RUNTIME_DIR, or what logind makes where that is
+/// not set, so that a program that cron or sudo starts finds the same one. A folder that others
+/// can use is ignored.
 fn session_folder(user: u32) -> Option<PathBuf> {
     let named = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
     let usual = PathBuf::from(format!("/run/user/{user}"));

@@ -1,9 +1,10 @@
 //! The process shell: what makes a stage's algorithm a process of the pipeline.
 //!
-//! Responsible for the domain (which processes see each other), ports over shared memory and their quality of service,
-//! the wait loop, signals, health, the one clock, state that outlives a process, the memory that all of this shares, and
-//! what systemd and the journal are sent. The only crate that knows iceoryx2. Not responsible for what a stage computes:
-//! the algorithms do not know this crate, their `main.rs` brings both together.
+//! Responsible for the domain (which processes see each other), ports over shared memory and their
+//! quality of service, the wait loop, signals, health, the one clock, state that outlives a
+//! process, the memory that all of this shares, and what systemd and the journal are sent. The
+//! only crate that knows iceoryx2. Not responsible for what a stage computes: the algorithms do
+//! not know this crate, their `main.rs` brings both together.
 //!
 //! ```no_run
 //! use randt_messages::{ImuSampleTopic, OdometryStateTopic};

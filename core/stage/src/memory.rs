@@ -1,4 +1,5 @@
-//! The memory that a process shares: counted before it is used, taken before it is written, watched while it is in use.
+//! The memory that a process shares: counted before it is used, taken before it is written,
+//! watched while it is in use.
 
 mod budget;
 mod preallocation;

@@ -13,8 +13,9 @@ use randt_messages::{MessageRef, Topic};
 use std::fs::File;
 use std::time::Duration;
 
-/// A process that watches. It is present, so that the domain is not wiped under it, but not in the register. It publishes
-/// nothing, so that several may run, and holds no stage up, however seldom it polls.
+/// A process that watches. It is present, so that the domain is not wiped under it, but not in the
+/// register. It publishes nothing, so that several may run, and holds no stage up, however seldom
+/// it polls.
 pub struct Observer {
     // Ports go before the node, the node before the presence: fields are dropped in order.
     join: BusResource<Notifier<ipc::Service>>,
@@ -62,8 +63,8 @@ impl Observer {
         gone
     }
 
-    /// Opens a topic for reading. Open one that a stage has open, and drop it when none has any more: as long as it is
-    /// open no stage can come back with another layout.
+    /// Opens a topic for reading. Open one that a stage has open, and drop it when none has any
+    /// more: as long as it is open no stage can come back with another layout.
     pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, Error> {
         let _start = self.domain.start()?;
         let service = self.bus.topic::<T>()?;
@@ -90,8 +91,9 @@ impl Observer {
     }
 }
 
-/// Whether the end of this process was requested (SIGTERM or Ctrl-C) since the last call. For programs that wait for
-/// something else than a stage does: iceoryx2 takes these signals, and would replace other handlers.
+/// Whether the end of this process was requested (SIGTERM or Ctrl-C) since the last call. For
+/// programs that wait for something else than a stage does: iceoryx2 takes these signals, and
+/// would replace other handlers.
 pub fn stop_requested() -> bool {
     let Ok(wait_set) = WaitSetBuilder::new().create::<ipc::Service>() else {
         return false;

@@ -1,4 +1,5 @@
-//! The ports of a process: topics to write and to read, what it waits for, and what their memory costs.
+//! The ports of a process: topics to write and to read, what it waits for, and what their memory
+//! costs.
 
 mod bus;
 mod counters;
@@ -35,7 +36,8 @@ use std::rc::Rc;
 use std::time::Duration;
 use waiter::PortWaiter;
 
-/// A process that begins to read a topic notifies its writers by this name, so that they deliver their history at once.
+/// A process that begins to read a topic notifies its writers by this name, so that they deliver
+/// their history at once.
 pub(crate) const JOINED: &str = "stage/joined";
 /// Shared memory that a process needs beside its topics, such as the services' own tables, bytes.
 pub(crate) const TABLE_BYTES: usize = 500_000;
@@ -152,8 +154,8 @@ impl StagePorts {
         Qos::for_topic::<T>().budget(self.is_long_range)
     }
 
-    /// Takes the memory of all tables of the domain, also of those to which the others' ports will write on this
-    /// process's account.
+    /// Takes the memory of all tables of the domain, also of those to which the others' ports will
+    /// write on this process's account.
     pub(crate) fn take_tables(&self) -> Result<(), Error> {
         take_tables(self.bus.domain())
     }

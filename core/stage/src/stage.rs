@@ -12,8 +12,8 @@ use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// A process of the pipeline: its ports, its membership in the domain, its status, its side towards systemd, and the
-/// memory that it shares.
+/// A process of the pipeline: its ports, its membership in the domain, its status, its side
+/// towards systemd, and the memory that it shares.
 pub struct Stage {
     // Fields are dropped in order: ports and node before the presence in the domain.
     ports: StagePorts,
@@ -25,8 +25,9 @@ pub struct Stage {
 }
 
 impl Stage {
-    /// Enters the domain under a name; refuses where that name is taken or memory is short. One per process: a second
-    /// one would take the first one for dead, because a process does not see its own locks.
+    /// Enters the domain under a name; refuses where that name is taken or memory is short. One
+    /// per process: a second one would take the first one for dead, because a process does not see
+    /// its own locks.
     pub fn open(name: &str, domain: &Domain) -> Result<Self, Error> {
         let supervision = Supervision::begin(name)?;
         let mut membership = Membership::enter(domain, name)?;
@@ -51,8 +52,9 @@ impl Stage {
         self.ports.expect_sensor(sensor);
     }
 
-    /// Sets how the configuration is read again on SIGHUP. `reads`: the sections that matter to this stage; `live`: the
-    /// one (`radar` or `imu`) that it takes without a restart, by [`Self::take_changed`].
+    /// Sets how the configuration is read again on SIGHUP. `reads`: the sections that matter to
+    /// this stage; `live`: the one (`radar` or `imu`) that it takes without a restart, by
+    /// [`Self::take_changed`].
     pub fn follow_configuration(
         &mut self,
         selection: &SelectionArguments,
@@ -109,15 +111,16 @@ impl Stage {
         self.publish_health()
     }
 
-    /// Sets what is wrong; an empty text says that nothing is. `lost`: data lost in the stage itself.
+    /// Sets what is wrong; an empty text says that nothing is. `lost`: data lost in the stage
+    /// itself.
     pub fn set_status(&mut self, message: &str, lost: u64) {
         if self.status.set(message, lost) {
             self.log(Priority::Warning, message);
         }
     }
 
-    /// Sets what people may want to know while all is well: not for the journal. What [`Self::set_status`] has set
-    /// stays.
+    /// Sets what people may want to know while all is well: not for the journal. What
+    /// [`Self::set_status`] has set stays.
     pub fn set_remark(&mut self, message: &str) {
         self.status.set_remark(message);
     }
@@ -143,9 +146,9 @@ impl Stage {
         self.supervision.log(priority, last, text);
     }
 
-    /// Sleeps until one of `on` has something, a reader has joined, or the time is over. Health and the watchdog's
-    /// signal go out meanwhile: a loop that does not come here any more hangs. Fails with [`Error::MemoryGone`] where
-    /// the memory that it shares was removed or cut.
+    /// Sleeps until one of `on` has something, a reader has joined, or the time is over. Health
+    /// and the watchdog's signal go out meanwhile: a loop that does not come here any more hangs.
+    /// Fails with [`Error::MemoryGone`] where the memory that it shares was removed or cut.
     pub fn wait(
         &mut self,
         on: &[&dyn Waitable],
@@ -202,8 +205,9 @@ impl Stage {
         checked
     }
 
-    /// Enters the pipeline anew under the same name, after [`Error::MemoryGone`]. Its ports have to be opened again. For
-    /// a process that cannot start again, because it knows more than it has on disk.
+    /// Enters the pipeline anew under the same name, after [`Error::MemoryGone`]. Its ports have
+    /// to be opened again. For a process that cannot start again, because it knows more than it
+    /// has on disk.
     pub fn renew(&mut self) -> Result<(), Error> {
         self.ports.bus().memory_loss().set();
         self.membership.leave();
@@ -213,8 +217,8 @@ impl Stage {
         Ok(())
     }
 
-    /// Reads the configuration again; returns whether the stage has to take one over. An error in a file is logged, and
-    /// the configuration in force stays.
+    /// Reads the configuration again; returns whether the stage has to take one over. An error in
+    /// a file is logged, and the configuration in force stays.
     fn reload(&mut self) -> bool {
         match self.supervision.read_configuration(self.membership.name()) {
             Ok(messages) => {
@@ -246,7 +250,8 @@ impl Stage {
         })
     }
 
-    /// Leaves the pipeline. Readers that are just being replaced get a moment to take what was sent last.
+    /// Leaves the pipeline. Readers that are just being replaced get a moment to take what was
+    /// sent last.
     pub fn close(mut self) -> Result<(), Error> {
         self.status.state = StageState::Stopping;
         self.publish_health()?;

@@ -20,8 +20,8 @@ pub struct StageDescription {
     pub role: StageRole,
 }
 
-/// All stages in the order of the data's way, which is the order in which they are ended: each gets what the one before
-/// sent last.
+/// All stages in the order of the data's way, which is the order in which they are ended: each
+/// gets what the one before sent last.
 pub const STAGES: [StageDescription; 7] = [
     stage("radar", StageRole::Driver),
     stage("imu", StageRole::Driver),

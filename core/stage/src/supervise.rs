@@ -1,5 +1,5 @@
-//! What a stage owes the supervisor that has started it: readiness, status, the watchdog's signal, lines for the journal,
-//! and the configuration read again.
+//! What a stage owes the supervisor that has started it: readiness, status, the watchdog's signal,
+//! lines for the journal, and the configuration read again.
 
 mod data_flow;
 mod exit;

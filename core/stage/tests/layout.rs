@@ -1,4 +1,5 @@
-//! Two builds whose messages differ by two swapped fields of one size refuse each other, with an error that says what to do.
+//! Two builds whose messages differ by two swapped fields of one size refuse each other, with an
+//! error that says what to do.
 
 use crate::support::{Other, pipeline_folder};
 use randt_stage::{Domain, Error, Stage, WakeReason};

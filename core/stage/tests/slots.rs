@@ -1,5 +1,5 @@
-//! A stage may be killed at any moment, and so may the one that clears it away: no slot of a service
-//! stays orphaned, and the next stage starts.
+//! A stage may be killed at any moment, and so may the one that clears it away: no slot of a
+//! service stays orphaned, and the next stage starts.
 
 use crate::support::{Other, pipeline_folder};
 use randt_messages::{ImuSampleTopic, RadarScan};

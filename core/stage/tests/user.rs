@@ -1,4 +1,5 @@
-//! All stages of a pipeline run as one user; another one is refused with an error that explains it.
+//! All stages of a pipeline run as one user; another one is refused with an error that explains
+//! it.
 
 use crate::support::{command_as, pipeline_folder, program_for_all};
 use randt_stage::{Domain, Error, Stage};

@@ -2,7 +2,8 @@
 
 /// The first pause, ns: a plug that wobbles is back at once.
 const FIRST_NS: i64 = 100_000_000;
-/// The longest pause, ns: back within a second after the device is, and nothing to speak of for the processor.
+/// The longest pause, ns: back within a second after the device is, and nothing to speak of for
+/// the processor.
 const LONGEST_NS: i64 = 800_000_000;
 
 /// Pauses that double from failure to failure: 0.1 s, 0.2 s, 0.4 s, 0.8 s.
@@ -38,8 +39,8 @@ impl Backoff {
         self.pause_ns = (2 * self.pause_ns).min(LONGEST_NS);
     }
 
-    /// The device sends: the next failure is the first one again. Not for a mere success in opening it, since some open
-    /// and fail at once, without end.
+    /// The device sends: the next failure is the first one again. Not for a mere success in
+    /// opening it, since some open and fail at once, without end.
     pub fn succeeded(&mut self) {
         *self = Self::default();
     }

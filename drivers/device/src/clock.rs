@@ -1,8 +1,8 @@
 //! A device's clock in the host's time.
 //!
-//! Responsible for the estimate of when something was measured, from the device's own stamp and the moment when it
-//! reached the host. Not responsible for the device's constant delay, which cannot be seen from here
-//! (`randt calibrate time` can).
+//! Responsible for the estimate of when something was measured, from the device's own stamp and
+//! the moment when it reached the host. Not responsible for the device's constant delay, which
+//! cannot be seen from here (`randt calibrate time` can).
 
 use crate::hull::beneath;
 use std::collections::VecDeque;
@@ -11,15 +11,16 @@ use std::collections::VecDeque;
 const STRETCH_NS: i64 = 500_000_000;
 /// Stretches that are used: half a minute, in which a cheap quartz does not change.
 const STRETCHES: usize = 60;
-/// The skew is known when samples span this, ns; before that a device is taken to be as fast as the host. In five
-/// seconds 200 ppm are a millisecond, as much as the jitter of a message.
+/// The skew is known when samples span this, ns; before that a device is taken to be as fast as
+/// the host. In five seconds 200 ppm are a millisecond, as much as the jitter of a message.
 const SPAN_MIN_NS: i64 = 5_000_000_000;
 /// No quartz is worse; what seems to be is late messages.
 const SKEW_MAX: f64 = 1e-3;
-/// Where a sample would have been measured this long after it arrived, or is this much later than all before it for
-/// [`LATE_STRETCHES_MAX`] stretches, the device's clock was set, ns.
+/// Where a sample would have been measured this long after it arrived, or is this much later than
+/// all before it for [`LATE_STRETCHES_MAX`] stretches, the device's clock was set, ns.
 const SET_NS: i64 = 100_000_000;
-/// A stopped process reads old samples when it goes on; they are late for as long as its buffer is deep.
+/// A stopped process reads old samples when it goes on; they are late for as long as its buffer is
+/// deep.
 const LATE_STRETCHES_MAX: usize = 6;
 
 /// A sample of little delay.
@@ -35,8 +36,8 @@ impl Quick {
     }
 }
 
-/// Maps a device's time into the host's: the line beneath all (device time, arrival) of the last half minute that is
-/// nearest to them, because messages are late but never early.
+/// Maps a device's time into the host's: the line beneath all (device time, arrival) of the last
+/// half minute that is nearest to them, because messages are late but never early.
 ///
 /// What it gives rises with the device's time, and never by less than half of what that has risen.
 #[derive(Clone, Debug, Default)]
@@ -132,7 +133,8 @@ impl DeviceClock {
         Some(device_ns.saturating_add(delay_ns))
     }
 
-    /// Delay above the least one at a device time, ns, and its growth; `None` until the skew can be known.
+    /// Delay above the least one at a device time, ns, and its growth; `None` until the skew can
+    /// be known.
     fn line(&self, device_ns: i64) -> Option<(f64, f64)> {
         let (first, last) = (self.quick.front()?, self.quick.back()?);
         if last.device_ns.saturating_sub(first.device_ns) < SPAN_MIN_NS {
@@ -155,7 +157,8 @@ mod tests {
 
     const OFFSET_NS: i64 = 1_700_000_000_000_000_000;
 
-    /// A device of 250 Hz whose clock is faster by `skew`: errors of the estimates against the truth plus least delay.
+    /// A device of 250 Hz whose clock is faster by `skew`: errors of the estimates against the
+    /// truth plus least delay.
     fn errors(
         clock: &mut DeviceClock,
         seconds: i64,

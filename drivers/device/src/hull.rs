@@ -1,7 +1,8 @@
 //! The line beneath all points that is nearest to them.
 
-/// Of all lines that no point lies beneath, the one with the least sum of heights of the points above it: the edge of
-/// the lower convex hull that spans the points' mean abscissa. Points are in order of x, strictly rising.
+/// Of all lines that no point lies beneath, the one with the least sum of heights of the points
+/// above it: the edge of the lower convex hull that spans the points' mean abscissa. Points are in
+/// order of x, strictly rising.
 ///
 /// `None` where there are no two points. Gives the line's height at `at` and its slope.
 pub(crate) fn beneath(
@@ -10,7 +11,8 @@ pub(crate) fn beneath(
 ) -> Option<(f64, f64)> {
     let count = points.clone().count();
     let mean = points.clone().map(|(x, _)| x).sum::<f64>() / count as f64;
-    // Gift wrapping from the left: each next corner is the one of least slope. Few points, fewer corners.
+    // Gift wrapping from the left: each next corner is the one of least slope. Few points, fewer
+    // corners.
     let mut corner = points.clone().next()?;
     loop {
         let slope = |point: (f64, f64)| (point.1 - corner.1) / (point.0 - corner.0);

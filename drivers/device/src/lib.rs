@@ -1,7 +1,8 @@
-//! What every driver needs: a device's clock in the host's time, pauses between attempts to reach a device, and the state
-//! of its link.
+//! What every driver needs: a device's clock in the host's time, pauses between attempts to reach
+//! a device, and the state of its link.
 //!
-//! Pure: time comes in as nanoseconds of the one clock. Not responsible for any protocol, nor for I/O.
+//! Pure: time comes in as nanoseconds of the one clock. Not responsible for any protocol, nor for
+//! I/O.
 //!
 //! ```
 //! use randt_device::DeviceClock;

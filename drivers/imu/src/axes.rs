@@ -2,7 +2,8 @@
 
 use crate::Error;
 
-/// A signed permutation of axes, written like `+x -y +z`: the device's axes that are x, y and z of the IMU.
+/// A signed permutation of axes, written like `+x -y +z`: the device's axes that are x, y and z of
+/// the IMU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes {
     rows: [(usize, f64); 3],

@@ -1,18 +1,20 @@
-//! The commands that configure a device after its port was opened: one at a time, each answered or given up.
+//! The commands that configure a device after its port was opened: one at a time, each answered or
+//! given up.
 //!
-//! Responsible for when a command is sent and sent again, and for when all of them are. Not responsible for their bytes,
-//! which are the protocol's. A device that answers nothing is not silent yet: it may stream what another host
-//! configured.
+//! Responsible for when a command is sent and sent again, and for when all of them are. Not
+//! responsible for their bytes, which are the protocol's. A device that answers nothing is not
+//! silent yet: it may stream what another host configured.
 
 use std::fmt::Debug;
 
-/// Sent again after this time: a device at 115200 baud has hundreds of bytes of measurements to send before its answer.
+/// Sent again after this time: a device at 115200 baud has hundreds of bytes of measurements to
+/// send before its answer.
 const RETRY_NS: i64 = 300_000_000;
 /// A command is given up after this many.
 const TRIES_MAX: u8 = 3;
-/// All commands are sent anew at most this often to a device that acknowledges some of them and not the others. It was
-/// away for a part of the sequence, or answers that were not its own ended steps early; one that never knows a command
-/// must stream all the same.
+/// All commands are sent anew at most this often to a device that acknowledges some of them and
+/// not the others. It was away for a part of the sequence, or answers that were not its own ended
+/// steps early; one that never knows a command must stream all the same.
 const REPEATS_MAX: u8 = 2;
 
 /// A step of the sequence: one command.

@@ -1,5 +1,5 @@
-//! Why an IMU cannot be driven at all. What is wrong with a device is no error: it is the text of its link, and it is tried
-//! again without end.
+//! Why an IMU cannot be driven at all. What is wrong with a device is no error: it is the text of
+//! its link, and it is tried again without end.
 
 use randt_config::Origins;
 
@@ -20,7 +20,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// As an error of the configuration, which has the origin of the value and ends a process as bad configuration.
+    /// As an error of the configuration, which has the origin of the value and ends a process as
+    /// bad configuration.
     pub fn in_configuration(self, origins: &Origins) -> randt_config::Error {
         let Self::Value {
             key,

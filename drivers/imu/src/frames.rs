@@ -1,8 +1,8 @@
 //! Frames out of a stream of bytes.
 //!
-//! Responsible for finding them again after anything: junk, half a frame, a byte that was changed. Where a checksum is
-//! wrong the search goes on one byte further, so that a good frame inside a bad one is not lost. Not responsible for
-//! what is in a frame.
+//! Responsible for finding them again after anything: junk, half a frame, a byte that was changed.
+//! Where a checksum is wrong the search goes on one byte further, so that a good frame inside a
+//! bad one is not lost. Not responsible for what is in a frame.
 
 use std::marker::PhantomData;
 
@@ -26,13 +26,15 @@ pub trait Framing {
     /// The bytes of the longest frame, sync and checksum included.
     const LONGEST: usize;
 
-    /// The bytes of the frame that begins with `bytes`, sync and checksum included; none while its header is not whole.
+    /// The bytes of the frame that begins with `bytes`, sync and checksum included; none while its
+    /// header is not whole.
     fn length(bytes: &[u8]) -> Option<usize>;
 
     /// Whether the checksum of a whole frame is right.
     fn is_intact(frame: &[u8]) -> bool;
 
-    /// What is at the beginning of `bytes`, which are not empty. Asks for no more bytes than [`Self::LONGEST`].
+    /// What is at the beginning of `bytes`, which are not empty. Asks for no more bytes than
+    /// [`Self::LONGEST`].
     fn inspect(bytes: &[u8]) -> FrameStart {
         if bytes
             .iter()

@@ -1,7 +1,7 @@
 //! An IMU as its driver knows it, without a process: readings become samples.
 //!
-//! Responsible for axes, stamps, order, what is lost, and for the device's link. Not responsible for reaching the device:
-//! its source is.
+//! Responsible for axes, stamps, order, what is lost, and for the device's link. Not responsible
+//! for reaching the device: its source is.
 
 use crate::reading_source::{ReadingSource, reading_source};
 use crate::sequence::Sequence;
@@ -97,8 +97,9 @@ impl Imu {
         self.poll_by(&clock, sink);
     }
 
-    /// The same by a clock, which is read as soon as something has come. With the time from before it a program that was
-    /// interrupted in between would take a sample to have arrived before it was measured.
+    /// The same by a clock, which is read as soon as something has come. With the time from before
+    /// it a program that was interrupted in between would take a sample to have arrived before it
+    /// was measured.
     pub fn poll_by(&mut self, clock: &dyn Fn() -> i64, sink: &mut dyn FnMut(&ImuSample)) {
         self.last_ns.get_or_insert_with(clock);
         let mut readings = std::mem::take(&mut self.readings);

@@ -1,11 +1,13 @@
-//! An IMU to imu/sample: Phidgets Spatial by the vendor's library, MicroStrain MIP and Xsens MTData2 on serial ports.
+//! An IMU to imu/sample: Phidgets Spatial by the vendor's library, MicroStrain MIP and Xsens
+//! MTData2 on serial ports.
 //!
-//! Responsible for reaching the device and for reaching it again after anything, for SI units, axes and stamps in the
-//! one clock. Not responsible for attitude, bias or filtering: odometry does that.
+//! Responsible for reaching the device and for reaching it again after anything, for SI units,
+//! axes and stamps in the one clock. Not responsible for attitude, bias or filtering: odometry
+//! does that.
 //!
-//! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`]) are pure and go both ways, because the
-//! emulators speak with them. This was never run with a device. It is tested against emulators, and the Phidgets'
-//! part with the vendor's own library.
+//! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`]) are pure and go
+//! both ways, because the emulators speak with them. This was never run with a device. It is
+//! tested against emulators, and the Phidgets' part with the vendor's own library.
 
 mod axes;
 mod bytes;

@@ -8,7 +8,8 @@ use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// The IMU's driver: a Phidgets Spatial, a MicroStrain or an Xsens, as configured in section [imu] of robot.toml.
+/// The IMU's driver: a Phidgets Spatial, a MicroStrain or an Xsens, as configured in section [imu]
+/// of robot.toml.
 ///
 /// A device that is not there is waited for, and one that was unplugged is found again.
 #[derive(Debug, Parser)]

@@ -1,7 +1,7 @@
 //! MicroStrain MIP: a serial protocol of packets of fields.
 //!
-//! Source: the data communications protocol of the 3DM-CV7 and of its elder sisters, and the vendor's MIP SDK
-//! (LORD-MicroStrain/mip_sdk, MIT).
+//! Source: the data communications protocol of the 3DM-CV7 and of its elder sisters, and the
+//! vendor's MIP SDK (LORD-MicroStrain/mip_sdk, MIT).
 
 mod field;
 mod packet;

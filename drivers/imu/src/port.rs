@@ -1,9 +1,10 @@
 //! An open serial port.
 //!
-//! Responsible for opening, for the text where that fails, and for bytes. Not responsible for when.
+//! Responsible for opening, for the text where that fails, and for bytes. Not responsible for
+//! when.
 //!
-//! The crate serialport sets the port up. Bytes go through a descriptor of our own: serialport's cannot be slept on
-//! without unsafe code.
+//! The crate serialport sets the port up. Bytes go through a descriptor of our own: serialport's
+//! cannot be slept on without unsafe code.
 
 use rustix::fs::OFlags;
 use serialport::{ClearBuffer, SerialPort, TTYPort};
@@ -22,7 +23,8 @@ const TAKEN: &str = "another program has it open";
 #[derive(Debug)]
 pub(crate) struct Port {
     bytes: File,
-    /// Has set the port up, and keeps others from opening it: also root, by a lock, where it asks for it.
+    /// Has set the port up, and keeps others from opening it: also root, by a lock, where it asks
+    /// for it.
     _settings: TTYPort,
 }
 

@@ -28,7 +28,8 @@ pub trait Protocol: Debug {
     /// What the device refused, or an empty text.
     fn complaint(&self) -> &str;
 
-    /// From one reading to the next, ns, as the device has agreed to, else as it is configured here.
+    /// From one reading to the next, ns, as the device has agreed to, else as it is configured
+    /// here.
     fn interval_ns(&self) -> i64;
 }
 
@@ -116,7 +117,8 @@ impl<C: Codec> Protocol for Framed<C> {
     }
 }
 
-/// Nanoseconds between readings at a rate. At least one: a rate is finite and positive (`imu.rate_hz`).
+/// Nanoseconds between readings at a rate. At least one: a rate is finite and positive
+/// (`imu.rate_hz`).
 pub(crate) fn interval_ns(rate_hz: f64) -> i64 {
     ((1e9 / rate_hz) as i64).max(1)
 }

@@ -24,8 +24,8 @@ pub struct Reading {
 }
 
 impl Reading {
-    /// Whether every value is one that can be measured: a device may send others when it is not ready, and libphidget22
-    /// gives 1e300 for "unknown".
+    /// Whether every value is one that can be measured: a device may send others when it is not
+    /// ready, and libphidget22 gives 1e300 for "unknown".
     pub fn known(&self) -> bool {
         // NaN compares false.
         let below = |values: &[f64], most: f64| values.iter().all(|value| value.abs() <= most);

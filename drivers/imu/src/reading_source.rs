@@ -11,8 +11,8 @@ pub trait ReadingSource: Debug {
     /// What to sleep on; none while there is nothing open.
     fn descriptor(&self) -> Option<BorrowedFd<'_>>;
 
-    /// Takes what came, and does what is due. The clock is read after the device: an arrival may be late, but never early,
-    /// because a device's clock is fitted to the earliest of them.
+    /// Takes what came, and does what is due. The clock is read after the device: an arrival may
+    /// be late, but never early, because a device's clock is fitted to the earliest of them.
     fn poll(&mut self, clock: &dyn Fn() -> i64, readings: &mut Vec<Reading>);
 
     /// When it wants to be polled although nothing came.

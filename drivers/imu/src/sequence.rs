@@ -6,7 +6,8 @@ use crate::Reading;
 const AWAY_NS: i64 = 10_000_000_000;
 /// The interval is checked after this many readings: a quarter of a second.
 const CHECKED_AFTER: usize = 64;
-/// A change below this share is no change: stamps have a grain, and a text that wavers is of no use.
+/// A change below this share is no change: stamps have a grain, and a text that wavers is of no
+/// use.
 const SAME: f64 = 0.02;
 /// The device may be off its rate by this share: quartzes are not, dividers are.
 const TOLERANCE: f64 = 0.1;

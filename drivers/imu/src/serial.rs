@@ -1,8 +1,9 @@
 //! An IMU on a serial port.
 //!
-//! Responsible for when the port is opened, configured, read and given up: opened by its configured path, so that a
-//! device is found again under another number; closed before it is opened again; patient with what is not there; opened
-//! anew when it is silent. Not responsible for the protocol's bytes.
+//! Responsible for when the port is opened, configured, read and given up: opened by its
+//! configured path, so that a device is found again under another number; closed before it is
+//! opened again; patient with what is not there; opened anew when it is silent. Not responsible
+//! for the protocol's bytes.
 
 use crate::port::{KERNEL_BUFFER, Port};
 use crate::{Reading, protocol::Protocol, reading_source::ReadingSource};

@@ -7,7 +7,8 @@ use randt_emulator::imu::SerialProtocol;
 use std::fs;
 use std::time::{Duration, Instant};
 
-/// A device that is back sends within 2 s where nothing else runs; the machine of a test may be slow.
+/// A device that is back sends within 2 s where nothing else runs; the machine of a test may be
+/// slow.
 const BACK_MAX: Duration = Duration::from_secs(10);
 /// After a fault the driver is steady again within this time.
 const SETTLED: Duration = Duration::from_secs(2);
@@ -41,8 +42,8 @@ fn samples_come_at_their_rate_and_in_si_units() {
             assert!(pair[1].header.stamp_ns > pair[0].header.stamp_ns);
         }
         for sample in &driven.samples {
-            // A burst, on a busy machine a long one, may be spread into the future: stamps rise by half an interval at
-            // least.
+            // A burst, on a busy machine a long one, may be spread into the future: stamps rise by
+            // half an interval at least.
             let late_ns = sample.arrival_ns - sample.header.stamp_ns;
             assert!(late_ns.abs() < 1_000_000_000, "{late_ns}");
             assert!((sample.rate_rad_s[2] - 0.25).abs() < 1e-6);
@@ -257,8 +258,9 @@ fn a_port_that_another_program_has_is_reported() {
     assert_eq!(*second.imu.link(), Link::Streaming);
 }
 
-/// Answers that are not the device's own, while it is silent at first: seeds of tests/wrong_packets.rs with which the
-/// setup ended before the device spoke, and the port had to be opened again 1.5 s after the last wrong measurement.
+/// Answers that are not the device's own, while it is silent at first: seeds of
+/// tests/wrong_packets.rs with which the setup ended before the device spoke, and the port had to
+/// be opened again 1.5 s after the last wrong measurement.
 #[test]
 fn wrong_answers_before_the_device_speaks_do_not_end_its_setup() {
     std::thread::scope(|scope| {

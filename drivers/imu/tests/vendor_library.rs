@@ -1,4 +1,5 @@
-//! The vendor's own libphidget22, unmodified, between our driver and our emulator of a Phidget network server.
+//! The vendor's own libphidget22, unmodified, between our driver and our emulator of a Phidget
+//! network server.
 
 use crate::support::{Drive, Driven, Emulated};
 use randt_config::{Config, ImuSource};
@@ -20,13 +21,14 @@ const LIBRARY: &str = "Phidget22/.libs/libphidget22.so";
 const SERIAL_NUMBER: u32 = 123_456;
 /// An emulator begins this long before its first sample.
 const LEAD: Duration = Duration::from_millis(500);
-/// A device that is back sends within 2 s where nothing else runs; the machine of a test may be slow.
+/// A device that is back sends within 2 s where nothing else runs; the machine of a test may be
+/// slow.
 const BACK_MAX: Duration = Duration::from_secs(10);
 /// Marks the process of one test.
 const ALONE: &str = "RANDT_TEST_ALONE";
 
-/// The library is one a process, and its servers and threads disturb each other: each test has a process of its own, and
-/// so they run side by side.
+/// The library is one a process, and its servers and threads disturb each other: each test has a
+/// process of its own, and so they run side by side.
 fn alone(test: &str, body: impl FnOnce()) {
     if std::env::var_os(ALONE).is_some() {
         return body();

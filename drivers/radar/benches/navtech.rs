@@ -1,7 +1,8 @@
 //! `cargo bench -p randt-radar`: what a sweep of a Navtech costs, 400 beams of 3768 bins of 8 bit.
 //!
-//! Prints the processor's time from bytes to the laid out message (decoding, joining, timing, writing), median and p99, and
-//! as a share of one core at 4 Hz; and the time from a sweep's last beam to its message. Without the socket.
+//! Prints the processor's time from bytes to the laid out message (decoding, joining, timing,
+//! writing), median and p99, and as a share of one core at 4 Hz; and the time from a sweep's last
+//! beam to its message. Without the socket.
 #![allow(clippy::unwrap_used)]
 
 use randt_config::ByteOrder;

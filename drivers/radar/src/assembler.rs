@@ -1,7 +1,8 @@
 //! Beams to sweeps.
 //!
-//! Responsible for what is lost, doubled and late, and for when a sweep is whole; `locator` knows which beam belongs to
-//! which sweep. Pure. Not responsible for a beam's bytes, nor for where sweeps go.
+//! Responsible for what is lost, doubled and late, and for when a sweep is whole; `locator` knows
+//! which beam belongs to which sweep. Pure. Not responsible for a beam's bytes, nor for where
+//! sweeps go.
 
 mod counters;
 mod locator;
@@ -126,7 +127,8 @@ impl Assembler {
         self.take(beam, id, number, whole);
     }
 
-    /// What comes next does not continue what was: gives what is collected, if it is half a sweep at least.
+    /// What comes next does not continue what was: gives what is collected, if it is half a sweep
+    /// at least.
     pub fn restart(&mut self, whole: &mut dyn FnMut(&Sweep)) {
         while self.current.is_some() {
             self.finish(true, whole);
@@ -233,8 +235,8 @@ impl Assembler {
         }
     }
 
-    /// Whether no beam can be missing any more. A running counter's sweep ends where the next step, even a short one,
-    /// passes the border.
+    /// Whether no beam can be missing any more. A running counter's sweep ends where the next
+    /// step, even a short one, passes the border.
     fn is_whole(&self, sweep: &Sweep, beam: &RawBeam) -> bool {
         let all = sweep.beams() >= usize::from(self.locator.beams());
         let at_end = match beam.position {
@@ -267,7 +269,8 @@ impl Assembler {
         self.done = Some(id);
         let missing = expected.saturating_sub(sweep.beams() as i64).max(0);
         self.counters.lost += missing.unsigned_abs();
-        // What a radar that has gone would have sent is missing in the sweep, but was not lost on the way.
+        // What a radar that has gone would have sent is missing in the sweep, but was not lost on
+        // the way.
         let whole_turn = if cut {
             i64::from(self.locator.beams())
         } else {

@@ -5,7 +5,8 @@ use crate::Sender;
 /// A beam's position in the stream, as far as a decoder knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BeamPosition {
-    /// A counter that rises by one from beam to beam; a sweep begins where the azimuth, which rises, begins anew.
+    /// A counter that rises by one from beam to beam; a sweep begins where the azimuth, which
+    /// rises, begins anew.
     Running(u16),
     /// The number of the sweep and that of the beam in it, below the layout's `beams`.
     Numbered {
@@ -52,7 +53,8 @@ pub struct Echo {
 pub struct RawBeam {
     /// Its sender.
     pub sender: Sender,
-    /// Checksum of all its bytes: copies of a beam have the same. 0 where the connection makes no copies.
+    /// Checksum of all its bytes: copies of a beam have the same. 0 where the connection makes no
+    /// copies.
     pub fingerprint: u32,
     /// Copies of a part of it differed.
     pub contradicted: bool,

@@ -11,10 +11,11 @@ pub trait BeamSink {
     fn restarted(&mut self);
 }
 
-/// A radar that is reached, lost and reached again. Nothing here returns an error: what is wrong is in [`BeamSource::link`].
+/// A radar that is reached, lost and reached again. Nothing here returns an error: what is wrong
+/// is in [`BeamSource::link`].
 pub trait BeamSource {
-    /// Takes all that has come, and does what is due. Called whenever the poller has something, and at
-    /// [`BeamSource::due_ns`].
+    /// Takes all that has come, and does what is due. Called whenever the poller has something,
+    /// and at [`BeamSource::due_ns`].
     fn poll(&mut self, now_ns: i64, sink: &mut dyn BeamSink);
 
     /// When [`BeamSource::poll`] is to be called again even if nothing comes, ns.

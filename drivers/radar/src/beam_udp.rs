@@ -1,4 +1,5 @@
-//! beam-udp: a documented protocol of our own (docs/beam-udp.md) for radars whose own is not public.
+//! beam-udp: a documented protocol of our own (docs/beam-udp.md) for radars whose own is not
+//! public.
 //!
 //! Responsible for the protocol both ways and for its socket.
 

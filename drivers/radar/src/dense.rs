@@ -1,5 +1,6 @@
-//! Sweeps with all their bins, as polar images in the format of the Oxford Radar RobotCar data set, which `tools/readers`
-//! reads: one row a beam, 11 bytes before its powers. Pure: bytes in, bytes out.
+//! Sweeps with all their bins, as polar images in the format of the Oxford Radar RobotCar data
+//! set, which `tools/readers` reads: one row a beam, 11 bytes before its powers. Pure: bytes in,
+//! bytes out.
 
 use crate::{BeamPosition, RawBeam, Sweep};
 use std::collections::VecDeque;

@@ -44,8 +44,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// As an error of the configuration, where it is one: it has the origin of the value, and ends a process as bad
-    /// configuration.
+    /// As an error of the configuration, where it is one: it has the origin of the value, and ends
+    /// a process as bad configuration.
     pub fn in_configuration(self, origins: &Origins) -> Box<dyn std::error::Error + Send + Sync> {
         let (key, found, expected) = match &self {
             Self::Address { address, example } => (

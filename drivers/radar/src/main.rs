@@ -10,7 +10,8 @@ use std::time::Duration;
 
 /// The radar's driver: every sweep of the radar in section [radar] of the configuration.
 ///
-/// A radar that is not there, or not any more, is no error: the stage's status shows it, and it is tried without end.
+/// A radar that is not there, or not any more, is no error: the stage's status shows it, and it is
+/// tried without end.
 #[derive(Debug, Parser)]
 #[command(name = "randt-radar", max_term_width = 100)]
 struct Arguments {

@@ -1,6 +1,7 @@
 //! Navtech CTS and CIR: Colossus over TCP.
 //!
-//! Responsible for the protocol both ways and for the connection. Public: Navtech's IASDK (MIT) and its wiki.
+//! Responsible for the protocol both ways and for the connection. Public: Navtech's IASDK (MIT)
+//! and its wiki.
 
 mod client;
 pub mod configuration;

@@ -4,7 +4,8 @@ use crate::Error;
 use rustix::event::epoll::{self, CreateFlags, EventData, EventFlags};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
-/// An epoll set: readable while one of its sockets has something. A socket that is closed leaves it by itself.
+/// An epoll set: readable while one of its sockets has something. A socket that is closed leaves
+/// it by itself.
 #[derive(Debug)]
 pub struct Poller {
     epoll: OwnedFd,

@@ -12,7 +12,8 @@ use std::os::fd::BorrowedFd;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A spinning radar. It is never an error that it is not there: [`Radar::link`] has the reason, and it is tried without end.
+/// A spinning radar. It is never an error that it is not there: [`Radar::link`] has the reason,
+/// and it is tried without end.
 ///
 /// ```no_run
 /// let mut radar = randt_radar::Radar::new(&randt_config::Config::default())?;
@@ -68,7 +69,8 @@ impl BeamSink for BeamRouter<'_> {
 }
 
 impl Radar {
-    /// Reads section `radar`, `record.dense`, `sensor.keep_power` and `sensor.period_s`. Opens no socket yet.
+    /// Reads section `radar`, `record.dense`, `sensor.keep_power` and `sensor.period_s`. Opens no
+    /// socket yet.
     pub fn new(config: &Config) -> Result<Self, Error> {
         let poller = Arc::new(Poller::new()?);
         let silence_ns = nanoseconds(config.radar.silence_s);
@@ -118,8 +120,8 @@ impl Radar {
         self.source.due_ns().min(self.monitor.due_ns())
     }
 
-    /// Takes what has come and does what is due; hands out the sweeps that became whole. `now_ns` is of the clock that
-    /// sweeps are to be stamped in.
+    /// Takes what has come and does what is due; hands out the sweeps that became whole. `now_ns`
+    /// is of the clock that sweeps are to be stamped in.
     pub fn poll(&mut self, now_ns: i64, whole: &mut dyn FnMut(&Sweep)) {
         let mut router = BeamRouter {
             now_ns,

@@ -2,7 +2,8 @@
 
 use randt_messages::{MAX_RETURNS, Return};
 
-/// Returns that are held before the weakest are dropped. Room to spare, so that the search for them is rare.
+/// Returns that are held before the weakest are dropped. Room to spare, so that the search for
+/// them is rare.
 const HELD: usize = 4 * MAX_RETURNS;
 
 /// Returns by beam; their `beam` is the index of the beam in the order of arrival.

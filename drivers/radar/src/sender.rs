@@ -13,7 +13,8 @@ pub struct Sender {
 }
 
 impl Sender {
-    /// In what two senders differ, and the key that decides between them: short, because a stage's message is.
+    /// In what two senders differ, and the key that decides between them: short, because a stage's
+    /// message is.
     pub fn difference(&self, other: &Self) -> String {
         let ip = |sender: &Self| sender.address.map(|address| address.ip());
         let port = |sender: &Self| sender.address.map_or(0, |address| address.port());

@@ -1,7 +1,8 @@
 //! Beams to sweeps, where every host of the network can send: whose sweeps are taken.
 //!
-//! Responsible for distinguishing senders, for which one is the radar, and for what others send meanwhile. Pure. Each
-//! sender has an assembler of its own, so that nothing that one sends can reach another one's sweep.
+//! Responsible for distinguishing senders, for which one is the radar, and for what others send
+//! meanwhile. Pure. Each sender has an assembler of its own, so that nothing that one sends can
+//! reach another one's sweep.
 
 use crate::sweep::{Sweep, TURN};
 use crate::{Assembler, BeamLayout, BeamPosition, RawBeam, Sender};
@@ -11,11 +12,14 @@ use randt_device::Count;
 const OTHERS_MAX: usize = 4;
 /// Sweeps by which a number may be late: what a network puts out of order is one.
 const LATE_MAX: i64 = 2;
-/// A radar turns at most this many times faster than it should: in a pause its numbers rise no further.
+/// A radar turns at most this many times faster than it should: in a pause its numbers rise no
+/// further.
 const FAST: i64 = 2;
-/// A radar without a beam for this many turns is gone, where another sender has a whole sweep to show.
+/// A radar without a beam for this many turns is gone, where another sender has a whole sweep to
+/// show.
 const GONE_TURNS: i64 = 2;
-/// Of a sweep's steps from beam to beam this share may go the wrong way: encoders waver where they stand still.
+/// Of a sweep's steps from beam to beam this share may go the wrong way: encoders waver where they
+/// stand still.
 const BACKWARD_SHARE: usize = 8;
 /// A sweep with half of its beams turns by at least this share of a turn.
 const TURNED_SHARE: i64 = 8;
@@ -35,8 +39,9 @@ struct Stream {
     sweep_ns: i64,
 }
 
-/// Takes the beams of all senders, gives the sweeps of one: the first whose beams make a sweep that turns, as long as its sweeps
-/// come. One that is gone is forgotten for the next that has such a sweep. Sweeps are contested while others send.
+/// Takes the beams of all senders, gives the sweeps of one: the first whose beams make a sweep
+/// that turns, as long as its sweeps come. One that is gone is forgotten for the next that has
+/// such a sweep. Sweeps are contested while others send.
 #[derive(Debug)]
 pub struct Streams {
     turn_ns: i64,
@@ -48,8 +53,8 @@ pub struct Streams {
 }
 
 impl Streams {
-    /// `turn_ns` is the time of a turn where the radar does not give it; a radar that gives no sweep for `patience_ns`
-    /// makes way for another one.
+    /// `turn_ns` is the time of a turn where the radar does not give it; a radar that gives no
+    /// sweep for `patience_ns` makes way for another one.
     pub fn new(turn_ns: i64, patience_ns: i64) -> Self {
         Self {
             turn_ns: turn_ns.max(1),
@@ -134,8 +139,8 @@ impl Streams {
         is_radar
     }
 
-    /// The index of the stream that a beam continues, or of a new one. A new one replaces the one with the fewest beams, or
-    /// one that is over.
+    /// The index of the stream that a beam continues, or of a new one. A new one replaces the one
+    /// with the fewest beams, or one that is over.
     fn index_for(&mut self, beam: &RawBeam) -> usize {
         let turn_ns = self.turn_ns;
         let continued = |other: &Stream| other.is_continued_by(beam, turn_ns);
@@ -160,7 +165,8 @@ impl Streams {
         at
     }
 
-    /// What comes next does not continue what was: gives what is collected, if it is half a sweep at least.
+    /// What comes next does not continue what was: gives what is collected, if it is half a sweep
+    /// at least.
     pub fn restart(&mut self, whole: &mut dyn FnMut(&Sweep)) {
         if let Some(taken) = &mut self.taken {
             taken.assembler.restart(whole);
@@ -207,7 +213,8 @@ impl Stream {
         }
     }
 
-    /// Whether a beam is this sender's, and its number is one that can come now. A connection's all are.
+    /// Whether a beam is this sender's, and its number is one that can come now. A connection's
+    /// all are.
     fn is_continued_by(&self, beam: &RawBeam, turn_ns: i64) -> bool {
         if self.sender != beam.sender {
             return false;

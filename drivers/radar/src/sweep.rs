@@ -181,7 +181,8 @@ impl Sweep {
         })
     }
 
-    /// Whether azimuths fell in our sense, counter-clockwise, from beam to beam: the radar turns clockwise.
+    /// Whether azimuths fell in our sense, counter-clockwise, from beam to beam: the radar turns
+    /// clockwise.
     pub fn turns_clockwise(&self) -> bool {
         let ends = self.slots.first().zip(self.slots.last());
         let rises = ends.is_some_and(|(first, last)| last.unwrapped > first.unwrapped);
@@ -252,8 +253,8 @@ impl Sweep {
     }
 }
 
-/// Follows the azimuths over the encoder's zero. Beams may be missing: the numbers give how many, the layout how far that
-/// is, and most beams the sense of rotation.
+/// Follows the azimuths over the encoder's zero. Beams may be missing: the numbers give how many,
+/// the layout how far that is, and most beams the sense of rotation.
 fn unwrap(slots: &mut [BeamSlot], beams: u16) {
     let difference = |to: u32, from: u32| i64::from(to.wrapping_sub(from).cast_signed());
     let pairs = slots.iter().zip(slots.iter().skip(1));

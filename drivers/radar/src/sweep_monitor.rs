@@ -3,8 +3,9 @@
 use crate::{Streams, Sweep};
 use randt_device::{Count, Interruptions, Link};
 
-/// A warning of two senders stays for this time after the last contested sweep, ns: it can be seen without watching all
-/// the time, and another sender that sends now and then makes no line of the journal each time.
+/// A warning of two senders stays for this time after the last contested sweep, ns: it can be seen
+/// without watching all the time, and another sender that sends now and then makes no line of the
+/// journal each time.
 const WARNED_NS: i64 = 5_000_000_000;
 
 /// Beams without a sweep for this many turns are no radar's.
@@ -15,7 +16,8 @@ const TURN_MAX_NS: i64 = 10_000_000_000;
 /// Watches the sweeps, beside the link that the source gives for its beams.
 #[derive(Debug, Default)]
 pub(crate) struct SweepMonitor {
-    /// What the configuration allows, and what holds: more for a radar that turns more slowly than configured.
+    /// What the configuration allows, and what holds: more for a radar that turns more slowly than
+    /// configured.
     least_ns: i64,
     patience_ns: i64,
     link: Link,
@@ -65,7 +67,8 @@ impl SweepMonitor {
         }
     }
 
-    /// Judges anew; `beams` is the source's link. Gives whether beams have just been without a sweep for too long.
+    /// Judges anew; `beams` is the source's link. Gives whether beams have just been without a
+    /// sweep for too long.
     pub fn judge(&mut self, now_ns: i64, beams: &Link, streams: &Streams) -> bool {
         let mut is_overdue_now = false;
         if !beams.streams() {
@@ -86,7 +89,8 @@ impl SweepMonitor {
                     self.fruitless = true;
                     self.link = Link::Down(self.no_sweep(streams));
                 }
-                // It may turn so slowly that beginning anew is what keeps its sweep from being whole.
+                // It may turn so slowly that beginning anew is what keeps its sweep from being
+                // whole.
                 let longest_ns = self.least_ns.max(PATIENCE_TURNS * TURN_MAX_NS);
                 self.patience_ns = (2 * self.patience_ns).min(longest_ns);
             } else if self.fruitless {
@@ -160,7 +164,8 @@ mod tests {
 
     const SECOND_NS: i64 = 1_000_000_000;
 
-    /// Beams come all along, polled a hundred times a second; gives when the source was to reconnect, in tenths of a second.
+    /// Beams come all along, polled a hundred times a second; gives when the source was to
+    /// reconnect, in tenths of a second.
     fn reconnects(monitor: &mut SweepMonitor, seconds: i64) -> Vec<i64> {
         let streams = Streams::new(SECOND_NS / 5, SECOND_NS);
         (0..seconds * 100)

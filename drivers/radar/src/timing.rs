@@ -1,13 +1,15 @@
 //! When the beams of a sweep were measured.
 //!
-//! The radar's stamps come in bursts, its turning does not: each sweep's stamps are fitted by a line over the encoder's
-//! angle. The line is in the radar's time; it is brought into the host's by the beam that reached the host soonest.
+//! The radar's stamps come in bursts, its turning does not: each sweep's stamps are fitted by a
+//! line over the encoder's angle. The line is in the radar's time; it is brought into the host's
+//! by the beam that reached the host soonest.
 
 use crate::sweep::{BeamSlot, TURN};
 use randt_device::DeviceClock;
 use randt_geometry::Rotation;
 
-/// A turn that seems to take more or less than this many times what it should is no turn: the clock was set in it.
+/// A turn that seems to take more or less than this many times what it should is no turn: the
+/// clock was set in it.
 const ODD: f64 = 2.0;
 
 /// What a sweep's times were taken from.

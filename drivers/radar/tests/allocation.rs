@@ -52,7 +52,8 @@ fn nothing_is_allocated_in_steady_state() {
     let mut sweeps = 0;
     let mut before = 0;
     for (number, datagram) in datagrams.iter().enumerate() {
-        // After four of the largest sweeps there is room for all; and the clock's window of half a minute is full.
+        // After four of the largest sweeps there is room for all; and the clock's window of half a
+        // minute is full.
         if number == 220 * 160 {
             before = allocations();
         }

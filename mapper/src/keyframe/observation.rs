@@ -14,8 +14,8 @@ pub struct Observation {
     pub points: Vec<KeyframePoint>,
 }
 
-/// An observation that is unpacked when it is first read: a mapper that comes back has thousands, and unpacking all of
-/// them takes longer than all the rest.
+/// An observation that is unpacked when it is first read: a mapper that comes back has thousands,
+/// and unpacking all of them takes longer than all the rest.
 #[derive(Clone, Debug)]
 pub struct LazyObservation {
     /// A keyframe's record, until it is unpacked.

@@ -101,7 +101,8 @@ impl KeyframeStore {
         }
     }
 
-    /// Whether these are the keyframes that were saved, of as many as the mapper had taken; then those left out count.
+    /// Whether these are the keyframes that were saved, of as many as the mapper had taken; then
+    /// those left out count.
     pub fn restore(&mut self, saved: &SavedKeyframes, taken: u64) -> Option<()> {
         self.rejected = saved.rejected;
         let is_whole = taken.checked_sub(self.len() as u64)? == saved.rejected;

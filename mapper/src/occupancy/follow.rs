@@ -6,8 +6,8 @@ use crate::keyframe::MapKeyframe;
 use crate::pose_graph::KeyframeGraph;
 
 impl Grid {
-    /// Brings the grid up to the keyframes of the largest component and where they are now; those of others are taken
-    /// out. No more than `added_max` are painted for the first time.
+    /// Brings the grid up to the keyframes of the largest component and where they are now; those
+    /// of others are taken out. No more than `added_max` are painted for the first time.
     pub(crate) fn follow(
         &mut self,
         keyframes: &[MapKeyframe],

@@ -4,15 +4,17 @@ use randt_geometry::Pose2;
 use randt_geometry::elementary::{sin_cos, wrap};
 use std::f64::consts::TAU;
 
-/// Steps of position in a cell: a pose is rounded by an eighth of a cell at most, far below a radar's own error.
+/// Steps of position in a cell: a pose is rounded by an eighth of a cell at most, far below a
+/// radar's own error.
 const STEPS_PER_CELL: f64 = 4.0;
-/// Steps of heading in a turn: a return at 12 m is moved by 9 mm at most, an eighth of a usual cell and less.
+/// Steps of heading in a turn: a return at 12 m is moved by 9 mm at most, an eighth of a usual
+/// cell and less.
 const STEPS_PER_TURN: f64 = 4096.0;
 /// Nothing that is mapped lies farther from the origin, cells: 1,000 km of cells of 0.1 m.
 const CELLS_MAX: f64 = 1e7;
 
-/// A rounded pose. Equal ones paint the same, so that the grid depends on where keyframes are, never on where they
-/// were before.
+/// A rounded pose. Equal ones paint the same, so that the grid depends on where keyframes are,
+/// never on where they were before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LatticePose {
     x: i32,

@@ -1,4 +1,5 @@
-//! The grid as Nav2's map_server reads it: `map.pgm` and `map.yaml`. Only bytes; files are written elsewhere.
+//! The grid as Nav2's map_server reads it: `map.pgm` and `map.yaml`. Only bytes; files are written
+//! elsewhere.
 
 use super::{CellState, Grid, TILE_CELLS, Tile, TileIndex};
 use std::fmt::Write;
@@ -9,8 +10,9 @@ const FREE: u8 = 254;
 const UNKNOWN: u8 = 205;
 /// A picture of more pixels is refused: 16,384 x 16,384, 1.6 km a side with cells of 0.1 m.
 const PIXELS_MAX: u64 = 1 << 28;
-/// map_server calls a pixel occupied when its darkness, (255 - grey) / 255, is above the first and free when it is below
-/// the second. Nav2's own default of the second, 0.25, would make 205, with 0.19608, free.
+/// map_server calls a pixel occupied when its darkness, (255 - grey) / 255, is above the first and
+/// free when it is below the second. Nav2's own default of the second, 0.25, would make 205, with
+/// 0.19608, free.
 const OCCUPIED_THRESHOLD: f64 = 0.65;
 const FREE_THRESHOLD: f64 = 0.196;
 
@@ -30,7 +32,8 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// The picture of a grid; one unknown pixel where nothing is known. `None` where it would be too large.
+    /// The picture of a grid; one unknown pixel where nothing is known. `None` where it would be
+    /// too large.
     pub(crate) fn from_grid(grid: &Grid) -> Option<Self> {
         let (mut least, mut most) = ([i64::MAX; 2], [i64::MIN; 2]);
         each_known(grid, |[x, y], _| {
@@ -79,7 +82,8 @@ impl Picture {
     pub fn to_yaml(&self, image: &str) -> String {
         let mut text = String::new();
         let [x_m, y_m] = self.origin_m;
-        // Writing to a String cannot fail. Nanometres keep 1e7 cells exactly apart and end in no 0.30000000000000004.
+        // Writing to a String cannot fail. Nanometres keep 1e7 cells exactly apart and end in no
+        // 0.30000000000000004.
         let _ = write!(
             text,
             "image: {image}\nmode: trinary\nresolution: {:.9}\norigin: [{x_m:.9}, {y_m:.9}, 0.0]\nnegate: 0\n\
@@ -140,7 +144,8 @@ mod tests {
 
     #[test]
     fn an_asymmetric_shape_is_neither_mirrored_nor_turned() {
-        // Three returns, far ahead, nearer to the left, nearest behind to the right, with silent beams between them.
+        // Three returns, far ahead, nearer to the left, nearest behind to the right, with silent
+        // beams between them.
         let (ahead, left, behind) = (
             [(4.05, 0.05, 9.0)],
             [(0.05, 2.05, 9.0)],

@@ -2,12 +2,14 @@
 
 use crate::keyframe::Observation;
 
-/// A ray of more cells is cut: no map is made of what lies so far, and a broken keyframe must not ask for all memory.
+/// A ray of more cells is cut: no map is made of what lies so far, and a broken keyframe must not
+/// ask for all memory.
 const CELLS_MAX: f64 = 1024.0;
 /// Free ends this far before the first return, cells: a return stands anywhere in its cell.
 const MARGIN: f64 = 1.0;
-/// A return this far behind those of both neighbouring beams is no opening that one beam found, m: beams are wider
-/// than the angle between them, so that an opening shows in two. It is an echo through the wall, or of a mirror.
+/// A return this far behind those of both neighbouring beams is no opening that one beam found, m:
+/// beams are wider than the angle between them, so that an opening shows in two. It is an echo
+/// through the wall, or of a mirror.
 const LONE_M: f64 = 0.5;
 
 /// One beam with returns, in cells, in the keyframe's `base_link`.
@@ -56,10 +58,11 @@ impl RayMaker {
         &self.rays
     }
 
-    /// Makes the rays of all beams that have returns. A beam without returns has no vote: a radar may be blind there.
+    /// Makes the rays of all beams that have returns. A beam without returns has no vote: a radar
+    /// may be blind there.
     ///
-    /// The strongest return is the wall: the flanks around it are the width of the pulse. Between the first return
-    /// and the strongest there is no vote.
+    /// The strongest return is the wall: the flanks around it are the width of the pulse. Between
+    /// the first return and the strongest there is no vote.
     pub fn make(&mut self, observation: &Observation) {
         let count = observation.beams.len();
         self.echoes.clear();

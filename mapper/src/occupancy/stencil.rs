@@ -1,4 +1,5 @@
-//! A keyframe's vote on every cell around it: hit, miss or none. One keyframe, one vote a cell, however many beams.
+//! A keyframe's vote on every cell around it: hit, miss or none. One keyframe, one vote a cell,
+//! however many beams.
 
 use super::lattice::Placement;
 use super::ray::Ray;
@@ -14,7 +15,8 @@ const FRACTION_BITS: u32 = 16;
 /// A whole cell there.
 const ONE: f64 = (1 << FRACTION_BITS) as f64;
 
-/// Votes on a rectangle of cells. Kept and painted anew, so that nothing is allocated for each keyframe.
+/// Votes on a rectangle of cells. Kept and painted anew, so that nothing is allocated for each
+/// keyframe.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Stencil {
     /// Cell of the lower left corner.

@@ -83,7 +83,8 @@ impl Tile {
         else {
             return;
         };
-        // Wrapping: what is added first and taken out later may pass zero in between, never at the end.
+        // Wrapping: what is added first and taken out later may pass zero in between, never at the
+        // end.
         match change {
             Change::Add => {
                 for ((hits, misses), &vote) in hits.iter_mut().zip(misses).zip(votes) {

@@ -78,8 +78,8 @@ impl Tiles {
         }
     }
 
-    /// Ends a change: empty tiles go, and the version rises if anything is not as it was. `before` holds what
-    /// [`Self::take`] gave, if tiles were counted anew.
+    /// Ends a change: empty tiles go, and the version rises if anything is not as it was. `before`
+    /// holds what [`Self::take`] gave, if tiles were counted anew.
     pub fn finish(&mut self, before: &BTreeMap<TileIndex, Tile>) {
         let next = self.version + 1;
         let mut is_changed = false;

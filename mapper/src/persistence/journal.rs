@@ -1,8 +1,8 @@
 //! The mapper's journal: its keyframes, and from time to time what it has made of them.
 //!
-//! Responsible for bytes from which [`Mapper::restore`] makes the mapper that was, to the last bit, whenever its
-//! process was killed. Its compacted form, all keyframes and one snapshot, is the map file. Only [`JournalFile`] knows
-//! files; the rest turns values into bytes and back.
+//! Responsible for bytes from which [`Mapper::restore`] makes the mapper that was, to the last
+//! bit, whenever its process was killed. Its compacted form, all keyframes and one snapshot, is
+//! the map file. Only [`JournalFile`] knows files; the rest turns values into bytes and back.
 //!
 //! ```
 //! use randt_config::Config;
@@ -42,13 +42,15 @@ use pack::Unpacker;
 use randt_config::Config;
 use randt_messages::{Keyframe, KeyframeHead, Message, MessageRef};
 
-/// A snapshot costs about 32 bytes a keyframe of the map, and pushing a keyframe again some milliseconds: at every 256th
-/// part of a map snapshots take half as much as the keyframes, and few keyframes are left to push.
+/// A snapshot costs about 32 bytes a keyframe of the map, and pushing a keyframe again some
+/// milliseconds: at every 256th part of a map snapshots take half as much as the keyframes, and
+/// few keyframes are left to push.
 const SNAPSHOT_SHARE: u64 = 256;
 /// ... but not for less than this.
 const SNAPSHOT_EVERY_MIN: u64 = 4;
 
-/// Whether a snapshot is due, by keyframes in the journal and those of them after its last snapshot.
+/// Whether a snapshot is due, by keyframes in the journal and those of them after its last
+/// snapshot.
 pub fn is_snapshot_due(keyframes: u64, after_snapshot: u64) -> bool {
     after_snapshot >= (keyframes / SNAPSHOT_SHARE).max(SNAPSHOT_EVERY_MIN)
 }
@@ -64,14 +66,15 @@ pub fn append_keyframe(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) ->
     is_written.then_some(()).ok_or(Error::TooLarge)
 }
 
-/// Appends a snapshot of a mapper that has taken no keyframe but those before it, without what is known from the
-/// snapshots before it in the journal. With nothing known it stands for itself.
+/// Appends a snapshot of a mapper that has taken no keyframe but those before it, without what is
+/// known from the snapshots before it in the journal. With nothing known it stands for itself.
 pub fn append_snapshot(mapper: &Mapper, known: Known, out: &mut Vec<u8>) -> Result<(), Error> {
     let is_written = record::append(Kind::Snapshot, out, |out| mapper.snapshot(known, out));
     is_written.then_some(()).ok_or(Error::TooLarge)
 }
 
-/// The map file: a journal's header and keyframes as they are, and one snapshot of the mapper that has taken them.
+/// The map file: a journal's header and keyframes as they are, and one snapshot of the mapper that
+/// has taken them.
 pub fn compacted(journal: &[u8], mapper: &Mapper) -> Result<Vec<u8>, Error> {
     let (_, records) = records(journal)?;
     let mut bytes = journal.get(..records.good()).unwrap_or_default().to_vec();
@@ -88,8 +91,8 @@ pub fn records(bytes: &[u8]) -> Result<(Header, Records<'_>), Error> {
     Ok((header, Records::new(bytes, end)))
 }
 
-/// Reads of the payload of a keyframe's record all but beams and points, over a head that keeps its beams; `false` where
-/// it is none.
+/// Reads of the payload of a keyframe's record all but beams and points, over a head that keeps
+/// its beams; `false` where it is none.
 pub fn read_head(payload: &[u8], out: &mut KeyframeHead) -> bool {
     keyframe::unpack_numbers(&mut Unpacker(payload), out).is_some()
 }

@@ -12,7 +12,8 @@ use randt_messages::{KeyframeHead, Message};
 use randt_persist::{Persist, Reader};
 use std::sync::Arc;
 
-/// Own snapshots that are tried before all keyframes are pushed anew: one always fits, unless something is badly wrong.
+/// Own snapshots that are tried before all keyframes are pushed anew: one always fits, unless
+/// something is badly wrong.
 const TRIED_MAX: usize = 2;
 
 /// Why a snapshot was not used.
@@ -52,7 +53,8 @@ pub struct Recalled {
 impl Mapper {
     /// The mapper that took the keyframes of a journal, to the last bit where this build wrote it.
     ///
-    /// From the newest snapshot that fits on they are pushed anew; without any, all of them: slower, and the same map.
+    /// From the newest snapshot that fits on they are pushed anew; without any, all of them:
+    /// slower, and the same map.
     pub fn restore(config: &Config, journal: &[u8]) -> Result<(Self, Restored), Error> {
         let bytes: Bytes = Arc::new(journal.to_vec());
         let Recalled {
@@ -66,11 +68,12 @@ impl Mapper {
         Ok((mapper, restored))
     }
 
-    /// The mapper of the newest snapshot that fits, for callers that push the rest in their own time. It takes some
-    /// microseconds a keyframe, because it reads no more of them than their heads.
+    /// The mapper of the newest snapshot that fits, for callers that push the rest in their own
+    /// time. It takes some microseconds a keyframe, because it reads no more of them than their
+    /// heads.
     ///
-    /// `checkpoint`: a snapshot that stands elsewhere, as [`journal::JournalFile::checkpoint`] makes it. One that does
-    /// not fit, for example another journal's, is left out.
+    /// `checkpoint`: a snapshot that stands elsewhere, as [`journal::JournalFile::checkpoint`]
+    /// makes it. One that does not fit, for example another journal's, is left out.
     pub fn recall(config: &Config, journal: Contents, checkpoint: Option<&[u8]>) -> Recalled {
         let (mapper, rejection) = Self::from_checkpoint(config, &journal, checkpoint)
             .map_or_else(|| Self::newest(config, &journal), |mapper| (mapper, None));
@@ -90,8 +93,8 @@ impl Mapper {
         }
     }
 
-    /// Pushes the payload of a keyframe's record. What is none is left out and counted like any other that cannot be the
-    /// next one.
+    /// Pushes the payload of a keyframe's record. What is none is left out and counted like any
+    /// other that cannot be the next one.
     pub fn push_packed(&mut self, payload: &[u8]) -> bool {
         let mut message = Message::default();
         if !journal::read_keyframe(payload, &mut message) {
@@ -125,8 +128,8 @@ impl Mapper {
         (empty, rejection)
     }
 
-    /// As of a snapshot that stands behind all that the journal has; `None`, too, where a snapshot of the journal has
-    /// more, because another process has gone on with it.
+    /// As of a snapshot that stands behind all that the journal has; `None`, too, where a snapshot
+    /// of the journal has more, because another process has gone on with it.
     fn from_checkpoint(
         config: &Config,
         journal: &Contents,
@@ -142,7 +145,8 @@ impl Mapper {
         Self::from_snapshots(config, &journal.keyframes, &snapshots)
     }
 
-    /// The mapper as of the last of these snapshots; `None` where that does not fit those and the keyframes before it.
+    /// The mapper as of the last of these snapshots; `None` where that does not fit those and the
+    /// keyframes before it.
     fn from_snapshots(config: &Config, keyframes: &[Packed], snapshots: &[&[u8]]) -> Option<Self> {
         let mut mapper = Self::new(config);
         let (mut newest, mut grown) = (None, Grown::default());

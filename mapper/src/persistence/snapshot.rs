@@ -1,9 +1,11 @@
-//! What cannot be made again from keyframes alone: where they are in the map, and what became of every closure.
+//! What cannot be made again from keyframes alone: where they are in the map, and what became of
+//! every closure.
 //!
-//! Constraints of odometry, submaps, descriptors and the grid follow from keyframes and poses. Of closures only their
-//! status ever changes, and ring keys do not, so a snapshot has those that came after the one before it: a twentieth of
-//! all. Keys are there though they follow from keyframes, because each search looks through all of them: a mapper that
-//! comes back would have to unpack its whole journal.
+//! Constraints of odometry, submaps, descriptors and the grid follow from keyframes and poses. Of
+//! closures only their status ever changes, and ring keys do not, so a snapshot has those that
+//! came after the one before it: a twentieth of all. Keys are there though they follow from
+//! keyframes, because each search looks through all of them: a mapper that comes back would have
+//! to unpack its whole journal.
 
 use crate::Mapper;
 use crate::place_recognition::RingKey;
@@ -12,9 +14,10 @@ use randt_persist::{Error, Persist, Reader, StateIdentity, Writer, encode, persi
 
 /// First bytes of a snapshot.
 const MAGIC: [u8; 8] = *b"RANDTSNP";
-/// What a snapshot looks like: its number is to be raised with every change of what is saved, which a test notices. The
-/// build does not matter: another one's map is a map, and pushing thousands of keyframes anew takes minutes in which a
-/// robot that was updated has none. Forms 1 and 2 had no magic.
+/// What a snapshot looks like: its number is to be raised with every change of what is saved,
+/// which a test notices. The build does not matter: another one's map is a map, and pushing
+/// thousands of keyframes anew takes minutes in which a robot that was updated has none. Forms 1
+/// and 2 had no magic.
 const FORM: [u8; 16] = *b"mapper snapshot3";
 
 /// How much the snapshots of a journal have of what only grows.
@@ -101,7 +104,8 @@ impl Mapper {
         }
     }
 
-    /// Appends what [`Mapper::restore`] needs beside the keyframes and what the snapshots before it have.
+    /// Appends what [`Mapper::restore`] needs beside the keyframes and what the snapshots before
+    /// it have.
     pub(crate) fn snapshot(&self, known: Known, out: &mut Vec<u8>) {
         let (closures, keys) = (self.closures(), self.recognition.keys());
         let increment = Increment {
@@ -142,8 +146,8 @@ mod tests {
     use randt_geometry::Pose2;
     use randt_messages::{Keyframe, Message};
 
-    /// A change of what is saved raises the number in `FORM` and writes the new sum here: an older snapshot would else
-    /// be read as something that it is not.
+    /// A change of what is saved raises the number in `FORM` and writes the new sum here: an older
+    /// snapshot would else be read as something that it is not.
     #[test]
     fn form_three_is_as_it_was() {
         let mut mapper = Mapper::new(&Config::default());

@@ -1,7 +1,9 @@
-//! ScanContext (Kim and Kim 2018) on intensities: what a scan looks like from above, under any heading.
+//! ScanContext (Kim and Kim 2018) on intensities: what a scan looks like from above, under any
+//! heading.
 //!
-//! The plane around the robot is cut into rings and sectors; an element is the sum of its returns' intensities.
-//! Sectors are compared by their cosine, so the unit of the intensity does not matter.
+//! The plane around the robot is cut into rings and sectors; an element is the sum of its returns'
+//! intensities. Sectors are compared by their cosine, so the unit of the intensity does not
+//! matter.
 
 use randt_config::Loops;
 use randt_geometry::elementary::{PI, atan2};

@@ -55,7 +55,8 @@ impl Search {
         Some(context.get_or_init(made))
     }
 
-    /// Keyframes whose revisit is a loop: those of an earlier stretch of the path, or of another frame.
+    /// Keyframes whose revisit is a loop: those of an earlier stretch of the path, or of another
+    /// frame.
     fn old<'a>(
         &self,
         keyframes: &'a [MapKeyframe],
@@ -72,8 +73,9 @@ impl Search {
 
     /// The keyframes that look most like the newest one, best first, one of each neighbourhood.
     ///
-    /// `deviations(keyframe)`: how many standard deviations away from there the estimate has the robot, where it is
-    /// known. It adds 1 - exp(-d^2 / 2) to the distance (odometry similarity, as in TBV SLAM).
+    /// `deviations(keyframe)`: how many standard deviations away from there the estimate has the
+    /// robot, where it is known. It adds 1 - exp(-d^2 / 2) to the distance (odometry similarity,
+    /// as in TBV SLAM).
     pub fn by_appearance(
         &self,
         keyframes: &[MapKeyframe],
@@ -106,8 +108,8 @@ impl Search {
         self.best(keyframes, alike.collect())
     }
 
-    /// The old keyframes nearest to the newest one, within `radius_m`, one of each neighbourhood. `away_m(keyframe)`:
-    /// how far away the estimate has a keyframe, where it is known.
+    /// The old keyframes nearest to the newest one, within `radius_m`, one of each neighbourhood.
+    /// `away_m(keyframe)`: how far away the estimate has a keyframe, where it is known.
     pub fn by_proximity(
         &self,
         keyframes: &[MapKeyframe],

@@ -1,17 +1,19 @@
 //! Which loops agree with each other and with odometry.
 //!
-//! Starting a robust solver from odometry that has drifted by metres lets false loops bend the map before the true ones
-//! count, and the more where false ones agree with each other. Instead the drive is grown anew from its beginning: at
-//! every moment only the drift since the last loops is open, and a loop must lie within it.
+//! Starting a robust solver from odometry that has drifted by metres lets false loops bend the map
+//! before the true ones count, and the more where false ones agree with each other. Instead the
+//! drive is grown anew from its beginning: at every moment only the drift since the last loops is
+//! open, and a loop must lie within it.
 //!
-//! 1. Components whose odometry is separate are connected only by loops that agree in their majority.
-//! 2. Loops that agree on the same two stretches form a cluster (pairwise consistency, Mangelson et al. 2018, by
-//!    short cycles only). Ten loops of one mistake are one
-//!    support, not ten.
-//! 3. Group by cluster, in the order in which they came, the innovation is held against its covariance.
+//! 1. Components whose odometry is separate are connected only by loops that agree in their
+//!    majority.
+//! 2. Loops that agree on the same two stretches form a cluster (pairwise consistency, Mangelson
+//!    et al. 2018, by short cycles only). Ten loops of one mistake are one support, not ten.
+//! 3. Group by cluster, in the order in which they came, the innovation is held against its
+//!    covariance.
 //! 4. The innovations also show how large errors really are, compared with what the edges claim.
-//! 5. Clusters that were turned away may be reinstated once everything is known, by truncated least squares (as in Yang
-//!    et al. 2020).
+//! 5. Clusters that were turned away may be reinstated once everything is known, by truncated
+//!    least squares (as in Yang et al. 2020).
 //!
 //! Not responsible for the weights between re-checks.
 
@@ -32,7 +34,8 @@ use growth::{Noise, grow};
 use membership::{Membership, memberships};
 use randt_geometry::Pose2;
 
-/// Share of the loops that cycles may turn away against the claims before the claims are tried as well.
+/// Share of the loops that cycles may turn away against the claims before the claims are tried as
+/// well.
 const CLAIMABLE_MAX: f64 = 0.05;
 
 /// What a re-check found.
@@ -75,8 +78,8 @@ pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Resu
     let arriving = arriving(&order);
 
     let (clusters, cycles) = clusters(&chain, &arriving);
-    // Short cycles show the noise but not the drift; innovations show both but believe the first loops. Where
-    // they differ both are tried, and the data choose.
+    // Short cycles show the noise but not the drift; innovations show both but believe the first
+    // loops. Where they differ both are tried, and the data choose.
     let mut best: Option<(f64, Problem<'_>, ConsensusResult)> = None;
     for noise in [Noise::Fixed(cycles), Noise::CLAIMED] {
         let grown = grow(
@@ -103,8 +106,8 @@ pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Resu
     let noise = problem.gate / GATE;
     let mut result = problem.reinstate(&clusters, result)?;
     if noise < 1.0 {
-        // Judged more sharply than it claims, a loop may come back where it lies within its claim after all: noise
-        // is a mean, and good loops have tails.
+        // Judged more sharply than it claims, a loop may come back where it lies within its claim
+        // after all: noise is a mean, and good loops have tails.
         let claimed = Problem {
             gate: GATE,
             ..problem

@@ -5,7 +5,8 @@ use crate::index::KeyframeIdx;
 use nalgebra::{Matrix3, Vector3};
 use randt_geometry::{Pose2, elementary::wrap};
 
-/// Farther than a robot drives (a tenth of the earth's girth); squares of it are still exact to a millimetre.
+/// Farther than a robot drives (a tenth of the earth's girth); squares of it are still exact to a
+/// millimetre.
 pub(super) const COORDINATE_MAX_M: f64 = 4e6;
 
 /// A measurement between two nodes.
@@ -62,7 +63,8 @@ impl Edge {
         }
     }
 
-    /// (Rz^T (Ra^T (tb - ta) - tz), yaw_b - yaw_a - yaw_z): what is left of the measurement, in the frame of `to`.
+    /// (Rz^T (Ra^T (tb - ta) - tz), yaw_b - yaw_a - yaw_z): what is left of the measurement, in
+    /// the frame of `to`.
     pub fn error(&self, from: &Pose2, to: &Pose2) -> Vector3<f64> {
         let seen = from.between(to);
         let (cos, sin) = self.measured.cos_sin();

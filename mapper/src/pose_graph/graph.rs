@@ -11,8 +11,8 @@ use crate::index::{ComponentIdx, KeyframeIdx};
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
 
-/// chi2 from which a loop is doubted: of three degrees of freedom, 1 in 10,000 is beyond. Below it a loop has its full
-/// weight, so that good loops give the plain least squares.
+/// chi2 from which a loop is doubted: of three degrees of freedom, 1 in 10,000 is beyond. Below it
+/// a loop has its full weight, so that good loops give the plain least squares.
 const LOOP_PHI: f64 = 21.1;
 const LOOP_LOSS: Loss = Loss::Scaled { phi: LOOP_PHI };
 
@@ -53,8 +53,8 @@ impl Loop {
 
 /// A pose graph with its estimate.
 ///
-/// Odometry is trusted. Loops are weighed by their chi2, and [`PoseGraph::recheck`] switches off those that contradict
-/// the rest. Every connected component keeps the pose of its lowest node.
+/// Odometry is trusted. Loops are weighed by their chi2, and [`PoseGraph::recheck`] switches off
+/// those that contradict the rest. Every connected component keeps the pose of its lowest node.
 #[derive(Default)]
 pub struct PoseGraph {
     poses: Vec<Pose2>,
@@ -99,7 +99,8 @@ impl PoseGraph {
         self.next_loop
     }
 
-    /// Adds a node where it is believed to be and returns its index. It is a component by itself until an edge connects it.
+    /// Adds a node where it is believed to be and returns its index. It is a component by itself
+    /// until an edge connects it.
     pub fn add_node(&mut self, pose: Pose2) -> Result<KeyframeIdx, Error> {
         check_pose(&pose)?;
         let node = KeyframeIdx(self.poses.len());
@@ -116,7 +117,8 @@ impl PoseGraph {
         Ok(())
     }
 
-    /// Adds the node that an odometry edge leads to, where that edge puts it. The edge's `to` is the next index.
+    /// Adds the node that an odometry edge leads to, where that edge puts it. The edge's `to` is
+    /// the next index.
     pub fn append(&mut self, edge: Edge) -> Result<KeyframeIdx, Error> {
         edge.check(self.poses.len() + 1)?;
         let from = self.poses.get(edge.from.0).ok_or(Error::NoNode {
@@ -178,17 +180,20 @@ impl PoseGraph {
         &self.loops
     }
 
-    /// The lowest node of the component that a node belongs to, over odometry and the loops that are on.
+    /// The lowest node of the component that a node belongs to, over odometry and the loops that
+    /// are on.
     pub fn component_of(&self, node: KeyframeIdx) -> Option<ComponentIdx> {
         self.component.get(node.0).copied()
     }
 
-    /// Moves the poses to the optimum over odometry and the loops that are on, starting where they are.
+    /// Moves the poses to the optimum over odometry and the loops that are on, starting where they
+    /// are.
     pub fn optimise(&mut self) -> Result<Report, Error> {
         self.descend(LOOP_LOSS)
     }
 
-    /// The same with every loop that is on believed in full: the plain least squares, from however far away.
+    /// The same with every loop that is on believed in full: the plain least squares, from however
+    /// far away.
     pub fn optimise_trusting(&mut self) -> Result<Report, Error> {
         self.descend(Loss::QUADRATIC)
     }
@@ -220,8 +225,8 @@ impl PoseGraph {
         })
     }
 
-    /// Covariance of the pose of `j` seen from `i`, with perturbations on the right (in the frame of `j`); m^2, m rad,
-    /// rad^2. By odometry and the loops that are on, at the estimate.
+    /// Covariance of the pose of `j` seen from `i`, with perturbations on the right (in the frame
+    /// of `j`); m^2, m rad, rad^2. By odometry and the loops that are on, at the estimate.
     pub fn relative_covariance(
         &mut self,
         i: KeyframeIdx,

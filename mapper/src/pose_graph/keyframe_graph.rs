@@ -12,18 +12,20 @@ use randt_geometry::Pose2;
 /// Weight below which a loop has proved wrong: the rest of the map disagrees with it.
 const WEIGHT_MIN: f64 = 0.3;
 
-/// Least standard deviations of a step of odometry, m and rad: a covariance of zero would make the graph stiff.
+/// Least standard deviations of a step of odometry, m and rad: a covariance of zero would make the
+/// graph stiff.
 const STEP_SIGMA_MIN: [f64; 3] = [1e-3, 1e-3, 1e-4];
 
-/// How well a keyframe is known from its submap's root: at least, and per metre of distance (m and rad). Simulated drives
-/// show 0.015 m + 0.004 a metre and 0.002 rad + 0.0006 a metre where a submap grows, one room much less than that. The
-/// graph takes intra-submap constraints and steps for independent though both are of the same odometry: sharper than
-/// this, it turns true loops of the tunnel away.
+/// How well a keyframe is known from its submap's root: at least, and per metre of distance (m and
+/// rad). Simulated drives show 0.015 m + 0.004 a metre and 0.002 rad + 0.0006 a metre where a
+/// submap grows, one room much less than that. The graph takes intra-submap constraints and steps
+/// for independent though both are of the same odometry: sharper than this, it turns true loops of
+/// the tunnel away.
 const SUBMAP_SIGMA_M: [f64; 2] = [0.015, 0.003];
 const SUBMAP_SIGMA_RAD: [f64; 2] = [0.003, 0.0003];
 
-/// A keyframe is held by its submap where its step is this sure in every direction, m: half of the keyframes in building
-/// and yard.
+/// A keyframe is held by its submap where its step is this sure in every direction, m: half of the
+/// keyframes in building and yard.
 const INTRA_SUBMAP_SIGMA_MAX_M: f64 = 0.02;
 
 /// The graph, and which closure each of its loops is of.
@@ -48,7 +50,8 @@ impl KeyframeGraph {
         }
     }
 
-    /// Adds the node of a keyframe that comes next; `false` where its numbers are none of a robot's.
+    /// Adds the node of a keyframe that comes next; `false` where its numbers are none of a
+    /// robot's.
     pub fn append(&mut self, keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> bool {
         let node = match self.odometry_step(keyframe, keyframes) {
             Some(edge) => self.graph.append(edge),
@@ -94,7 +97,8 @@ impl KeyframeGraph {
         Ok(())
     }
 
-    /// Optimises; takes out loops that proved wrong and optimises again. Gives the closures of those.
+    /// Optimises; takes out loops that proved wrong and optimises again. Gives the closures of
+    /// those.
     pub fn optimise_and_prune(&mut self) -> Vec<CandidateIdx> {
         let mut pruned = Vec::new();
         loop {
@@ -112,8 +116,8 @@ impl KeyframeGraph {
         }
     }
 
-    /// Judges all loops anew, as if the drive were driven again: one that was let in while the map was uncertain can
-    /// prove wrong by what came later. Then optimises and prunes.
+    /// Judges all loops anew, as if the drive were driven again: one that was let in while the map
+    /// was uncertain can prove wrong by what came later. Then optimises and prunes.
     pub fn recheck(&mut self) -> Vec<CandidateIdx> {
         let mut pruned = Vec::new();
         if self.is_verified && !self.closures.is_empty() {
@@ -174,7 +178,8 @@ impl KeyframeGraph {
         component.unwrap_or(ComponentIdx(keyframe.0))
     }
 
-    /// How many keyframes each component has, by its first keyframe; 0 for keyframes that are no first one.
+    /// How many keyframes each component has, by its first keyframe; 0 for keyframes that are no
+    /// first one.
     fn component_sizes(&self) -> Vec<usize> {
         let mut sizes = vec![0_usize; self.poses().len()];
         for node in 0..sizes.len() {
@@ -228,7 +233,8 @@ impl KeyframeGraph {
         }
     }
 
-    /// The graph that was saved, with its constraints of odometry; `None` where they do not fit each other.
+    /// The graph that was saved, with its constraints of odometry; `None` where they do not fit
+    /// each other.
     pub fn restore(
         &mut self,
         saved: SavedGraph,
@@ -253,8 +259,8 @@ impl KeyframeGraph {
     }
 }
 
-/// Holds a keyframe that comes next by the root of the submap that odometry registered it to: within a submap errors do
-/// not add up as those of its steps would.
+/// Holds a keyframe that comes next by the root of the submap that odometry registered it to:
+/// within a submap errors do not add up as those of its steps would.
 fn intra_submap_constraint(keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> Option<Edge> {
     let to = KeyframeIdx(keyframes.len());
     let from = keyframes.find(keyframe.submap_root)?;

@@ -33,7 +33,8 @@ impl Prior {
     }
 }
 
-/// Standard deviation along the least certain direction of the position of a covariance of (x, y, yaw), m.
+/// Standard deviation along the least certain direction of the position of a covariance of (x, y,
+/// yaw), m.
 pub(crate) fn position_sigma_m(c: &Matrix3<f64>) -> f64 {
     let radius = (0.25 * (c.m11 - c.m22) * (c.m11 - c.m22) + c.m12 * c.m12).sqrt();
     (0.5 * (c.m11 + c.m22) + radius).max(0.0).sqrt()

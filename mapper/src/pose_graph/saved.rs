@@ -47,7 +47,8 @@ impl Persist for SavedPose {
 /// The pose that gives these numbers.
 fn pose_from_saved([x_m, y_m, yaw_rad]: [f64; 3]) -> Pose2 {
     let pose = Pose2::new(x_m, y_m, yaw_rad);
-    // The last heading before half a turn is only made from one turn less: wrapped again it rounds to the other end.
+    // The last heading before half a turn is only made from one turn less: wrapped again it rounds
+    // to the other end.
     match pose.yaw_rad.to_bits() == yaw_rad.to_bits() {
         true => pose,
         false => Pose2::new(x_m, y_m, yaw_rad - 2.0 * PI),
@@ -60,7 +61,8 @@ pub(crate) struct SavedLoop {
     pub id: u64,
     pub closure: CandidateIdx,
     pub on: bool,
-    /// chi2 and weight where they do not follow from the poses: after an optimisation without a result.
+    /// chi2 and weight where they do not follow from the poses: after an optimisation without a
+    /// result.
     pub odd: Option<(f64, f64)>,
 }
 persist!(SavedLoop {

@@ -8,7 +8,8 @@ use randt_geometry::Pose2;
 
 /// Steps below this that shrink no more are the rounding of long chains, not descent.
 const STEP_ROUNDING: f64 = 1e-6;
-/// First damping after a failed step, relative to the diagonal, its growth, and where it is hopeless.
+/// First damping after a failed step, relative to the diagonal, its growth, and where it is
+/// hopeless.
 const DAMPING_FIRST: f64 = 1e-6;
 const DAMPING_GROWTH: f64 = 10.0;
 const DAMPING_MAX: f64 = 1e6;
@@ -25,8 +26,8 @@ pub(super) struct Effort {
 }
 
 impl Effort {
-    /// To the optimum: machines with and without FMA then agree to 1e-6 m. Gauss-Newton takes 3 to 8 steps, from far
-    /// away or with robust weights some tens; more is no descent.
+    /// To the optimum: machines with and without FMA then agree to 1e-6 m. Gauss-Newton takes 3 to
+    /// 8 steps, from far away or with robust weights some tens; more is no descent.
     pub const FULL: Self = Self {
         step: 1e-9,
         factorisations_max: 100,
@@ -49,7 +50,8 @@ pub struct Report {
 /// Edges with their losses.
 pub(super) type Term<'a> = (&'a Edge, Loss);
 
-/// Moves the poses to the least cost, starting where they are. The system is made anew where it does not fit.
+/// Moves the poses to the least cost, starting where they are. The system is made anew where it
+/// does not fit.
 pub(super) fn solve(
     system: &mut Option<System>,
     poses: &mut [Pose2],
@@ -59,7 +61,8 @@ pub(super) fn solve(
     descend(fitting(system, poses.len(), terms)?, poses, terms, effort)
 }
 
-/// The equations of these terms, factorised at these poses or, where they are solved, a last step away from them.
+/// The equations of these terms, factorised at these poses or, where they are solved, a last step
+/// away from them.
 pub(super) fn factorised<'a>(
     system: &'a mut Option<System>,
     poses: &[Pose2],
@@ -78,7 +81,8 @@ pub(super) fn factorised<'a>(
     Ok(system)
 }
 
-/// The system of these terms: the one that is there, or where that does not fit a new one in its place.
+/// The system of these terms: the one that is there, or where that does not fit a new one in its
+/// place.
 fn fitting<'a>(
     system: &'a mut Option<System>,
     nodes: usize,
@@ -128,7 +132,8 @@ fn descend(
         let Some((moved, size, cost)) = tried else {
             damping = (damping * DAMPING_GROWTH).max(DAMPING_FIRST);
             if damping > DAMPING_MAX {
-                // No step lowers the cost: a factorisation that never succeeds is an error, a floor is not.
+                // No step lowers the cost: a factorisation that never succeeds is an error, a
+                // floor is not.
                 if !system.factorise(damping) {
                     return Err(Error::Singular {
                         unknowns: system.unknowns(),

@@ -25,14 +25,15 @@ const DOF: usize = 3;
 struct EdgeBlocks {
     /// Blocks of the two nodes; `None` for an anchor, which stands still.
     blocks: [Option<usize>; 2],
-    /// Which block below the diagonal of the lower-numbered one's column; 0 where one is an anchor.
+    /// Which block below the diagonal of the lower-numbered one's column; 0 where one is an
+    /// anchor.
     below: usize,
 }
 
 /// H step = -g, with H in 3 x 3 blocks.
 ///
-/// The lowest node of every component is its anchor and no unknown. Sparsity, ordering and symbolic factorisation are
-/// made once and serve as long as the same nodes are connected.
+/// The lowest node of every component is its anchor and no unknown. Sparsity, ordering and
+/// symbolic factorisation are made once and serve as long as the same nodes are connected.
 pub(super) struct System {
     component: Vec<usize>,
     pairs: Vec<(usize, usize)>,
@@ -120,7 +121,8 @@ impl System {
         self.gradient.fill(0.0);
     }
 
-    /// Adds the edge of the pair at `index`: its error, its derivatives and its information, weight included.
+    /// Adds the edge of the pair at `index`: its error, its derivatives and its information,
+    /// weight included.
     pub fn add(
         &mut self,
         index: usize,
@@ -155,7 +157,8 @@ impl System {
         }
     }
 
-    /// Factorises H with its diagonal raised by `damping` times itself; false where it is not positive definite.
+    /// Factorises H with its diagonal raised by `damping` times itself; false where it is not
+    /// positive definite.
     pub fn factorise(&mut self, damping: f64) -> bool {
         self.factorised = self.unknowns() == 0;
         if self.factorised {
@@ -203,10 +206,12 @@ impl System {
         Some([step[first], step[first + 1], step[first + 2]])
     }
 
-    /// Covariance of what two nodes' perturbations add up to, each by its matrix; an anchor has none.
+    /// Covariance of what two nodes' perturbations add up to, each by its matrix; an anchor has
+    /// none.
     pub fn covariance(&mut self, terms: [(KeyframeIdx, &Matrix3<f64>); 2]) -> Matrix3<f64> {
         let size = self.gradient.len();
-        // The columns of J^T: H^-1 J^T of one solution instead of the columns of the inverse of both nodes.
+        // The columns of J^T: H^-1 J^T of one solution instead of the columns of the inverse of
+        // both nodes.
         let mut columns = vec![0.0; size * DOF];
         let mut entries = Vec::with_capacity(2 * DOF * DOF);
         for (node, by) in terms {
@@ -287,9 +292,9 @@ fn pattern<'a>(columns: &'a [usize], rows: &'a [usize]) -> SymbolicSparseColMatR
     SymbolicSparseColMatRef::new_checked(size, size, columns, None, rows)
 }
 
-/// Orders blocks by approximate minimum degree (a ninth of the scalars' work) and factorises the pattern. The
-/// factorisation goes scalar by scalar: graphs of drives are too thin for dense blocks to pay, and those would be
-/// multiplied by instructions that depend on the machine.
+/// Orders blocks by approximate minimum degree (a ninth of the scalars' work) and factorises the
+/// pattern. The factorisation goes scalar by scalar: graphs of drives are too thin for dense
+/// blocks to pay, and those would be multiplied by instructions that depend on the machine.
 fn symbolic(
     below: &[Vec<usize>],
     columns: &[usize],

@@ -15,7 +15,8 @@ pub(super) fn edge(from: usize, to: usize, measured: Pose2) -> Edge {
     }
 }
 
-/// Where a drive of metre steps on a square of 10 m is after `step` steps; it passes every spot again and again.
+/// Where a drive of metre steps on a square of 10 m is after `step` steps; it passes every spot
+/// again and again.
 pub(super) fn square(step: usize) -> Pose2 {
     let (side, along) = (step / 10 % 4, (step % 10) as f64);
     let (x_m, y_m) = match side {
@@ -27,7 +28,8 @@ pub(super) fn square(step: usize) -> Pose2 {
     Pose2::new(x_m, y_m, side as f64 * core::f64::consts::FRAC_PI_2)
 }
 
-/// The odometry of that drive: every step's heading is off by a hundredth, so the laps drift apart.
+/// The odometry of that drive: every step's heading is off by a hundredth, so the laps drift
+/// apart.
 pub(super) fn drifting(steps: usize) -> PoseGraph {
     let mut graph = PoseGraph::default();
     graph.add_node(square(0)).unwrap();
@@ -39,7 +41,8 @@ pub(super) fn drifting(steps: usize) -> PoseGraph {
     graph
 }
 
-/// Holds every step by the first of its thirty, as the mapper does, sharper than the chain of steps.
+/// Holds every step by the first of its thirty, as the mapper does, sharper than the chain of
+/// steps.
 pub(super) fn add_intra_submap_constraints(graph: &mut PoseGraph) {
     for step in 0..graph.poses().len() {
         let root = step / 30 * 30;

@@ -1,5 +1,6 @@
-//! The map as of the last keyframe, in memory: what the mapper has made since the journal's last snapshot is made anew only
-//! after a power cut. In a large map of many loops that is seconds of work.
+//! The map as of the last keyframe, in memory: what the mapper has made since the journal's last
+//! snapshot is made anew only after a power cut. In a large map of many loops that is seconds of
+//! work.
 
 use randt_stage::{Checkpoint, Error, Stage};
 
@@ -22,7 +23,8 @@ impl CheckpointStore {
         self.0.versions().first().copied()
     }
 
-    /// Writes one over the one before the last. One that is too large is not kept: the next start has more to do.
+    /// Writes one over the one before the last. One that is too large is not kept: the next start
+    /// has more to do.
     pub fn store(&mut self, snapshot: &[u8]) {
         let _ = self.0.write(|slot| {
             let room = slot.get_mut(..snapshot.len()).ok_or(())?;

@@ -34,7 +34,8 @@ impl From<JournalFile> for JournalWriter {
 }
 
 impl JournalWriter {
-    /// Appends a keyframe behind those that it could not take yet. A full disk does not stop the map.
+    /// Appends a keyframe behind those that it could not take yet. A full disk does not stop the
+    /// map.
     pub fn push(&mut self, keyframe: MessageRef<'_, Keyframe>) {
         self.write();
         if !self.is_whole() || !self.append(keyframe) {

@@ -14,7 +14,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Journal and map, which have the same keyframes; a map that has come back takes the last of them while it listens.
+/// Journal and map, which have the same keyframes; a map that has come back takes the last of them
+/// while it listens.
 pub struct KeyframeIngest {
     mapper: Mapper,
     writer: JournalWriter,
@@ -66,8 +67,8 @@ impl KeyframeIngest {
         })
     }
 
-    /// Takes a keyframe where it is the next one. Doubles are dropped; before one that is ahead the missing are asked for.
-    /// Gives whether to ask at once.
+    /// Takes a keyframe where it is the next one. Doubles are dropped; before one that is ahead
+    /// the missing are asked for. Gives whether to ask at once.
     pub fn take(&mut self, keyframe: MessageRef<'_, Keyframe>) -> bool {
         let head = keyframe.head;
         let newest = self.newest_frame();
@@ -94,7 +95,8 @@ impl KeyframeIngest {
         self.to_replay.len() > 0
     }
 
-    /// Whether the map is what was published last: the one that came after was being taken when the process ended.
+    /// Whether the map is what was published last: the one that came after was being taken when
+    /// the process ended.
     pub fn is_as_published(&self) -> bool {
         self.to_replay.len() <= 1
     }
@@ -141,8 +143,8 @@ impl KeyframeIngest {
         }
     }
 
-    /// Odometry numbers another drive: it began without its past, and without having heard of this map. The journal is
-    /// quarantined whole, and a new one begins.
+    /// Odometry numbers another drive: it began without its past, and without having heard of this
+    /// map. The journal is quarantined whole, and a new one begins.
     pub fn begin_anew(
         self,
         path: &Path,
@@ -160,7 +162,8 @@ impl KeyframeIngest {
         Self::open(path, config, stage)
     }
 
-    /// A snapshot of a map that has only what the journal has: in memory, and in the journal where one is due.
+    /// A snapshot of a map that has only what the journal has: in memory, and in the journal where
+    /// one is due.
     fn snapshot(&mut self) {
         if !self.writer.is_whole() {
             return;
@@ -177,7 +180,8 @@ impl KeyframeIngest {
         self.writer.sync(self.sequence.next)
     }
 
-    /// Brings all onto the disk, and a snapshot with it: the next start then has nothing to push anew.
+    /// Brings all onto the disk, and a snapshot with it: the next start then has nothing to push
+    /// anew.
     pub fn finish(&mut self) {
         self.writer.write();
         if self.writer.is_whole() && self.writer.journal.has_news(&self.mapper) {

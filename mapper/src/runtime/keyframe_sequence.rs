@@ -1,6 +1,7 @@
 //! Which keyframe comes next: each once, in order, of one drive, none missing.
 
-/// This many requests for missing keyframes are answered by later ones before the map goes on without them.
+/// This many requests for missing keyframes are answered by later ones before the map goes on
+/// without them.
 pub const REFUSALS_MAX: u32 = 6;
 
 /// What becomes of a keyframe that came.
@@ -18,23 +19,25 @@ pub enum Admission {
 pub struct KeyframeSequence {
     /// The keyframe that is waited for.
     pub next: u64,
-    /// Whether keyframes shall be sent again, whether that was asked for since the last answer, and how often the answer
-    /// was a later keyframe. Silence is no answer: odometry may be away itself.
+    /// Whether keyframes shall be sent again, whether that was asked for since the last answer,
+    /// and how often the answer was a later keyframe. Silence is no answer: odometry may be away
+    /// itself.
     is_missing: bool,
     is_asked: bool,
     refusals: u32,
     /// Keyframes that never came.
     pub lost: u64,
-    /// Whether odometry numbers the drive that the map is of: it has shown that it knows the map's last keyframe. Before
-    /// that a keyframe of the right number may be another drive's.
+    /// Whether odometry numbers the drive that the map is of: it has shown that it knows the map's
+    /// last keyframe. Before that a keyframe of the right number may be another drive's.
     is_of_this_drive: bool,
-    /// Whether a keyframe came that has the number of one of the map's and is another one, or odometry goes on in the
-    /// map's frame without having its last one.
+    /// Whether a keyframe came that has the number of one of the map's and is another one, or
+    /// odometry goes on in the map's frame without having its last one.
     pub is_other_drive: bool,
 }
 
 impl KeyframeSequence {
-    /// Goes on after the keyframes of a journal. What came while no mapper was here is in odometry's ring.
+    /// Goes on after the keyframes of a journal. What came while no mapper was here is in
+    /// odometry's ring.
     pub fn after(next: u64) -> Self {
         Self {
             next,
@@ -47,7 +50,8 @@ impl KeyframeSequence {
         }
     }
 
-    /// Judges a keyframe that came. A new frame stands by itself, whichever drive it is numbered in.
+    /// Judges a keyframe that came. A new frame stands by itself, whichever drive it is numbered
+    /// in.
     pub fn admit(
         &mut self,
         id: u64,

@@ -10,10 +10,11 @@ use std::time::{Duration, Instant};
 
 /// What the mapper has and wants is published this often, whether it changed or not.
 const BEAT: Duration = Duration::from_millis(500);
-/// The whole graph and the grid follow the map at this distance: painting anew after a loop takes 40 ms.
+/// The whole graph and the grid follow the map at this distance: painting anew after a loop takes
+/// 40 ms.
 const PAINT: Duration = Duration::from_secs(2);
-/// Keyframes that are painted for the first time before it polls for what has come: a map that has come back has
-/// thousands, at a tenth of a millisecond each.
+/// Keyframes that are painted for the first time before it polls for what has come: a map that has
+/// come back has thousands, at a tenth of a millisecond each.
 const PAINTED_MAX: usize = 500;
 /// Tiles that are sent at once; the buffer holds 64.
 const TILES: usize = 16;
@@ -80,10 +81,12 @@ impl MapPublisher {
             self.send_graph(ingest, true)?;
         }
         if self.tiles.publisher.has_new_reader() {
-            // The history holds 8 messages: a map has hundreds of tiles, and they seldom change once they are known.
+            // The history holds 8 messages: a map has hundreds of tiles, and they seldom change
+            // once they are known.
             self.begin_anew();
         }
-        // What is listed goes out first, so that a map that keeps changing reaches its readers whole all the same.
+        // What is listed goes out first, so that a map that keeps changing reaches its readers
+        // whole all the same.
         let is_news = self.drawn != Some(version) && self.tiles.is_empty();
         if is_whole && is_news && now >= self.paint {
             self.is_painting = ingest.mapper().update_grid_by(PAINTED_MAX).added == PAINTED_MAX;
@@ -116,7 +119,8 @@ impl MapPublisher {
 
     fn send_graph(&mut self, ingest: &mut KeyframeIngest, may_ask: bool) -> Result<(), Error> {
         let head = &mut *self.graph.head;
-        // Odometry that begins to number goes on after the journal, not after what the map has of it by now.
+        // Odometry that begins to number goes on after the journal, not after what the map has of
+        // it by now.
         head.wanted_keyframe = ingest.next();
         head.odom_frame_id = ingest.newest_frame().unwrap_or(0);
         head.on_disk = ingest.on_disk();
@@ -145,7 +149,8 @@ impl MapPublisher {
 struct TileQueue {
     publisher: Publisher<MapperGrid>,
     tile: Message<MapperGrid>,
-    /// Tiles that are to be sent, the next one last, and the version of the grid that they lead to.
+    /// Tiles that are to be sent, the next one last, and the version of the grid that they lead
+    /// to.
     tiles: Vec<TileIndex>,
     listed: u64,
 }

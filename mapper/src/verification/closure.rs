@@ -12,7 +12,8 @@ use randt_persist::{persist, persist_enum};
 pub enum LoopStatus {
     /// In the graph.
     Accepted,
-    /// Good by itself, but the estimate is too uncertain to believe one loop alone and no other has agreed.
+    /// Good by itself, but the estimate is too uncertain to believe one loop alone and no other
+    /// has agreed.
     Unconfirmed,
     /// Was in the graph; later loops proved it wrong.
     Withdrawn,
@@ -69,7 +70,8 @@ pub struct Scores {
     pub backward: Option<f64>,
     /// The better-fitting share under the opposite heading, where that was possible.
     pub flipped: Option<f64>,
-    /// Largest share explained of the newer surroundings where they are moved along their least certain direction.
+    /// Largest share explained of the newer surroundings where they are moved along their least
+    /// certain direction.
     pub displaced: Option<f64>,
     /// Cauchy-Schwarz divergence.
     pub divergence: Option<f64>,

@@ -1,7 +1,7 @@
 //! Which of the closures that passed their gates enter the graph, within one component of the map.
 //!
-//! Where the estimate is sharp, a loop within its gate cannot be false and is taken alone. Where it is not, two of one
-//! passage must agree.
+//! Where the estimate is sharp, a loop within its gate cannot be false and is taken alone. Where
+//! it is not, two of one passage must agree.
 
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};
@@ -13,7 +13,8 @@ use nalgebra::Matrix3;
 use randt_geometry::Pose2;
 use std::ops::Range;
 
-/// Loops that agree must lie this many keyframe distances of path apart: neighbours share their errors.
+/// Loops that agree must lie this many keyframe distances of path apart: neighbours share their
+/// errors.
 const APART_KEYFRAMES: f64 = 2.0;
 /// ... and at most this many: beyond it the drive between is no sharper than the estimate.
 const TOGETHER_KEYFRAMES: f64 = 40.0;

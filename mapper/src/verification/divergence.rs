@@ -1,7 +1,9 @@
-//! Cauchy-Schwarz divergence between two mixtures of normal distributions, in closed form (Kampa et al. 2011).
+//! Cauchy-Schwarz divergence between two mixtures of normal distributions, in closed form (Kampa
+//! et al. 2011).
 //!
-//! D = -ln( <p, q> / sqrt(<p, p> <q, q>) ) with <p, q> = sum_i sum_j w_i w_j N(mu_i; nu_j, S_i + T_j): 0 where the
-//! mixtures are equal, growing as they part. All three products use the sums of both covariances; far pairs vanish.
+//! D = -ln( <p, q> / sqrt(<p, p> <q, q>) ) with <p, q> = sum_i sum_j w_i w_j N(mu_i; nu_j, S_i +
+//! T_j): 0 where the mixtures are equal, growing as they part. All three products use the sums of
+//! both covariances; far pairs vanish.
 
 use randt_geometry::{
     Pose2,
@@ -9,12 +11,14 @@ use randt_geometry::{
 };
 use randt_ndt::{Cell, Grid, scalar};
 
-/// Squares to each side within which pairs count: beyond one cell's edge a wall's distribution has vanished.
+/// Squares to each side within which pairs count: beyond one cell's edge a wall's distribution has
+/// vanished.
 const RADIUS: i64 = 1;
 /// Stands for mixtures that have nothing in common.
 pub const APART: f64 = 50.0;
 
-/// The divergence between the cells of a query submap, moved by `pose`, and those of a map within `sight_m` of the pose.
+/// The divergence between the cells of a query submap, moved by `pose`, and those of a map within
+/// `sight_m` of the pose.
 pub fn divergence(map: &Grid, query: &Grid, pose: &Pose2, sight_m: f64) -> f64 {
     let near = |cell: &Cell, x: f64, y: f64| {
         let (dx, dy) = (cell.mean[0] - x, cell.mean[1] - y);

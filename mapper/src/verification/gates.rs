@@ -1,7 +1,8 @@
 //! The gates that a loop candidate must pass before it may bend the map.
 //!
-//! False loops pass each gate alone (corridors look alike turned by 180 degrees, rooms look alike shifted by a room).
-//! Together the gates ask whether a loop is seen from both sides, in the right pose, and in no other.
+//! False loops pass each gate alone (corridors look alike turned by 180 degrees, rooms look alike
+//! shifted by a room). Together the gates ask whether a loop is seen from both sides, in the right
+//! pose, and in no other.
 
 use super::closure::{LoopStatus, Scores};
 use crate::pose_graph::Prior;
@@ -9,24 +10,27 @@ use randt_config::Loops;
 
 /// chi2 of three degrees of freedom that one true loop in a thousand exceeds.
 pub(super) const CHI2_MAX: f64 = 16.3;
-/// A loop farther off than this, m and rad, is false: 0.5 m and 5 degrees, with a margin for what the registration
-/// itself may be off.
+/// A loop farther off than this, m and rad, is false: 0.5 m and 5 degrees, with a margin for what
+/// the registration itself may be off.
 const FALSE_M: f64 = 0.4;
 const FALSE_RAD: f64 = 0.07;
 /// Deviations within which [`CHI2_MAX`] holds a loop.
 const DEVIATIONS: f64 = 4.0;
-/// Weakest direction of a registration, m: beyond it a corridor's length was guessed. The warp alone makes 0.060 m of it,
-/// a bare wall of which the grid makes all that is known along it 0.101 m at most. Over 19 simulated worlds 0.068 m
-/// refuses two of three false loops (203 to 67) and one of 250 true ones (2,291 to 2,282).
+/// Weakest direction of a registration, m: beyond it a corridor's length was guessed. The warp
+/// alone makes 0.060 m of it, a bare wall of which the grid makes all that is known along it 0.101
+/// m at most. Over 19 simulated worlds 0.068 m refuses two of three false loops (203 to 67) and
+/// one of 250 true ones (2,291 to 2,282).
 const SIGMA_MAX_M: f64 = 0.068;
-/// Moved along its least certain direction, a query submap must be explained by at most this share of before. Of loops in bare
-/// corridors that are metres off along them nearly nine in ten have more; of true loops one in fifty in the building, half
-/// in the yard, where there is little to see.
+/// Moved along its least certain direction, a query submap must be explained by at most this share
+/// of before. Of loops in bare corridors that are metres off along them nearly nine in ten have
+/// more; of true loops one in fifty in the building, half in the yard, where there is little to
+/// see.
 const DISPLACED_MAX: f64 = 0.8;
 /// The opposite heading must explain at most this share of what the chosen one does.
 const FLIPPED_MAX: f64 = 0.85;
 
-/// Whether no pose within the gate of odometry can be a false loop: one loop needs no support then.
+/// Whether no pose within the gate of odometry can be a false loop: one loop needs no support
+/// then.
 pub(super) fn is_tight(prior: &Prior) -> bool {
     DEVIATIONS * prior.sigma_m() < FALSE_M && DEVIATIONS * prior.sigma_rad() < FALSE_RAD
 }

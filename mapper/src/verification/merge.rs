@@ -1,9 +1,9 @@
 //! Merges unconnected components of the map.
 //!
-//! A component has no prior against another: rooms and corridors that look alike give loops that agree with one another
-//! for as long as the robot drives among them. So a component is merged by the whole of its drive, not by single loops:
-//! laid over the other component it must fit wherever the robot was there before, over a long way, and in no other
-//! alignment.
+//! A component has no prior against another: rooms and corridors that look alike give loops that
+//! agree with one another for as long as the robot drives among them. So a component is merged by
+//! the whole of its drive, not by single loops: laid over the other component it must fit wherever
+//! the robot was there before, over a long way, and in no other alignment.
 
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};
@@ -20,10 +20,12 @@ use randt_persist::{Error, Persist, Reader, Writer};
 const EVERY_KEYFRAMES: f64 = 8.0;
 /// Submaps that must fit, two metres of path each indoors: fewer say too little together.
 const FITS_MIN: usize = 16;
-/// Share of their cells that the other component must explain, on the average. In eight drives through a building whose
-/// halves and rooms look alike, true alignments have 0.76 to 0.87 and false ones, of up to 44 fits, 0.54 to 0.71.
+/// Share of their cells that the other component must explain, on the average. In eight drives
+/// through a building whose halves and rooms look alike, true alignments have 0.76 to 0.87 and
+/// false ones, of up to 44 fits, 0.54 to 0.71.
 const EXPLAINED_MIN: f64 = 0.74;
-/// Of the submaps that lie where the robot was before, this share may not fit: doors move, and odometry bends.
+/// Of the submaps that lie where the robot was before, this share may not fit: doors move, and
+/// odometry bends.
 const MISFITS_MAX: f64 = 0.1;
 /// Another alignment of as good fits, this share of the best one's in number, makes both doubtful.
 const RIVAL_SHARE: f64 = 0.5;
@@ -32,14 +34,16 @@ const ALIGNMENTS_MAX: usize = 5;
 /// Alignments within these are one, m and rad: odometry's drift over a component.
 const SAME_M: f64 = 1.5;
 const SAME_RAD: f64 = 0.1;
-/// A submap is compared where the other component has a keyframe within this many keyframe distances.
+/// A submap is compared where the other component has a keyframe within this many keyframe
+/// distances.
 const NEAR_KEYFRAMES: f64 = 3.0;
-/// A fit may end this far from where the alignment has it, m and rad: within [`SAME_M`] for the drift of long
-/// components.
+/// A fit may end this far from where the alignment has it, m and rad: within [`SAME_M`] for the
+/// drift of long components.
 const OFF_MAX_M: f64 = 1.0;
 const OFF_MAX_RAD: f64 = 0.08;
 
-/// Where the robot can have come to while nothing was seen: this many times its fastest speed so far, and a little, m.
+/// Where the robot can have come to while nothing was seen: this many times its fastest speed so
+/// far, and a little, m.
 const REACH_SPEEDS: f64 = 1.5;
 const REACH_MIN_M: f64 = 2.0;
 
@@ -224,7 +228,8 @@ fn is_reachable(
 }
 
 impl LoopVerification {
-    /// Lays a component over another one and registers each of its submaps' roots where the other component has been.
+    /// Lays a component over another one and registers each of its submaps' roots where the other
+    /// component has been.
     fn overlay(
         &mut self,
         component: ComponentIdx,
@@ -281,8 +286,9 @@ impl LoopVerification {
         self.submaps.root_of(keyframes.get(nearest)?, keyframes)
     }
 
-    /// Registers a keyframe to a submap near where it is expected to be in the submap's component; `None` where it does
-    /// not fit. One that fits as well a metre on counts too, but makes no loop.
+    /// Registers a keyframe to a submap near where it is expected to be in the submap's component;
+    /// `None` where it does not fit. One that fits as well a metre on counts too, but makes no
+    /// loop.
     fn fit(
         &mut self,
         [older, newer]: [KeyframeIdx; 2],

@@ -1,7 +1,8 @@
-//! Where a query submap stands in a submap: NDT registration under an adaptive loss whose scale is graduated.
+//! Where a query submap stands in a submap: NDT registration under an adaptive loss whose scale is
+//! graduated.
 //!
-//! The paper's refinement of a loop candidate (III-D): the residual is that of odometry, r^2 = d^T (R S R^T + S')^-1 d,
-//! and associations are made again before every step.
+//! The paper's refinement of a loop candidate (III-D): the residual is that of odometry, r^2 = d^T
+//! (R S R^T + S')^-1 d, and associations are made again before every step.
 
 use super::submap::QuerySubmap;
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -13,24 +14,29 @@ use randt_geometry::{
 };
 use randt_ndt::{AdaptiveLoss, Association, Grid, ScanCell};
 
-/// Factors on c^2, one solve each: a loop starts farther from its end than a scan does, so the basin begins wider.
+/// Factors on c^2, one solve each: a loop starts farther from its end than a scan does, so the
+/// basin begins wider.
 const GRADUATION: [f64; 3] = [16.0, 4.0, 1.0];
 /// Steps at the wide scales, which only lead into the next one's basin, and at the last.
 const STEPS_WIDE: u32 = 3;
 const STEPS_MAX: u32 = 8;
-/// A step below this (m, rad) ends a scale: a tenth of the centimetre that a registration is good for.
+/// A step below this (m, rad) ends a scale: a tenth of the centimetre that a registration is good
+/// for.
 const STEP_MIN: f64 = 1e-3;
 /// Longest step, m and rad: associations reach one cell.
 const STEP_MAX: f64 = 0.5;
-/// Added to the diagonal of the normal equations, per unit of it, so that a bare corridor does not run away.
+/// Added to the diagonal of the normal equations, per unit of it, so that a bare corridor does not
+/// run away.
 const DAMPING: f64 = 1e-3;
 
-/// What odometry's warp inside query and submap adds to every registration, m and rad. Against the truth of simulated
-/// drives loops are off by 2 cm and 0.3 degrees, with any noise of the scans; and loops a metre apart share most of
-/// their 8 m of query and submap, so that each counts for an eighth: three times these.
+/// What odometry's warp inside query and submap adds to every registration, m and rad. Against the
+/// truth of simulated drives loops are off by 2 cm and 0.3 degrees, with any noise of the scans;
+/// and loops a metre apart share most of their 8 m of query and submap, so that each counts for an
+/// eighth: three times these.
 const WARP_SIGMA: [f64; 3] = [0.06, 0.06, 0.018];
 
-/// A query is moved by this many cells to see whether it fits there as well: no whole number, as cells repeat themselves.
+/// A query is moved by this many cells to see whether it fits there as well: no whole number, as
+/// cells repeat themselves.
 const DISPLACED_CELLS: f64 = 1.4;
 
 /// A query's pose in a submap, and how well it fits there.
@@ -42,9 +48,11 @@ pub struct Registration {
     pub information: Matrix3<f64>,
     /// Share of the query submap that the submap explains, 0..1.
     pub forward: f64,
-    /// Share of the submap, as far as the query submap sees it, that the query submap explains, 0..1.
+    /// Share of the submap, as far as the query submap sees it, that the query submap explains,
+    /// 0..1.
     pub backward: f64,
-    /// Largest share that the submap explains of the query submap moved along its least certain direction, 0..1.
+    /// Largest share that the submap explains of the query submap moved along its least certain
+    /// direction, 0..1.
     pub displaced: f64,
 }
 
@@ -54,7 +62,8 @@ impl Registration {
         self.forward.min(self.backward)
     }
 
-    /// Unit vector of the position's least certain direction, with the heading free, in the query submap's frame.
+    /// Unit vector of the position's least certain direction, with the heading free, in the query
+    /// submap's frame.
     pub fn weak_direction(&self) -> Vector2<f64> {
         let [a, b, c] = self.reduced();
         // Angle of the larger eigenvalue's axis; the smaller one's is across.
@@ -72,7 +81,8 @@ impl Registration {
         [reduced.m11, reduced.m12, reduced.m22]
     }
 
-    /// Standard deviations along the least and most certain direction of the position, m, with the heading free.
+    /// Standard deviations along the least and most certain direction of the position, m, with the
+    /// heading free.
     pub fn sigmas_m(&self) -> [f64; 2] {
         let [a, b, c] = self.reduced();
         let middle = 0.5 * (a + c);
@@ -164,8 +174,9 @@ impl Registrar {
         Some(registration)
     }
 
-    /// Share of the query submap that the submap still explains where the query submap is moved along the least certain direction: as
-    /// much as before in a bare corridor, even where the information claims otherwise.
+    /// Share of the query submap that the submap still explains where the query submap is moved
+    /// along the least certain direction: as much as before in a bare corridor, even where the
+    /// information claims otherwise.
     fn displaced(
         &mut self,
         map: &Grid,
@@ -293,7 +304,8 @@ mod tests {
             let pose = Pose2::new(x, y, yaw);
             let found = register(&pose, &pose.compose(&Pose2::new(dx, dy, turn)), true);
             let off = pose.between(&found.submap_from_query);
-            // Cells cut the walls where the robot stands: a few centimetres and a degree or two are theirs.
+            // Cells cut the walls where the robot stands: a few centimetres and a degree or two
+            // are theirs.
             prop_assert!(off.translation().norm() < 0.08 && off.yaw_rad.abs() < 0.04, "{off:?}");
             prop_assert!(found.fit() > 0.5, "{found:?}");
         }

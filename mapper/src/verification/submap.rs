@@ -1,8 +1,9 @@
 //! Submaps: the NDT cells around a root keyframe, made of the keyframes before and after it.
 //!
-//! A submap stands in its root's frame and uses odometry's relative poses only, which are exact over its few metres:
-//! the graph can move without touching it. Most keyframes are never met again, so a submap is made when it is first asked
-//! for, and a mapper that comes back has none to make.
+//! A submap stands in its root's frame and uses odometry's relative poses only, which are exact
+//! over its few metres: the graph can move without touching it. Most keyframes are never met
+//! again, so a submap is made when it is first asked for, and a mapper that comes back has none to
+//! make.
 
 use crate::index::KeyframeIdx;
 use crate::keyframe::MapKeyframe;
@@ -12,7 +13,8 @@ use randt_geometry::Pose2;
 use randt_ndt::{Grid, ScanCell};
 use std::cell::OnceCell;
 
-/// A root at every this many keyframe distances of path: each keyframe has one within two keyframes.
+/// A root at every this many keyframe distances of path: each keyframe has one within two
+/// keyframes.
 const SPACING_KEYFRAMES: f64 = 4.0;
 
 /// NDT cells in the frame of a root keyframe.
@@ -43,7 +45,8 @@ impl Submaps {
         }
     }
 
-    /// Takes the newest keyframe: it enters the submaps that reach it, and becomes a root where the last one is far.
+    /// Takes the newest keyframe: it enters the submaps that reach it, and becomes a root where
+    /// the last one is far.
     pub fn push(&mut self, keyframes: &[MapKeyframe]) {
         let Some((newest, keyframe)) = keyframes.len().checked_sub(1).zip(keyframes.last()) else {
             return;
@@ -112,7 +115,8 @@ impl Submaps {
         self.submaps.iter().map(|submap| submap.root)
     }
 
-    /// The cells around a root: backwards from it, then onwards, as the keyframes that come later will enter.
+    /// The cells around a root: backwards from it, then onwards, as the keyframes that come later
+    /// will enter.
     fn build(&self, root: KeyframeIdx, keyframes: &[MapKeyframe]) -> Grid {
         let mut grid = self.empty.clone();
         let (before, after) = keyframes.split_at_checked(root.0 + 1).unwrap_or_default();
@@ -128,7 +132,8 @@ impl Submaps {
     }
 }
 
-/// What a robot has just driven through, in the frame of the newest keyframe: it is registered against old submaps.
+/// What a robot has just driven through, in the frame of the newest keyframe: it is registered
+/// against old submaps.
 ///
 /// A single scan of a sparse radar looks like many spots; the last metres look like one.
 #[derive(Clone, Debug)]
@@ -193,7 +198,8 @@ mod tests {
     use nalgebra::Matrix3;
     use randt_messages::KeyframePoint;
 
-    /// A keyframe every half metre along x that sees a wall two metres to its left; the frame changes at keyframe 30.
+    /// A keyframe every half metre along x that sees a wall two metres to its left; the frame
+    /// changes at keyframe 30.
     fn drive() -> Vec<MapKeyframe> {
         let keyframe = |i: u32| MapKeyframe {
             keyframe_id: u64::from(i),

@@ -2,7 +2,8 @@
 
 use randt_persist::persist;
 
-/// What was dropped, repaired or lacked support. As many fields as there are counters in the report.
+/// What was dropped, repaired or lacked support. As many fields as there are counters in the
+/// report.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Scans with stamps that no clock gives, or of a sweep that lasts over a minute: left out.
@@ -17,8 +18,8 @@ pub struct Counters {
     pub imu_late_first_ns: i64,
     /// See there.
     pub imu_late_short_ns: i64,
-    /// Of these, scans with a sample that had been published in time and was delivered after they had been computed: a
-    /// computation of the log uses it.
+    /// Of these, scans with a sample that had been published in time and was delivered after they
+    /// had been computed: a computation of the log uses it.
     pub scans_imu_overtaken: u64,
     /// Scans without IMU although there had been one.
     pub scans_without_imu: u64,

@@ -1,4 +1,5 @@
-//! Going on without the whole state: a new frame that begins at the last pose, and numbers without a gap.
+//! Going on without the whole state: a new frame that begins at the last pose, and numbers without
+//! a gap.
 
 use super::Odometry;
 use crate::odometry_frame::OdometryFrame;
@@ -19,8 +20,9 @@ impl Odometry {
         }
     }
 
-    /// Begins a new frame at the kept pose: the way since then is not known, so the frame is another one. Gyro bias and
-    /// heading of the attitude are kept; the numbers of states, keyframes and submaps go on.
+    /// Begins a new frame at the kept pose: the way since then is not known, so the frame is
+    /// another one. Gyro bias and heading of the attitude are kept; the numbers of states,
+    /// keyframes and submaps go on.
     pub fn resume(config: &Config, use_imu: bool, record: &PoseRecord) -> Self {
         let mut odometry = Self::new(config, use_imu);
         let [w, x, y, z] = record.attitude;
@@ -42,8 +44,9 @@ impl Odometry {
         odometry
     }
 
-    /// For a start without any record where the mapper has keyframes already: the number after its last one, and the
-    /// frame of that one, which ours comes after. Without effect once a keyframe was made; numbers never go back.
+    /// For a start without any record where the mapper has keyframes already: the number after its
+    /// last one, and the frame of that one, which ours comes after. Without effect once a keyframe
+    /// was made; numbers never go back.
     pub fn continue_after(&mut self, next_keyframe: u64, odom_frame_id: u64) {
         if self.keyframes.has_made() {
             return;

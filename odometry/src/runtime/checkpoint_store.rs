@@ -1,4 +1,5 @@
-//! What odometry saves outside of its process: the whole state after every scan, the pose alone, the keyframes.
+//! What odometry saves outside of its process: the whole state after every scan, the pose alone,
+//! the keyframes.
 
 use super::outbox::{self, Outbox, ResultSink};
 use crate::Odometry;
@@ -48,7 +49,8 @@ pub struct CheckpointContents {
 /// The records of one domain; their writer is the only one.
 #[derive(Debug)]
 pub struct CheckpointStore {
-    /// The last states that were published and the whole state, as one: either both are new or neither.
+    /// The last states that were published and the whole state, as one: either both are new or
+    /// neither.
     state: Checkpoint,
     pose: Checkpoint,
     ring: KeyframeRing,
@@ -75,7 +77,8 @@ impl CheckpointStore {
         })
     }
 
-    /// Reads the records of a stage that has ended from a folder. No file is made there; a missing one gives nothing.
+    /// Reads the records of a stage that has ended from a folder. No file is made there; a missing
+    /// one gives nothing.
     pub fn read(folder: &Path, config: &Config, use_imu: bool) -> CheckpointContents {
         let (state, ring) = (folder.join(STATE), folder.join(RING));
         let mut contents = CheckpointContents {
@@ -103,8 +106,8 @@ impl CheckpointStore {
         contents
     }
 
-    /// Goes on where the last process ended: with the whole state, else from the pose, else anew; logs which, and why.
-    /// Gives whether there was a state or a pose.
+    /// Goes on where the last process ended: with the whole state, else from the pose, else anew;
+    /// logs which, and why. Gives whether there was a state or a pose.
     pub fn restore(
         &mut self,
         stage: &Stage,
@@ -174,7 +177,8 @@ impl CheckpointStore {
         }
     }
 
-    /// Saves everything up to the present scan. To be called before any of its results is published.
+    /// Saves everything up to the present scan. To be called before any of its results is
+    /// published.
     pub(super) fn save(&mut self, odometry: &Odometry) -> Result<(), PersistError> {
         let outbox = &self.outbox;
         self.state.write(|bytes| {
@@ -208,7 +212,8 @@ impl CheckpointStore {
 
     /// The next keyframe that has not been published.
     pub fn next_keyframe(&mut self) -> Option<Message<Keyframe>> {
-        // One that is not in the ring any more cannot be sent; the mapper sees that its number is missing.
+        // One that is not in the ring any more cannot be sent; the mapper sees that its number is
+        // missing.
         std::iter::from_fn(|| self.outbox.keyframes.pop_front()).find_map(|id| self.ring.get(id))
     }
 

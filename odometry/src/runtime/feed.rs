@@ -1,4 +1,5 @@
-//! The order in which a process takes its inputs from two topics: samples as they come, one scan at a time.
+//! The order in which a process takes its inputs from two topics: samples as they come, one scan
+//! at a time.
 
 use super::CheckpointStore;
 use crate::{MessageId, Odometry};
@@ -7,12 +8,14 @@ use randt_persist::Error as PersistError;
 use randt_stage::{Clock, Subscriber};
 use std::time::{Duration, Instant};
 
-/// What was published before a scan's deadline is here this long after it at the latest: it takes microseconds, but a
-/// publisher may be interrupted between stamp and sending.
+/// What was published before a scan's deadline is here this long after it at the latest: it takes
+/// microseconds, but a publisher may be interrupted between stamp and sending.
 const DELIVERY: Duration = Duration::from_millis(20);
-/// Samples are taken this often where no scan comes: their buffer holds 8 s at 250 Hz, 2 s at 1 kHz.
+/// Samples are taken this often where no scan comes: their buffer holds 8 s at 250 Hz, 2 s at 1
+/// kHz.
 const DRAIN: Duration = Duration::from_secs(1);
-/// A process that has just started waits longer for its first samples: their publisher has to hand over its history.
+/// A process that has just started waits longer for its first samples: their publisher has to hand
+/// over its history.
 const FIRST_SAMPLE_WAIT: Duration = Duration::from_secs(1);
 
 /// Odometry with its checkpoints and its inputs.
@@ -70,8 +73,8 @@ impl Feed {
         Some((now + left + DELIVERY).max(self.patience.unwrap_or(now)))
     }
 
-    /// Takes inputs until there is a result: it is saved, is in the outbox, and must be published before the next call.
-    /// `false` where no input is left, or one has to be waited for.
+    /// Takes inputs until there is a result: it is saved, is in the outbox, and must be published
+    /// before the next call. `false` where no input is left, or one has to be waited for.
     ///
     /// Not more at once: what is sent again after a restart is bounded.
     pub fn take(&mut self) -> Result<bool, Box<dyn std::error::Error>> {
@@ -148,8 +151,8 @@ impl Feed {
         Ok(true)
     }
 
-    /// How long to sleep at most: where a scan waits for its samples, until the wait is over; else samples have to be taken
-    /// before their buffer overflows, also while no scan comes.
+    /// How long to sleep at most: where a scan waits for its samples, until the wait is over; else
+    /// samples have to be taken before their buffer overflows, also while no scan comes.
     pub fn pause(&self) -> Duration {
         match (self.odometry.waiting_for_ns(), self.deadline) {
             (Some(_), Some(deadline)) => deadline.saturating_duration_since(Instant::now()),
@@ -157,7 +160,8 @@ impl Feed {
         }
     }
 
-    /// What to sleep on: scans, or samples while a scan waits for them. Waking 250 times a second costs 0.7 % of a core.
+    /// What to sleep on: scans, or samples while a scan waits for them. Waking 250 times a second
+    /// costs 0.7 % of a core.
     pub fn waitable(&self) -> &dyn randt_stage::Waitable {
         if self.odometry.waiting_for_ns().is_some() {
             &self.samples
@@ -167,8 +171,8 @@ impl Feed {
     }
 }
 
-/// Whether a message was not taken before. Another epoch is another publisher, whose numbers begin anew; its epoch need
-/// not be larger, because the clock may have been set.
+/// Whether a message was not taken before. Another epoch is another publisher, whose numbers begin
+/// anew; its epoch need not be larger, because the clock may have been set.
 fn is_after(id: MessageId, last: Option<MessageId>) -> bool {
     last.is_none_or(|last| id.epoch != last.epoch || id.sequence > last.sequence)
 }

@@ -5,8 +5,9 @@ use randt_messages::{Keyframe, MessageRef, OdometryState};
 use randt_stage::KeyframeRing;
 use std::collections::VecDeque;
 
-/// States that are sent again after a restart: those that a reader may have missed because their publisher died. As many
-/// as a reader has room for: all those of a stage that was catching up when it was killed.
+/// States that are sent again after a restart: those that a reader may have missed because their
+/// publisher died. As many as a reader has room for: all those of a stage that was catching up
+/// when it was killed.
 const STATES: usize = 32;
 const STATE: usize = size_of::<OdometryState>();
 /// Bytes of the outbox in a record.

@@ -1,7 +1,8 @@
 //! Normal equations of states in a row: unary terms and terms between neighbours.
 //!
-//! Their matrix is block tridiagonal. Elimination from the oldest to the newest state is at once the solution, the newest
-//! state's covariance and, cut after one step, the marginalisation of the oldest state.
+//! Their matrix is block tridiagonal. Elimination from the oldest to the newest state is at once
+//! the solution, the newest state's covariance and, cut after one step, the marginalisation of the
+//! oldest state.
 
 use super::state::{StateMatrix, StateVector};
 use nalgebra::{Cholesky, Const};
@@ -47,7 +48,8 @@ impl BlockTridiagonalSystem {
         }
     }
 
-    /// Adds a scalar residual between state i - 1 and state i: rows of its Jacobian by both, its value, its information.
+    /// Adds a scalar residual between state i - 1 and state i: rows of its Jacobian by both, its
+    /// value, its information.
     pub fn add_row(
         &mut self,
         i: usize,
@@ -113,9 +115,11 @@ impl BlockTridiagonalSystem {
         Some(covariance)
     }
 
-    /// Marginalises the first of two states: information and gradient that its terms give the second.
+    /// Marginalises the first of two states: information and gradient that its terms give the
+    /// second.
     ///
-    /// To be called on a system of two states that holds just the terms which leave with the first one.
+    /// To be called on a system of two states that holds just the terms which leave with the first
+    /// one.
     pub fn marginal_of_second(&mut self) -> Option<(StateMatrix, StateVector)> {
         self.factors.clear();
         self.factors.push(Factor::new(*self.diagonal.first()?)?);

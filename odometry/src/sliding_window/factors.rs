@@ -14,12 +14,15 @@ use randt_geometry::{Pose2, elementary::wrap};
 const GYRO_SCALE_SIGMA: f64 = 0.003;
 /// Standard deviation of the heading rate over time without gyro samples, rad/s.
 const UNCOVERED_RATE_SIGMA_RAD_S: f64 = 1.0;
-/// Noise of a single reading of the yaw rate against the velocity state, rad/s: vibration, quantisation.
+/// Noise of a single reading of the yaw rate against the velocity state, rad/s: vibration,
+/// quantisation.
 const RATE_SIGMA_RAD_S: f64 = 0.02;
-/// The heading rate jerks within an interval: floor of the motion model's heading without a gyro, rad.
+/// The heading rate jerks within an interval: floor of the motion model's heading without a gyro,
+/// rad.
 const HEADING_SIGMA_FLOOR_RAD: f64 = 1e-3;
 
-/// Adds the motion model, the gyro and the bias between the state before and the scan at i; gives their cost.
+/// Adds the motion model, the gyro and the bias between the state before and the scan at i; gives
+/// their cost.
 pub fn add(
     system: &mut BlockTridiagonalSystem,
     i: usize,
@@ -55,8 +58,8 @@ pub fn add(
         )
 }
 
-/// Constant velocity under white acceleration: [Log(That^-1 T), v_t - v_(t-1)], That = T_(t-1) Exp(v dt) with the
-/// mean of both velocities, so that a braking vehicle is not dragged.
+/// Constant velocity under white acceleration: [Log(That^-1 T), v_t - v_(t-1)], That = T_(t-1)
+/// Exp(v dt) with the mean of both velocities, so that a braking vehicle is not dragged.
 fn motion_model(
     system: &mut BlockTridiagonalSystem,
     i: usize,
@@ -82,8 +85,8 @@ fn motion_model(
     );
     let mut cost = 0.0;
     for axis in 0..3 {
-        // White acceleration of density a^2 dt over dt: velocity varies by a dt, position around the mean of the
-        // velocities by a dt^2 / sqrt 12.
+        // White acceleration of density a^2 dt over dt: velocity varies by a dt, position around
+        // the mean of the velocities by a dt^2 / sqrt 12.
         let velocity_sigma = acceleration[axis] * dt_s;
         let mut position_sigma2 = velocity_sigma * velocity_sigma * dt_s * dt_s / 12.0;
         if axis == 2 && !has_gyro {

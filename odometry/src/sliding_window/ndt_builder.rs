@@ -58,7 +58,8 @@ impl NdtBuilder {
     }
 }
 
-/// Widens a cell across the line of sight: a radar is exact in range and poor in azimuth, and the error grows with range.
+/// Widens a cell across the line of sight: a radar is exact in range and poor in azimuth, and the
+/// error grows with range.
 fn blurred(cell: &Cell, azimuth_sigma_rad: f64) -> Cell {
     let mut cell = *cell;
     // (-y, x) sigma is the tangent of the cell's distance, scaled.

@@ -1,4 +1,5 @@
-//! The NDT term of one scan in the window (RaNDT, III-C): how the scan fits the submap, by pose and velocity.
+//! The NDT term of one scan in the window (RaNDT, III-C): how the scan fits the submap, by pose
+//! and velocity.
 
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,

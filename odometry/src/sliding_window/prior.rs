@@ -1,4 +1,5 @@
-//! What is known of the window's oldest state: the marginal of all that left, or the start of a frame.
+//! What is known of the window's oldest state: the marginal of all that left, or the start of a
+//! frame.
 
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,

@@ -1,5 +1,5 @@
-//! Least squares over the last l scans (RaNDT, III-C): motion model, gyro and NDT terms under an adaptive loss whose
-//! scale is graduated; associations are made again at each graduation step.
+//! Least squares over the last l scans (RaNDT, III-C): motion model, gyro and NDT terms under an
+//! adaptive loss whose scale is graduated; associations are made again at each graduation step.
 
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,
@@ -13,12 +13,13 @@ use nalgebra::Matrix3;
 use randt_config::Config;
 use randt_ndt::{AdaptiveLoss, Association};
 
-/// Gauss-Newton steps while the loss is still wide: they only need to lead into the next one's basin.
+/// Gauss-Newton steps while the loss is still wide: they only need to lead into the next one's
+/// basin.
 const ITERATIONS_WIDE: u32 = 2;
 /// Gauss-Newton steps under the final loss; most scans need three.
 const ITERATIONS_MAX: u32 = 6;
-/// A step of every pose below this (m, rad) ends a solve: a thirtieth of a range bin, and far below the centimetre to
-/// which one scan fixes a pose.
+/// A step of every pose below this (m, rad) ends a solve: a thirtieth of a range bin, and far
+/// below the centimetre to which one scan fixes a pose.
 const STEP_MIN: f64 = 5e-4;
 /// Halvings of a step that raises the cost.
 const HALVINGS_MAX: u32 = 4;
@@ -133,8 +134,8 @@ impl Solver {
         Some(solution)
     }
 
-    /// Takes the step that was solved for, halved as long as it raises the cost; gives the new cost and leaves the
-    /// system built at the new states.
+    /// Takes the step that was solved for, halved as long as it raises the cost; gives the new
+    /// cost and leaves the system built at the new states.
     fn descend(
         &mut self,
         scans: &mut [WindowScan],

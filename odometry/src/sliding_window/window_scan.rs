@@ -13,7 +13,8 @@ use randt_messages::{MAX_BEAMS, MAX_RETURNS};
 use randt_ndt::{Association, NormalEquations, ScanCell};
 use randt_persist::persist;
 
-/// Cells of a scan that there is room for from the start: a Navtech's sweep of 30,000 returns has fewer than 2,000.
+/// Cells of a scan that there is room for from the start: a Navtech's sweep of 30,000 returns has
+/// fewer than 2,000.
 pub const CELLS: usize = 8192;
 
 /// A scan with its state. Reused, so that a step allocates nothing.

@@ -1,9 +1,9 @@
 //! IMU samples that wait for the scan they belong to.
 //!
-//! Scans and samples come in two queues of their own, and how these interleave is arbitrary. So samples are not used as
-//! they come: each scan takes from the queue up to the first sample at or after its sweep's end, and no more; and none
-//! that was published when the wait for it was over. What a scan sees is then a function of the two sequences alone, live
-//! or from a log.
+//! Scans and samples come in two queues of their own, and how these interleave is arbitrary. So
+//! samples are not used as they come: each scan takes from the queue up to the first sample at or
+//! after its sweep's end, and no more; and none that was published when the wait for it was over.
+//! What a scan sees is then a function of the two sequences alone, live or from a log.
 
 use crate::gyro_integrator::GyroIntegrator;
 use crate::stamps::{STAMPS_NS, is_set_back};
@@ -11,8 +11,9 @@ use randt_messages::ImuSample;
 use randt_persist::{Error, Persist, Reader, Writer};
 use std::collections::VecDeque;
 
-/// Samples that may wait: 32 s at 250 Hz, 8 s at 1 kHz. A radar that was held up sends its sweep at most that late. With
-/// samples that had to make room the result would depend on which stream was faster.
+/// Samples that may wait: 32 s at 250 Hz, 8 s at 1 kHz. A radar that was held up sends its sweep
+/// at most that late. With samples that had to make room the result would depend on which stream
+/// was faster.
 const ROOM: usize = 8192;
 /// No gyro measures more, rad/s.
 const RATE_MAX_RAD_S: f64 = 100.0;
@@ -33,7 +34,8 @@ impl ImuQueue {
         }
     }
 
-    /// Adds a sample; gives the oldest back where there is no room for both: no scan has come for a long time.
+    /// Adds a sample; gives the oldest back where there is no room for both: no scan has come for
+    /// a long time.
     pub fn push(&mut self, sample: &ImuSample) -> Option<ImuSample> {
         let oldest = (self.samples.len() >= ROOM)
             .then(|| self.samples.pop_front())
@@ -52,12 +54,14 @@ impl ImuQueue {
         self.samples.len()
     }
 
-    /// How many samples a sweep that ends at `end_ns` takes, after those that `gyro` has; `None` where the one that ends
-    /// the count has not come yet. One that was published after `deadline_ns` came in vain, and so did all after it.
+    /// How many samples a sweep that ends at `end_ns` takes, after those that `gyro` has; `None`
+    /// where the one that ends the count has not come yet. One that was published after
+    /// `deadline_ns` came in vain, and so did all after it.
     ///
-    /// Where the clock was set back, and for the gyro not yet (`is_old_time`), samples of the old time do not cover the
-    /// sweep, whatever their stamps. A sweep of the old time in turn takes no samples of the new one, unless they are all
-    /// that is left: then only the samples' clock was set back.
+    /// Where the clock was set back, and for the gyro not yet (`is_old_time`), samples of the old
+    /// time do not cover the sweep, whatever their stamps. A sweep of the old time in turn takes
+    /// no samples of the new one, unless they are all that is left: then only the samples' clock
+    /// was set back.
     pub fn covering(
         &self,
         end_ns: i64,

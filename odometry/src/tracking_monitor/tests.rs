@@ -148,7 +148,8 @@ fn scan(number: i64) -> WindowScan {
     scan
 }
 
-/// A solution of this fit with that much information along the weaker direction of the position, 1/m^2.
+/// A solution of this fit with that much information along the weaker direction of the position,
+/// 1/m^2.
 fn solution(fit: f64, weakest: f64) -> Solution {
     Solution {
         fit,
@@ -176,7 +177,8 @@ fn three_poor_fits_of_ten_are_doubted_for_a_second() {
     (fits[3], fits[4], fits[5]) = (POOR, POOR, POOR);
     fits[13] = GOOD;
     let trust = judged(&fits);
-    // Doubted from the third one until a second after the first one is forgotten, eight scans later.
+    // Doubted from the third one until a second after the first one is forgotten, eight scans
+    // later.
     let doubted = (0..).zip(&trust).filter(|(_, t)| **t == Trust::Degraded);
     let doubted: Vec<usize> = doubted.map(|(scan, _)| scan).collect();
     assert_eq!(doubted, Vec::from_iter(5..=16));

@@ -19,7 +19,8 @@ pub(crate) struct PartialEstimate {
 
 /// Parts from which a spread can be estimated: a Student distribution of fewer has no variance.
 pub(crate) const ESTIMATES_MIN: usize = 4;
-/// Deviations above this many robust standard deviations lose weight (Huber): 95 % efficient with good data.
+/// Deviations above this many robust standard deviations lose weight (Huber): 95 % efficient with
+/// good data.
 const HUBER: f64 = 1.5;
 const ROUNDS: u32 = 10;
 
@@ -32,7 +33,8 @@ impl Estimate {
         }
     }
 
-    /// With an error on top that repeats itself in every part, so that their spread does not show it.
+    /// With an error on top that repeats itself in every part, so that their spread does not show
+    /// it.
     pub(crate) fn with_systematic(self, sigma: f64) -> Self {
         Self {
             sigma: (self.sigma * self.sigma + sigma * sigma).sqrt(),
@@ -41,8 +43,9 @@ impl Estimate {
     }
 }
 
-/// The robust weighted mean. Its sigma comes from how the parts differ (each left out once), not from any model of
-/// their noise: whatever is correlated within a part is counted. `None` without any weight.
+/// The robust weighted mean. Its sigma comes from how the parts differ (each left out once), not
+/// from any model of their noise: whatever is correlated within a part is counted. `None` without
+/// any weight.
 pub(crate) fn mean(parts: &[PartialEstimate]) -> Option<Estimate> {
     let mut weights: Vec<f64> = parts.iter().map(|part| part.weight).collect();
     let mut value = weighted(parts, &weights)?;

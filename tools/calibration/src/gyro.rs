@@ -9,7 +9,8 @@ pub struct YawRate {
     pub rate_rad_s: f64,
 }
 
-/// A hole above this is not bridged, ns: in 20 ms a robot's turn changes by less than a radar sees.
+/// A hole above this is not bridged, ns: in 20 ms a robot's turn changes by less than a radar
+/// sees.
 const HOLE_NS: i64 = 20_000_000;
 
 /// The gyro at a sample.

@@ -1,7 +1,9 @@
-//! Calibration of radar against gyro and robot from one drive: time offset, mounting yaw, lever arm.
+//! Calibration of radar against gyro and robot from one drive: time offset, mounting yaw, lever
+//! arm.
 //!
-//! Responsible for the estimates, their uncertainties, and for refusing what a drive did not show. Not responsible
-//! for reading logs nor for the radar's path through them, which is odometry's. No I/O, no clock, no randomness.
+//! Responsible for the estimates, their uncertainties, and for refusing what a drive did not show.
+//! Not responsible for reading logs nor for the radar's path through them, which is odometry's. No
+//! I/O, no clock, no randomness.
 
 mod error;
 mod estimate;

@@ -102,7 +102,8 @@ pub(crate) fn runs(poses: &[RadarPose], like: impl Fn(&Step, &Step) -> bool) -> 
     runs
 }
 
-/// Cuts a stretch into parts as soon as each has `enough`; what is left at the end belongs to none.
+/// Cuts a stretch into parts as soon as each has `enough`; what is left at the end belongs to
+/// none.
 pub(crate) fn cut(
     run: &[RadarPose],
     enough: impl Fn(&RadarPose, &RadarPose) -> f64,

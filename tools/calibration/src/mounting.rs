@@ -1,6 +1,7 @@
 //! The radar in `base_link`: yaw from straights, lever arm from turns in place.
 //!
-//! `base_link` is the point that stays where it is in turns in place, and its x axis the way that straights go.
+//! `base_link` is the point that stays where it is in turns in place, and its x axis the way that
+//! straights go.
 
 use crate::estimate::Estimate;
 use crate::motion::turn;
@@ -47,7 +48,8 @@ pub fn mounting(poses: &[RadarPose]) -> Mounting {
     Mounting { yaw, lever_arm }
 }
 
-/// The robot's axis in the radar's frame becomes the radar in the robot's: turned by the yaw, and the other way.
+/// The robot's axis in the radar's frame becomes the radar in the robot's: turned by the yaw, and
+/// the other way.
 fn lever_arm(pivot: Pivot, yaw_rad: Estimate) -> LeverArm {
     let (sin, cos) = sin_cos(yaw_rad.value);
     let at = -turn(Vector2::new(pivot.x_m.value, pivot.y_m.value), (cos, sin));

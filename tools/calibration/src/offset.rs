@@ -1,9 +1,10 @@
 //! The time offset: how late the radar's stamps are against the gyro's.
 //!
-//! Within a stretch the radar's yaw is the gyro's integrated rate d earlier, up to a constant, the gyro's bias and its
-//! scale. What is left over grows with the offset's error times the yaw rate: each stretch gives an offset by least
-//! squares, with a bias of its own and a scale that all share. Odometry's yaw wanders slowly under a scan's noise;
-//! both are made white before (the innovations of a local level), so that quick changes of the turn count most.
+//! Within a stretch the radar's yaw is the gyro's integrated rate d earlier, up to a constant, the
+//! gyro's bias and its scale. What is left over grows with the offset's error times the yaw rate:
+//! each stretch gives an offset by least squares, with a bias of its own and a scale that all
+//! share. Odometry's yaw wanders slowly under a scan's noise; both are made white before (the
+//! innovations of a local level), so that quick changes of the turn count most.
 
 use crate::estimate::{Estimate, PartialEstimate, mean, median};
 use crate::motion::turned_rad;
@@ -18,9 +19,11 @@ const LIMIT_NS: i64 = 500_000_000;
 const SEARCH_NS: i64 = 20_000_000;
 /// Share of the radar's turning that the gyro must explain.
 const EXPLAINED_MIN: f64 = 0.8;
-/// What repeats itself in every stretch, s: stamps' own errors, and the motion model that pulls odometry's yaw.
+/// What repeats itself in every stretch, s: stamps' own errors, and the motion model that pulls
+/// odometry's yaw.
 const SYSTEMATIC_S: f64 = 0.0005;
-/// A stretch with this many times the usual residual (of squares) is one in which odometry slipped.
+/// A stretch with this many times the usual residual (of squares) is one in which odometry
+/// slipped.
 const SLIPPED: f64 = 16.0;
 const ROUNDS: u32 = 30;
 /// A change of the offset that ends them, ns.
@@ -29,8 +32,8 @@ const CONVERGED_NS: i64 = 1000;
 /// What was found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TimeOffset {
-    /// By this much the radar's stamps are late against the gyro's, s: what the radar stamps t happened at t - late by the
-    /// gyro's clock.
+    /// By this much the radar's stamps are late against the gyro's, s: what the radar stamps t
+    /// happened at t - late by the gyro's clock.
     pub late_s: Estimate,
     /// What showed it.
     pub spans: Vec<Span>,

@@ -1,8 +1,8 @@
 //! Turns in place: the axis that the robot turns about, in the radar's frame.
 //!
-//! While the robot turns about its own axis, one point that moves with the radar stays where it is. On arcs such a
-//! point exists too, but it lies on the other side when the robot turns the other way: so one that stays for turns
-//! to the left and to the right is the robot's.
+//! While the robot turns about its own axis, one point that moves with the radar stays where it
+//! is. On arcs such a point exists too, but it lies on the other side when the robot turns the
+//! other way: so one that stays for turns to the left and to the right is the robot's.
 
 use crate::estimate::{Estimate, PartialEstimate, mean};
 use crate::motion::{Step, cut, runs, turn, turned_rad};
@@ -11,8 +11,8 @@ use nalgebra::Vector2;
 
 /// Slowest turn that counts, rad/s: well above what odometry's yaw wavers.
 const RATE_MIN_RAD_S: f64 = 0.15;
-/// A turn is cut into parts of this angle, rad: it fixes an axis to a centimetre or two, and many of them show their
-/// spread.
+/// A turn is cut into parts of this angle, rad: it fixes an axis to a centimetre or two, and many
+/// of them show their spread.
 const PART_RAD: f64 = 1.0;
 /// Parts whose axes are this near to each other turn about the same, m.
 const SAME_AXIS_M: f64 = 0.1;
@@ -22,7 +22,8 @@ const STRAY_MAX_M: f64 = 0.05;
 const DISTANCE_MAX_M: f64 = 3.0;
 /// What is needed to the left and to the right, rad: each sense a half turn in all.
 const TURN_MIN_RAD: f64 = core::f64::consts::PI;
-/// What every turn shares, m: simulated drives are off by 2 mm on the average, a hundredth of odometry's cells.
+/// What every turn shares, m: simulated drives are off by 2 mm on the average, a hundredth of
+/// odometry's cells.
 const SYSTEMATIC_M: f64 = 0.004;
 
 /// The robot's axis, that is `base_link`'s origin, in the radar's frame.
@@ -112,8 +113,8 @@ pub(crate) fn pivot(poses: &[RadarPose]) -> Result<Pivot, Unobservable> {
     }
 }
 
-/// The point p of the radar's frame with x + R p as constant as can be. R - mean R is a turn and a scale, so that the
-/// least squares have one weight for both coordinates.
+/// The point p of the radar's frame with x + R p as constant as can be. R - mean R is a turn and a
+/// scale, so that the least squares have one weight for both coordinates.
 fn axis(part: &[RadarPose]) -> Option<Turn> {
     let count = part.len() as f64;
     let direction = |pose: &RadarPose| {

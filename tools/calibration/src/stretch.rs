@@ -5,13 +5,14 @@ use crate::motion::{Step, cut};
 use crate::{Gyro, RadarPose, Span};
 use randt_geometry::elementary::wrap;
 
-/// Length of a stretch, s: long against the change of a turn, and there are many of them in a drive.
+/// Length of a stretch, s: long against the change of a turn, and there are many of them in a
+/// drive.
 pub const STRETCH_S: f64 = 8.0;
-/// How much of a scan's surprise is odometry's yaw that wanders: 1 mrad a scan under 3 mrad of noise, as simulated
-/// drives have it.
+/// How much of a scan's surprise is odometry's yaw that wanders: 1 mrad a scan under 3 mrad of
+/// noise, as simulated drives have it.
 const LEVEL_GAIN: f64 = 0.28;
-/// Standard deviation of the yaw rate in a stretch that shows the offset, rad/s: 30 ms of it are 3 mrad, what one
-/// scan's yaw is good for.
+/// Standard deviation of the yaw rate in a stretch that shows the offset, rad/s: 30 ms of it are 3
+/// mrad, what one scan's yaw is good for.
 pub const RATE_MIN_RAD_S: f64 = 0.1;
 
 /// Sums over a stretch's rows at one offset: yaw rate r, gyro's turn s, what is left over e.
@@ -41,7 +42,8 @@ pub fn stretches<'a>(poses: &'a [RadarPose], gyro: &Gyro, limit_ns: i64) -> Vec<
     stretches
 }
 
-/// Whether the yaw rate changes enough. The radar is asked, because the gyro's instant is not known yet.
+/// Whether the yaw rate changes enough. The radar is asked, because the gyro's instant is not
+/// known yet.
 pub fn turns(stretch: &[RadarPose]) -> bool {
     let steps = stretch.windows(2).filter_map(|pair| match pair {
         [a, b] => Step::between(a, b),
@@ -102,7 +104,8 @@ pub fn fit(stretch: &[RadarPose], gyro: &Gyro, late_ns: i64) -> Option<Fit> {
     Some(fit)
 }
 
-/// From one pose to another: seconds and the radar's turn; and the gyro's angle and rate at the latter.
+/// From one pose to another: seconds and the radar's turn; and the gyro's angle and rate at the
+/// latter.
 fn row(
     before: &RadarPose,
     pose: &RadarPose,
@@ -139,8 +142,8 @@ impl Fit {
         (self.rr * self.se - self.rs * self.re) / determinant
     }
 
-    /// The offset that this stretch would have: what is left over is the scale's share, less the rate times the
-    /// offset's change.
+    /// The offset that this stretch would have: what is left over is the scale's share, less the
+    /// rate times the offset's change.
     pub fn part(&self, late_ns: i64, scale: f64) -> PartialEstimate {
         let change_s = (scale * self.rs - self.re) / self.rr.max(f64::MIN_POSITIVE);
         PartialEstimate {

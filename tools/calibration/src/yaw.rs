@@ -13,15 +13,16 @@ use randt_geometry::{
 const BEND_MAX_RAD: f64 = 0.12;
 /// Slowest drive that counts, m/s: slower, a scan's noise is as large as its way.
 const SPEED_MIN_M_S: f64 = 0.15;
-/// A straight is cut into parts of this length, m: many enough to show their spread, and each so long that slip and a
-/// scan's noise of a centimetre are half a degree.
+/// A straight is cut into parts of this length, m: many enough to show their spread, and each so
+/// long that slip and a scan's noise of a centimetre are half a degree.
 const PART_MIN_M: f64 = 1.5;
 const PART_MAX_M: f64 = 4.0;
 /// All of it that is needed, m.
 const PATH_MIN_M: f64 = 10.0;
 /// Parts that go another way than most are neither forward nor backward, rad.
 const ASIDE_RAD: f64 = 0.5;
-/// What every straight shares, rad (0.06 degrees): simulated drives are off by as much on the average.
+/// What every straight shares, rad (0.06 degrees): simulated drives are off by as much on the
+/// average.
 const SYSTEMATIC_RAD: f64 = 0.001;
 
 /// The mounting's yaw.
@@ -35,8 +36,8 @@ pub struct MountingYaw {
     pub path_m: f64,
 }
 
-/// Finds the yaw: of the robot's own point, which is the `pivot` of the radar's frame, or the radar where it is not
-/// known.
+/// Finds the yaw: of the robot's own point, which is the `pivot` of the radar's frame, or the
+/// radar where it is not known.
 pub(crate) fn mounting_yaw(
     poses: &[RadarPose],
     pivot: Option<Vector2<f64>>,

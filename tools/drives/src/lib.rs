@@ -1,5 +1,5 @@
-//! Simulated drives as odometry publishes them, with the truth behind each keyframe: for the mapper's tests and
-//! benchmarks.
+//! Simulated drives as odometry publishes them, with the truth behind each keyframe: for the
+//! mapper's tests and benchmarks.
 #![allow(
     clippy::unwrap_used,
     reason = "only tests and benchmarks drive: a panic says what is wrong"
@@ -44,7 +44,8 @@ pub fn config(world: &World) -> Config {
 }
 
 impl Drive {
-    /// A drive of this many sweeps through a world. In a blackout (s since the start) the sensors are silent.
+    /// A drive of this many sweeps through a world. In a blackout (s since the start) the sensors
+    /// are silent.
     pub fn new(world: &World, scans: u64, seed: u64, blackouts_s: &[Range<f64>]) -> Self {
         let config = config(world);
         let mut filter = ClusterFilter::new(&config.filter, &config.sensor);

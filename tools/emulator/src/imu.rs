@@ -1,7 +1,7 @@
 //! Emulated IMUs.
 //!
-//! Responsible for what all of them have in common: the log's samples at their time, the device's own clock, and the
-//! faults of a device whatever its protocol. Not responsible for bytes.
+//! Responsible for what all of them have in common: the log's samples at their time, the device's
+//! own clock, and the faults of a device whatever its protocol. Not responsible for bytes.
 
 mod device;
 mod mip;

@@ -1,8 +1,9 @@
-//! Emulated radars and IMUs: a log played in the wire protocols of real sensors, with every fault they have.
+//! Emulated radars and IMUs: a log played in the wire protocols of real sensors, with every fault
+//! they have.
 //!
-//! Responsible for the sensors' side of each protocol, in time with a clock that two emulators of one log share. Not
-//! responsible for the codecs: they are the drivers' own, used in the other direction, and tested there with the
-//! vendors' published bytes.
+//! Responsible for the sensors' side of each protocol, in time with a clock that two emulators of
+//! one log share. Not responsible for the codecs: they are the drivers' own, used in the other
+//! direction, and tested there with the vendors' published bytes.
 
 mod error;
 mod fault;

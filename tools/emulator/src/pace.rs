@@ -6,7 +6,8 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// A sleeping emulator checks with this period whether it is to end.
 const CHECK: Duration = Duration::from_millis(50);
 
-/// The log's stamps on the machine's clock. Emulators of one log that begin at the same second are on one clock.
+/// The log's stamps on the machine's clock. Emulators of one log that begin at the same second are
+/// on one clock.
 #[derive(Clone, Copy, Debug)]
 pub struct Pace {
     begin_ns: i64,
@@ -15,8 +16,8 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// The stamp `begin_ns` is played at `at_unix_s` of the system's clock, which may be in the past; now, where none
-    /// is given.
+    /// The stamp `begin_ns` is played at `at_unix_s` of the system's clock, which may be in the
+    /// past; now, where none is given.
     pub fn new(begin_ns: i64, at_unix_s: Option<f64>) -> Self {
         let (now, unix) = (Instant::now(), SystemTime::now());
         let unix = unix.duration_since(UNIX_EPOCH).unwrap_or_default();

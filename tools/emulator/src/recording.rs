@@ -7,9 +7,11 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-/// A log that begins again does so after this pause: the robot has jumped, and odometry opens a new frame.
+/// A log that begins again does so after this pause: the robot has jumped, and odometry opens a
+/// new frame.
 const PAUSE_NS: i64 = 2_000_000_000;
-/// The emulators begin this long before the log's first stamp: a sweep's first beams lie before it.
+/// The emulators begin this long before the log's first stamp: a sweep's first beams lie before
+/// it.
 const LEAD_NS: i64 = 500_000_000;
 
 /// The messages of one topic of a log.
@@ -98,7 +100,8 @@ impl<T: Topic> Recording<T> {
     }
 }
 
-/// Whether a message has the log's own time; what stages published meanwhile may have another clock's.
+/// Whether a message has the log's own time; what stages published meanwhile may have another
+/// clock's.
 fn is_measured(entry: &Entry<'_>) -> bool {
     [RadarScan::NAME, ImuSampleTopic::NAME].contains(&entry.channel.topic.as_str())
 }

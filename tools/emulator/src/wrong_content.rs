@@ -1,5 +1,5 @@
-//! Well-formed messages with wrong content, as another sender or a defective device sends them. The same seed draws the
-//! same.
+//! Well-formed messages with wrong content, as another sender or a defective device sends them.
+//! The same seed draws the same.
 
 /// Bytes of a message that are changed at most.
 const CHANGED_MAX: u64 = 4;

@@ -72,8 +72,8 @@ fn compare(
             );
             assert!((item.intensity - wanted.intensity).abs() <= step_intensity);
         }
-        // The sweep's own stamp, not that of another one or of its beginning. How near depends on how soon beams arrive:
-        // a few milliseconds, on a busy machine more.
+        // The sweep's own stamp, not that of another one or of its beginning. How near depends on
+        // how soon beams arrive: a few milliseconds, on a busy machine more.
         let end_ns = emulator.pace.unix_ns(expected.end_ns);
         let late_ns = message.head.header.stamp_ns - end_ns;
         let turn_ns = head.end_ns - head.begin_ns;

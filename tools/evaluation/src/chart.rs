@@ -22,7 +22,8 @@ pub struct Chart<'a> {
     pub panels: &'a [Panel],
 }
 
-/// Room above the first panel, above each for its label, and below the last for the numbers, pixels.
+/// Room above the first panel, above each for its label, and below the last for the numbers,
+/// pixels.
 const HEADING: i32 = 50;
 const LABEL: i32 = 40;
 const FOOT: i32 = 70;
@@ -36,7 +37,8 @@ const LINES_LOW: f64 = 3.0;
 /// Sizes of writing, pixels.
 const LARGE: i32 = 26;
 const SMALL: i32 = 19;
-/// Width of a letter as a share of its size, on the average: only the room between entries depends on it.
+/// Width of a letter as a share of its size, on the average: only the room between entries depends
+/// on it.
 const LETTER: f64 = 0.52;
 
 type Root<'a> = DrawingArea<SVGBackend<'a>, Shift>;

@@ -5,10 +5,12 @@ use crate::pairs::{gap_max_ns, pair};
 use crate::trajectory::TrajectoryPose;
 use crate::{Error, Trajectory, absolute, relative};
 
-/// How exact an estimate is. An error that is not defined for it (too short, nothing in common) is `None`.
+/// How exact an estimate is. An error that is not defined for it (too short, nothing in common) is
+/// `None`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// Absolute trajectory error: RMSE of positions after rigid alignment, m; every frame by itself, pooled.
+    /// Absolute trajectory error: RMSE of positions after rigid alignment, m; every frame by
+    /// itself, pooled.
     pub ate_rmse_m: Option<f64>,
     /// Mean translation error of the motion between neighbouring poses of the truth, m.
     pub rpe_translation_mean_m: Option<f64>,
@@ -34,8 +36,8 @@ pub struct Evaluation {
 
 /// Compares an estimate with the truth, at the truth's instants.
 ///
-/// The estimate is interpolated where its stamps are others, never across a gap or a change of frame.
-/// Rows without stamps belong together one by one.
+/// The estimate is interpolated where its stamps are others, never across a gap or a change of
+/// frame. Rows without stamps belong together one by one.
 pub fn evaluate(estimate: &Trajectory, truth: &Trajectory) -> Result<Evaluation, Error> {
     let pairs = pair(estimate, truth)?;
     let path_m = truth.path_m();
@@ -57,9 +59,11 @@ pub fn evaluate(estimate: &Trajectory, truth: &Trajectory) -> Result<Evaluation,
     })
 }
 
-/// The truth's positions as they lie in the estimate's frame after rigid alignment, for the picture, m.
+/// The truth's positions as they lie in the estimate's frame after rigid alignment, for the
+/// picture, m.
 ///
-/// Where the estimate has several frames the first one is meant. Empty where nothing belongs together.
+/// Where the estimate has several frames the first one is meant. Empty where nothing belongs
+/// together.
 pub fn truth_on_estimate(
     estimate: &Trajectory,
     truth: &Trajectory,

@@ -1,7 +1,9 @@
-//! Trajectory errors (ATE, RPE, KITTI drift, lost track, silent metres), loops against the truth, and plots.
+//! Trajectory errors (ATE, RPE, KITTI drift, lost track, silent metres), loops against the truth,
+//! and plots.
 //!
 //! Responsible for trajectory files, for what belongs together in two of them, for the figures as
-//! they are published elsewhere, and for the pictures: a drive from above, and figures over time. Not responsible for how they are used.
+//! they are published elsewhere, and for the pictures: a drive from above, and figures over time.
+//! Not responsible for how they are used.
 //!
 //! ```
 //! use randt_evaluation::{Trajectory, evaluate};

@@ -31,7 +31,8 @@ pub struct LoopLimits {
 }
 
 impl Default for LoopLimits {
-    /// For radars whose scans are good to centimetres. A Navtech's, with cells of metres, need 2 m of translation.
+    /// For radars whose scans are good to centimetres. A Navtech's, with cells of metres, need 2 m
+    /// of translation.
     fn default() -> Self {
         Self {
             translation_m: 0.5,
@@ -73,8 +74,8 @@ pub struct LoopEvaluation {
 
 /// Judges loops, and revisits at the stamps of the estimate's poses, by the truth alone.
 ///
-/// A loop that reaches less than `revisit_path_m` back can be false, but recalls nothing: every edge between
-/// neighbours would.
+/// A loop that reaches less than `revisit_path_m` back can be false, but recalls nothing: every
+/// edge between neighbours would.
 pub fn evaluate_loops(
     loops: &[LoopEdge],
     estimate: &Trajectory,

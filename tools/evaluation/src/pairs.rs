@@ -7,7 +7,8 @@ use crate::{Error, Trajectory, Transform};
 const STAMP_TOLERANCE_NS: i64 = 100_000;
 /// A gap of the estimate that is longer is not bridged: what happened inside is not known.
 const GAP_MAX_NS: i64 = 1_000_000_000;
-/// An estimate of keyframes has longer steps; gaps are what is longer than this many of its usual ones.
+/// An estimate of keyframes has longer steps; gaps are what is longer than this many of its usual
+/// ones.
 const GAP_MAX_STEPS: i64 = 3;
 
 /// Estimate and truth at one instant.

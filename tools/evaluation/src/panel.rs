@@ -8,7 +8,8 @@ const MARGIN: f64 = 0.06;
 /// Values beyond this many times the 99th percentile do not stretch the axis.
 const OUTLIER: f64 = 3.0;
 
-/// A line over time; points (s, value), in order. It ends where nothing came for long and at what is not finite.
+/// A line over time; points (s, value), in order. It ends where nothing came for long and at what
+/// is not finite.
 #[derive(Clone, Debug)]
 pub struct Line {
     /// For the legend.
@@ -41,7 +42,8 @@ pub struct Panel {
     pub bands: Vec<Band>,
     /// Values that the axis shows at least.
     pub at_least: Option<[f64; 2]>,
-    /// Single values far above all others are drawn at the edge, and the label has their number and height.
+    /// Single values far above all others are drawn at the edge, and the label has their number
+    /// and height.
     pub cut_outliers: bool,
     /// Half as high as others.
     pub is_low: bool,

@@ -25,7 +25,8 @@ pub struct Plot<'a> {
     pub loops: &'a [[[f64; 2]; 2]],
 }
 
-/// Edge of a map pixel. Points on one pixel are drawn once and neighbours as one, so that the file stays small.
+/// Edge of a map pixel. Points on one pixel are drawn once and neighbours as one, so that the file
+/// stays small.
 const MAP_PIXEL: i32 = 2;
 
 type Root<'a> = DrawingArea<SVGBackend<'a>, Shift>;

@@ -42,8 +42,8 @@ impl Sum {
 
 /// The motion between two instants, estimated and true.
 ///
-/// Which of the two an error is seen from matters in its fifth digit, where matrices are rounded to six:
-/// drift and RPE are published with different ones.
+/// Which of the two an error is seen from matters in its fifth digit, where matrices are rounded
+/// to six: drift and RPE are published with different ones.
 fn motions(from: &Pair, to: &Pair) -> (Transform, Transform) {
     (
         from.estimate.between(&to.estimate),
@@ -63,7 +63,8 @@ pub(crate) fn per_step(pairs: &[Pair]) -> Option<Mean> {
     sum.mean()
 }
 
-/// KITTI drift: mean error per length over all stretches of 100 to 800 m inside one frame, m/m and rad/m.
+/// KITTI drift: mean error per length over all stretches of 100 to 800 m inside one frame, m/m and
+/// rad/m.
 ///
 /// A stretch ends at the first pose farther along the truth's path than its start plus its length.
 /// `path_m` is the path up to each pose of the truth. `None` where no frame is long enough.

@@ -10,13 +10,15 @@ const WINDOW_M: f64 = 10.0;
 const STANDSTILL_NS: i64 = 30_000_000_000;
 /// Time over which the worst error under good trust is searched.
 const GOOD_NS: i64 = 10_000_000_000;
-/// A robot stands that comes less far than this in [`STANDSTILL_NS`], m: no window begins twice in a metre of path.
+/// A robot stands that comes less far than this in [`STANDSTILL_NS`], m: no window begins twice in
+/// a metre of path.
 const STANDSTILL_M: f64 = 1.0;
-/// A window is wrong where the motion over it is off by more, m and degrees: what makes a loop false.
+/// A window is wrong where the motion over it is off by more, m and degrees: what makes a loop
+/// false.
 const WRONG_M: f64 = 0.5;
 const WRONG_DEG: f64 = 5.0;
-/// Where an IMU gives the heading, it may be off since the start of its frame by [`WRONG_DEG`] and this much more for
-/// each metre of path.
+/// Where an IMU gives the heading, it may be off since the start of its frame by [`WRONG_DEG`] and
+/// this much more for each metre of path.
 const HEADING_DEG_PER_M: f64 = 0.01;
 
 /// The trust that is in force from an instant on.
@@ -33,13 +35,15 @@ pub struct TrustSpan {
 /// How far a drive was wrong, and how much of that in silence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SilentlyWrong {
-    /// Windows that were trusted and wrong, and besides metres that were driven under good trust with a wrong heading.
+    /// Windows that were trusted and wrong, and besides metres that were driven under good trust
+    /// with a wrong heading.
     pub silent_m: u64,
     /// Windows that were wrong, trusted or not.
     pub wrong_m: u64,
     /// Windows in all; one for each metre of the true path.
     pub windows: u64,
-    /// Largest error in translation of the motion over 10 s, or less, in which every scan is good, m.
+    /// Largest error in translation of the motion over 10 s, or less, in which every scan is good,
+    /// m.
     pub worst_good_10s_m: f64,
     /// Share of the scans whose trust is good, 0..1; `None` where no scan has truth and trust.
     pub good_share: Option<f64>,
@@ -55,11 +59,13 @@ struct Scan {
     heading_is_off: bool,
 }
 
-/// Counts the silent metres of a live estimate, whose poses are its scans. `trust` is in order of its stamps.
+/// Counts the silent metres of a live estimate, whose poses are its scans. `trust` is in order of
+/// its stamps.
 ///
-/// A window begins at every metre of the true path and is 10 m long; at standstill it begins every 30 s and takes as
-/// long. It is trusted where at least half of its scans are good, and wrong where the motion over it is off by more
-/// than 0.5 m or 5 degrees. A window that spans a change of frame is not judged, and so not wrong.
+/// A window begins at every metre of the true path and is 10 m long; at standstill it begins every
+/// 30 s and takes as long. It is trusted where at least half of its scans are good, and wrong
+/// where the motion over it is off by more than 0.5 m or 5 degrees. A window that spans a change
+/// of frame is not judged, and so not wrong.
 pub fn silently_wrong(
     estimate: &Trajectory,
     truth: &Trajectory,
@@ -120,7 +126,8 @@ fn scans(estimate: &Trajectory, truth: &Trajectory, trust: &[TrustSpan]) -> Vec<
         .collect()
 }
 
-/// The window that begins with the first of these scans; empty where the drive ends before it does.
+/// The window that begins with the first of these scans; empty where the drive ends before it
+/// does.
 fn window(scans: &[Scan]) -> &[Scan] {
     let Some(first) = scans.first() else {
         return &[];
@@ -146,7 +153,8 @@ fn is_wrong(window: &[Scan]) -> bool {
     })
 }
 
-/// Error of the motion from the first to the last of these scans; `None` where their frames differ.
+/// Error of the motion from the first to the last of these scans; `None` where their frames
+/// differ.
 fn error(scans: &[Scan]) -> Option<Transform> {
     let (first, last) = (scans.first()?, scans.last()?);
     relative_error(
@@ -316,7 +324,8 @@ mod tests {
 
     #[test]
     fn a_robot_that_stands_is_judged_every_half_minute() {
-        // Two minutes at one position, and the estimate creeps by 2 cm a second from the first minute on.
+        // Two minutes at one position, and the estimate creeps by 2 cm a second from the first
+        // minute on.
         let (mut truth, mut estimate) = (Trajectory::stamped(), Trajectory::stamped());
         for scan in 0..601_i64 {
             let creep_m = 0.02 * 0.2 * (scan - 300).max(0) as f64;

@@ -5,8 +5,9 @@ const GAP_STEPS: f64 = 5.0;
 /// ... that can be seen at all, pixels, ends a line.
 const GAP_PIXELS: f64 = 3.0;
 
-/// The runs of a line: points (pixels to the right, value), in order, without those that are not finite. A run ends where
-/// nothing came for long. In each column of pixels the first, least, greatest and last value are kept.
+/// The runs of a line: points (pixels to the right, value), in order, without those that are not
+/// finite. A run ends where nothing came for long. In each column of pixels the first, least,
+/// greatest and last value are kept.
 pub(crate) fn runs(points: &[[f64; 2]]) -> Vec<Vec<[f64; 2]>> {
     let mut runs: Vec<Vec<[f64; 2]>> = Vec::new();
     let gap = gap(points);

@@ -22,7 +22,8 @@ const UNITS: [(f64, usize); 16] = [
     (1e9, 0),
 ];
 
-/// Smallest of 1, 2, 5 times a power of ten that cuts a span at most this often, with its decimals.
+/// Smallest of 1, 2, 5 times a power of ten that cuts a span at most this often, with its
+/// decimals.
 pub(crate) fn step(span: f64, lines_max: f64) -> (f64, usize) {
     let enough = |step: &f64| span / step <= lines_max;
     for (unit, decimals) in UNITS {

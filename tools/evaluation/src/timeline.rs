@@ -32,7 +32,8 @@ impl Instant {
     }
 }
 
-/// Error of the motion between two instants, each estimated and true; `None` across a change of frame.
+/// Error of the motion between two instants, each estimated and true; `None` across a change of
+/// frame.
 pub(crate) fn relative_error(
     from: (&Instant, &Instant),
     to: (&Instant, &Instant),

@@ -40,7 +40,8 @@ impl Worst {
 pub struct Track {
     /// Errors over one second, m and degrees; `None` where no second is covered.
     pub second: Option<Worst>,
-    /// Errors over 10 m of the truth's path, percent of it and degrees; `None` where no frame is that long.
+    /// Errors over 10 m of the truth's path, percent of it and degrees; `None` where no frame is
+    /// that long.
     pub ten_metres: Option<Worst>,
     /// Whether any second is off by more than 0.3 m or 8 degrees.
     pub lost: bool,

@@ -35,7 +35,8 @@ impl Trajectory {
         Self::default()
     }
 
-    /// Adds a pose at the end. `stamp_ns` should be after the last one's, or the pose is never found.
+    /// Adds a pose at the end. `stamp_ns` should be after the last one's, or the pose is never
+    /// found.
     pub fn push(&mut self, stamp_ns: i64, frame: u64, pose: Pose2) {
         self.push_pose(TrajectoryPose {
             stamp_ns,

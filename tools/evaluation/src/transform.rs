@@ -5,7 +5,8 @@ use randt_geometry::{Pose2, elementary};
 /// The first two rows of a planar motion's matrix: [a b x; c d y].
 ///
 /// Published KITTI figures are made with the matrices as they are printed. Their six digits are no
-/// exact rotations, which shows in the mean rotation error; made exact here, the figures would not be met.
+/// exact rotations, which shows in the mean rotation error; made exact here, the figures would not
+/// be met.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
     a: f64,

@@ -14,10 +14,12 @@ pub(crate) const BOTTOM: u32 = 64;
 pub(crate) const RIGHT: u32 = 30;
 /// Room outside of everything, pixels.
 pub(crate) const EDGE: u32 = 10;
-/// Least and greatest height of the drawing itself, pixels: a straight drive still has room for its axis.
+/// Least and greatest height of the drawing itself, pixels: a straight drive still has room for
+/// its axis.
 const HEIGHT_MIN: f64 = 380.0;
 const HEIGHT_MAX: f64 = 1500.0;
-/// Of the map, what is within this share of the drive's extent around it, and at least this many metres.
+/// Of the map, what is within this share of the drive's extent around it, and at least this many
+/// metres.
 const MAP_MARGIN: f64 = 0.5;
 const MAP_MARGIN_MIN_M: f64 = 12.0;
 /// Room around what is drawn, as a share of it, and at least this many metres.

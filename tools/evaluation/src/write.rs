@@ -8,7 +8,8 @@ use std::fmt::Write;
 impl Trajectory {
     /// The trajectory as TUM rows: micrometres, nanoradians; z, roll and pitch are 0.
     ///
-    /// Every frame begins with a comment `# odom_frame_id N`, so that two of them are never spliced.
+    /// Every frame begins with a comment `# odom_frame_id N`, so that two of them are never
+    /// spliced.
     pub fn to_tum(&self) -> String {
         let mut text = String::new();
         let mut frame = None;

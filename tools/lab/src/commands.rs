@@ -35,10 +35,10 @@ pub enum Command {
     Eval(eval::Arguments),
     /// Measure what the parts of the method are worth
     ///
-    /// One part after the other is left out, on drives through the built-in worlds. Each drive is simulated in memory
-    /// and computed seven times. Without options this takes about a minute, at most three on a small machine, and half
-    /// a gigabyte of memory; each further seed takes the same time again. All figures but the times are the same in
-    /// every run.
+    /// One part after the other is left out, on drives through the built-in worlds. Each drive is
+    /// simulated in memory and computed seven times. Without options this takes about a minute, at
+    /// most three on a small machine, and half a gigabyte of memory; each further seed takes the
+    /// same time again. All figures but the times are the same in every run.
     Ablation(ablation::Arguments),
     /// Register two radar scans to each other
     Register(register::Arguments),

@@ -1,7 +1,7 @@
 //! `randt-lab` as a library: the commands that research needs, on the pipeline of `randt`.
 //!
-//! Responsible for evaluation, ablation, benchmarks of the solver and examination of sensors. Not responsible for what
-//! operators and users of recordings need: those commands are `randt`'s.
+//! Responsible for evaluation, ablation, benchmarks of the solver and examination of sensors. Not
+//! responsible for what operators and users of recordings need: those commands are `randt`'s.
 
 mod commands;
 

@@ -1,5 +1,5 @@
-//! The program's first page, as a user reads it. That it is here makes `cargo test` build the program, which the
-//! whole-program tests start.
+//! The program's first page, as a user reads it. That it is here makes `cargo test` build the
+//! program, which the whole-program tests start.
 
 #![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 

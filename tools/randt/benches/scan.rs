@@ -1,7 +1,7 @@
 //! `cargo bench -p randt`: what a scan costs, and how much faster than real time a whole run is.
 //!
-//! Prints machine, data, median and p99. A scan's cost is filter + NDT + motion estimation in this process; the
-//! whole run is the binary itself on one core, every output written.
+//! Prints machine, data, median and p99. A scan's cost is filter + NDT + motion estimation in this
+//! process; the whole run is the binary itself on one core, every output written.
 
 use randt::{job, machine, report::Cost};
 use randt_config::{Config, Selection};

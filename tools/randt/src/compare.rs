@@ -23,10 +23,11 @@ pub struct Comparison {
     pub differ: u64,
     /// Published, and not computed again.
     pub published_only: u64,
-    /// Computed again, and never published: odometry was not there yet, or the log lacks the state.
+    /// Computed again, and never published: odometry was not there yet, or the log lacks the
+    /// state.
     pub computed_only: u64,
-    /// Scans that odometry had computed before the first one that was published here: what it knew by them is not in the
-    /// log.
+    /// Scans that odometry had computed before the first one that was published here: what it knew
+    /// by them is not in the log.
     pub unseen: u64,
     /// The first of those that differ.
     pub first: Option<Difference>,

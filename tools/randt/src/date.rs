@@ -1,4 +1,5 @@
-//! What is known of the time: the date, as far as it can be believed, and the time since the boot, which cannot lie.
+//! What is known of the time: the date, as far as it can be believed, and the time since the boot,
+//! which cannot lie.
 
 use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
@@ -9,8 +10,9 @@ use std::path::Path;
 const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
 /// Clocks that a battery keeps running.
 const BATTERY_CLOCKS: &str = "/sys/class/rtc";
-/// The system's clock was set by the battery's where they differ by no more than this, s: clocks drift apart by less in
-/// months, and one that was set by a file's date is off by the time that the power was off.
+/// The system's clock was set by the battery's where they differ by no more than this, s: clocks
+/// drift apart by less in months, and one that was set by a file's date is off by the time that
+/// the power was off.
 const SAME_CLOCK_S: i64 = 60;
 
 /// An instant of a boot.
@@ -27,8 +29,8 @@ pub struct BootTime {
 pub struct Now {
     /// What the system's clock reads, ns since 1970.
     pub date_ns: i64,
-    /// Whether something stands behind it: a clock with a battery, or the network. Without, a machine that was switched
-    /// off goes on at the date at which it ended, or in 1970.
+    /// Whether something stands behind it: a clock with a battery, or the network. Without, a
+    /// machine that was switched off goes on at the date at which it ended, or in 1970.
     pub is_date_known: bool,
     /// By the clock that runs from the boot on.
     pub boot: BootTime,

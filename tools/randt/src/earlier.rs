@@ -1,4 +1,5 @@
-//! A folder that holds an earlier drive: its files are kept, in a numbered folder beside the new ones.
+//! A folder that holds an earlier drive: its files are kept, in a numbered folder beside the new
+//! ones.
 
 use crate::output::warn;
 use anyhow::{Context, bail};
@@ -16,12 +17,14 @@ const RESULTS: [&str; 7] = [
     "report.json",
     "trajectory.tum",
 ];
-/// The mapper's journal in the folder of a live drive, and the ones that it quarantines stand beside it.
+/// The mapper's journal in the folder of a live drive, and the ones that it quarantines stand
+/// beside it.
 pub const JOURNAL: &str = "map.journal";
 /// Numbered from 1 on.
 const BEFORE: &str = "before-";
 
-/// Moves the results of an earlier drive, if a folder holds any, to `before-N` in it, with a warning.
+/// Moves the results of an earlier drive, if a folder holds any, to `before-N` in it, with a
+/// warning.
 pub fn keep_results(out: &Path) -> anyhow::Result<()> {
     keep(out, |name| RESULTS.contains(&name))
 }

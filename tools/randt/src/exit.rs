@@ -1,4 +1,5 @@
-//! Exit codes: 0 good, 1 failed, 2 wrong usage (clap), 3 finished but data were lost, 78 bad configuration.
+//! Exit codes: 0 good, 1 failed, 2 wrong usage (clap), 3 finished but data were lost, 78 bad
+//! configuration.
 
 use std::process::ExitCode;
 
@@ -49,7 +50,8 @@ pub fn exit_code(result: anyhow::Result<Outcome>) -> ExitCode {
     }
 }
 
-/// The error and its causes in one line; a cause that a text above already contains is not repeated.
+/// The error and its causes in one line; a cause that a text above already contains is not
+/// repeated.
 fn text(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {

@@ -1,4 +1,5 @@
-//! The final pose of every scan: odometry's settled poses, carried into the map between the keyframes as the graph has them.
+//! The final pose of every scan: odometry's settled poses, carried into the map between the
+//! keyframes as the graph has them.
 
 use randt_evaluation::Trajectory;
 use randt_geometry::Pose2;
@@ -28,13 +29,14 @@ impl Knot {
     }
 }
 
-/// All scans in the map. The frame of a pose is the first `odom_frame_id` of its component of the map.
+/// All scans in the map. The frame of a pose is the first `odom_frame_id` of its component of the
+/// map.
 pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
     carry_into_map(states, &knots(mapper))
 }
 
-/// All scans between knots, that are in the order of their keys. The frame of a pose is the component of its knots; where its
-/// odometry frame has none, that frame.
+/// All scans between knots, that are in the order of their keys. The frame of a pose is the
+/// component of its knots; where its odometry frame has none, that frame.
 pub fn carry_into_map(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
     let settled: BTreeMap<Key, Pose2> = states
         .iter()

@@ -1,5 +1,5 @@
-//! The end of a drive, for `run`, `up` and missions alike: the window is closed, the map judged as a whole, and the same
-//! files, report and summary are written.
+//! The end of a drive, for `run`, `up` and missions alike: the window is closed, the map judged as
+//! a whole, and the same files, report and summary are written.
 
 mod summary;
 
@@ -30,7 +30,8 @@ pub struct Drive<'a> {
     pub results: Results,
     /// Configuration in force.
     pub config: &'a Config,
-    /// Everything that was dropped, repaired or assumed, beside what odometry and mapper count themselves.
+    /// Everything that was dropped, repaired or assumed, beside what odometry and mapper count
+    /// themselves.
     pub counters: Counters,
     /// What was published live, where the results are to be compared with that.
     pub published: Option<Vec<OdometryState>>,
@@ -51,8 +52,8 @@ pub struct Shown {
     pub same: Option<bool>,
 }
 
-/// Ends a drive: writes all files into a folder and prints the summary; `None`, and no file, where no scan has a pose.
-/// `timing` gives what it cost.
+/// Ends a drive: writes all files into a folder and prints the summary; `None`, and no file, where
+/// no scan has a pose. `timing` gives what it cost.
 pub fn finish_drive(
     drive: Drive<'_>,
     timing: impl FnOnce(&Pipeline, &[OdometryState]) -> Costs,

@@ -43,8 +43,8 @@ impl Identity {
         }
     }
 
-    /// Root's: of the first one but root who owns a folder or a link on the way to `path`, which need not be there; of
-    /// root, where there is none. Anybody else has his own only.
+    /// Root's: of the first one but root who owns a folder or a link on the way to `path`, which
+    /// need not be there; of root, where there is none. Anybody else has his own only.
     ///
     /// Nobody but root can change where the way leads up to there.
     pub fn of_way_to(path: &Path) -> anyhow::Result<Self> {
@@ -58,7 +58,8 @@ impl Identity {
         })
     }
 
-    /// Does something with these rights, and nothing with any others. Those from before are back when it is done.
+    /// Does something with these rights, and nothing with any others. Those from before are back
+    /// when it is done.
     pub fn run<T>(self, work: impl FnOnce() -> anyhow::Result<T>) -> anyhow::Result<T> {
         let before = Self::in_force();
         if self == before {

@@ -16,7 +16,8 @@ pub struct InputOptions {
     /// The instant of a sweep that a point cloud's stamp means
     #[arg(long, value_name = "WHEN", default_value = "end")]
     stamp: Stamp,
-    /// Order in time of a point cloud's beams, seen from above; if not given, as the points are ordered
+    /// Order in time of a point cloud's beams, seen from above; if not given, as the points are
+    /// ordered
     #[arg(long, value_name = "SENSE", default_value = "auto")]
     rotation: Turning,
     /// Time of one turn, s; if not given, the median spacing of the stamps

@@ -52,8 +52,8 @@ impl Done {
     }
 }
 
-/// Lets Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end the work cleanly. A second handler in one process is refused;
-/// that is no failure.
+/// Lets Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end the work cleanly. A second handler in
+/// one process is refused; that is no failure.
 pub fn catch_interrupts() {
     let _ = ctrlc::set_handler(|| INTERRUPTED.store(true, Ordering::Relaxed));
 }
@@ -82,8 +82,8 @@ pub fn mounted(mut loaded: Loaded, extrinsics: &Extrinsics) -> Loaded {
     loaded
 }
 
-/// Runs a source to its end. The drive is not over by that: its last scans are still in odometry's window, for
-/// [`crate::finish_drive`] or [`Done::finish`].
+/// Runs a source to its end. The drive is not over by that: its last scans are still in odometry's
+/// window, for [`crate::finish_drive`] or [`Done::finish`].
 pub fn run(
     source: &mut dyn Source,
     config: &Config,

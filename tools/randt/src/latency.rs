@@ -14,7 +14,8 @@ const SAME_CLOCK_NS: i64 = 10_000_000_000;
 pub struct Latency {
     /// From the end of the sweep until the IMU covered it: what no computer can hasten.
     pub wait_ms: f64,
-    /// From the last thing that was needed until the state was published: filter, bus and odometry.
+    /// From the last thing that was needed until the state was published: filter, bus and
+    /// odometry.
     pub compute_ms: f64,
 }
 
@@ -63,7 +64,8 @@ pub struct LatencyFigures {
 }
 
 impl Latencies {
-    /// Takes a state. One that was sent before is left out: odometry that came back sends its last ones again.
+    /// Takes a state. One that was sent before is left out: odometry that came back sends its last
+    /// ones again.
     pub fn push(&mut self, state: &OdometryState) {
         let (frame, stamp_ns) = (state.odom_frame_id, state.header.stamp_ns);
         let known = self
@@ -111,7 +113,8 @@ mod tests {
 
     const SECOND: i64 = 1_000_000_000;
 
-    /// Published at 100 s of the clock; scan, IMU and state by their ms after the end of the sweep.
+    /// Published at 100 s of the clock; scan, IMU and state by their ms after the end of the
+    /// sweep.
     fn state(stamp_ns: i64, [scan, imu, published]: [i64; 3]) -> OdometryState {
         let ns = |ms: i64| 100 * SECOND + ms * 1_000_000;
         let mut state = OdometryState {

@@ -1,6 +1,8 @@
-//! The command line of randt, as a library: the offline composition of the stages, and the commands.
+//! The command line of randt, as a library: the offline composition of the stages, and the
+//! commands.
 //!
-//! Responsible for commands, options, progress, files and reports. Not responsible for any algorithm.
+//! Responsible for commands, options, progress, files and reports. Not responsible for any
+//! algorithm.
 
 pub mod accepted;
 pub mod commands;

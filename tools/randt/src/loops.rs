@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// All candidates and what became of them. Reports of earlier builds have other names for some of it.
+/// All candidates and what became of them. Reports of earlier builds have other names for some of
+/// it.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Loops {
     /// How many have which status.
@@ -45,7 +46,8 @@ pub struct Entry {
     /// The same under the opposite heading.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flipped: Option<f64>,
-    /// The largest share that is explained where they are moved along their least certain direction.
+    /// The largest share that is explained where they are moved along their least certain
+    /// direction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub displaced: Option<f64>,
     /// Cauchy-Schwarz divergence.

@@ -1,7 +1,7 @@
 //! A mission: the folder of one drive, with its map, its logs, its configuration and its report.
 //!
-//! Responsible for what a mission is and how it goes on or ends. Not responsible for which one is the current one
-//! (`missions`), nor for the stages that write into it.
+//! Responsible for what a mission is and how it goes on or ends. Not responsible for which one is
+//! the current one (`missions`), nor for the stages that write into it.
 
 mod record;
 
@@ -26,8 +26,8 @@ pub const REPORT: &str = "report";
 const LOGS: &str = "logs";
 /// What odometry left in memory, where that was about to be taken away before there was a report.
 const STATE: &str = "state";
-/// A mission that was not stopped goes on if its last sign of life is no older than this: somebody has changed the
-/// battery. After a longer pause the robot may stand in another building.
+/// A mission that was not stopped goes on if its last sign of life is no older than this: somebody
+/// has changed the battery. After a longer pause the robot may stand in another building.
 const PAUSE_MAX_NS: i64 = 600_000_000_000;
 
 /// A mission on the disk.
@@ -98,7 +98,8 @@ impl Mission {
         }
     }
 
-    /// Writes a record that cannot be read anew, of what is there. What stood in its place is kept.
+    /// Writes a record that cannot be read anew, of what is there. What stood in its place is
+    /// kept.
     pub fn repair(&mut self) -> anyhow::Result<()> {
         let Some(why) = self.broken.take() else {
             return Ok(());
@@ -140,8 +141,8 @@ impl Mission {
         lock.is_ok_and(|lock| lock.try_lock().is_err())
     }
 
-    /// How long it has been silent, ns, at most; `None` where that is unknown: the machine was started anew, and its date
-    /// has no source, or the date is before the last sign of life.
+    /// How long it has been silent, ns, at most; `None` where that is unknown: the machine was
+    /// started anew, and its date has no source, or the date is before the last sign of life.
     pub fn silent_ns(&self, now: &Now) -> Option<i64> {
         let boot = self.record.boot.as_ref();
         let in_boot = boot.and_then(|boot| now.since_ns(boot));

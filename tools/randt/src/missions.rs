@@ -1,6 +1,7 @@
 //! All missions of a robot, and which one is the current one.
 //!
-//! A folder `missions` with one folder each, and beside it a link `current`, through which the stages write.
+//! A folder `missions` with one folder each, and beside it a link `current`, through which the
+//! stages write.
 
 use crate::date::Now;
 use crate::mission::Mission;
@@ -254,7 +255,8 @@ mod tests {
             })
             .collect();
         assert_eq!(names(&missions), begun);
-        // What was written before shows that it is later than 1970. Only the first one has nothing to go by.
+        // What was written before shows that it is later than 1970. Only the first one has nothing
+        // to go by.
         assert!(begun[0].starts_with("1970"), "{begun:?}");
         assert!(
             begun[1..].iter().all(|name| !name.starts_with("1970")),

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 const FOR_ALL: u32 = 0o666;
 const PRIVATE: u32 = 0o600;
 
-/// Refuses a file that exists unless it may be replaced, and always anything that is no plain file.
+/// Refuses a file that exists unless it may be replaced, and always anything that is no plain
+/// file.
 pub fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
     match fs::metadata(path) {
         Ok(found) if !found.is_file() => anyhow::bail!("{}: is not a plain file", path.display()),
@@ -67,7 +68,8 @@ fn temporary_name(path: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Writes to standard output. A reader that has seen enough (`| head`) is no failure, nor is a terminal that was closed.
+/// Writes to standard output. A reader that has seen enough (`| head`) is no failure, nor is a
+/// terminal that was closed.
 pub fn print(text: &str) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -76,7 +78,8 @@ pub fn print(text: &str) -> anyhow::Result<()> {
     }
 }
 
-/// Writes a line to standard error. Where the reader is gone the work goes on: `eprintln!` would panic.
+/// Writes a line to standard error. Where the reader is gone the work goes on: `eprintln!` would
+/// panic.
 pub fn warn(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }

@@ -45,7 +45,8 @@ impl Timing {
 /// Where odometry's keyframes meet a map that has some of them already.
 #[derive(Clone, Copy, Debug)]
 struct Joint {
-    /// Whether odometry and map are of one drive: shown by a keyframe that both have, to the last bit.
+    /// Whether odometry and map are of one drive: shown by a keyframe that both have, to the last
+    /// bit.
     is_shown: bool,
     /// Keyframes that the map did not take because that was not so.
     refused: u64,
@@ -102,9 +103,9 @@ impl Pipeline {
         Self::resume(config, odometry, Mapper::new(config), true)
     }
 
-    /// Goes on from an estimate and a map that there are. `is_one_drive`: whether the estimate's next keyframe is known to
-    /// follow the map's last one; where it is not, the map takes none before odometry has given that last one again, bit
-    /// for bit.
+    /// Goes on from an estimate and a map that there are. `is_one_drive`: whether the estimate's
+    /// next keyframe is known to follow the map's last one; where it is not, the map takes none
+    /// before odometry has given that last one again, bit for bit.
     pub fn resume(config: &Config, odometry: Odometry, mapper: Mapper, is_one_drive: bool) -> Self {
         let mut points = Message::<RadarPoints>::default();
         // Room for every scan from the start: nothing grows later.
@@ -170,8 +171,8 @@ impl Pipeline {
         &self.odometry
     }
 
-    /// Numbers the estimate's frames on after this one, and its keyframes after the map's of frames up to it: what a start
-    /// without a past does when it receives a map.
+    /// Numbers the estimate's frames on after this one, and its keyframes after the map's of
+    /// frames up to it: what a start without a past does when it receives a map.
     pub fn continue_after(&mut self, odom_frame_id: u64) {
         let before = |keyframe: &&MapKeyframe| keyframe.odom_frame_id <= odom_frame_id;
         let last = self.mapper.keyframes().iter().rev().find(before);

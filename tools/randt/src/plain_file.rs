@@ -1,4 +1,5 @@
-//! Plain files of folders that somebody else may write to: no link is followed, no pipe is waited for.
+//! Plain files of folders that somebody else may write to: no link is followed, no pipe is waited
+//! for.
 
 use anyhow::ensure;
 use rustix::fs::OFlags;

@@ -5,8 +5,8 @@ use randt_config::{Config, Error, Selection};
 use randt_log::Robot;
 use randt_readers::Extrinsics;
 
-/// The configuration of a recorded run; where the log has none, the built-in one for the log's radar. The mounting
-/// of the sensors is the log's.
+/// The configuration of a recorded run; where the log has none, the built-in one for the log's
+/// radar. The mounting of the sensors is the log's.
 pub fn configuration(robot: Robot, recorded: Option<&str>) -> Result<Config, Error> {
     let loaded = Config::load(&Selection {
         recorded: recorded.map(str::to_owned),

@@ -1,7 +1,8 @@
-//! What the stages of a drive leave behind: odometry's checkpoint, the ring of keyframes, the mapper's journal.
+//! What the stages of a drive leave behind: odometry's checkpoint, the ring of keyframes, the
+//! mapper's journal.
 //!
-//! Responsible for making one pipeline of them that goes on where the processes ended. What is missing is counted, and
-//! never an error: half a drive is better than none.
+//! Responsible for making one pipeline of them that goes on where the processes ended. What is
+//! missing is counted, and never an error: half a drive is better than none.
 
 use crate::earlier::JOURNAL;
 use crate::pipeline::Pipeline;
@@ -18,7 +19,8 @@ use std::path::Path;
 
 /// A drive as its processes left it.
 pub struct RecoveredDrive {
-    /// Odometry with its window still open, where it left one, and the map with all keyframes that there are.
+    /// Odometry with its window still open, where it left one, and the map with all keyframes that
+    /// there are.
     pub pipeline: Pipeline,
     /// Whether that is odometry as it was; else one that knows nothing.
     pub has_odometry: bool,
@@ -29,7 +31,8 @@ pub struct RecoveredDrive {
 }
 
 impl RecoveredDrive {
-    /// Reads them. `folder`: where the journal lies; `state`: where odometry keeps what outlives it, if that is known.
+    /// Reads them. `folder`: where the journal lies; `state`: where odometry keeps what outlives
+    /// it, if that is known.
     pub fn read(config: &Config, use_imu: bool, folder: &Path, state: Option<&Path>) -> Self {
         let mut counters = Counters::default();
         let mut mapper = read_journal(config, &folder.join(JOURNAL), &mut counters);
@@ -110,8 +113,8 @@ fn count_quarantined(folder: &Path, counters: &mut Counters) {
     }
 }
 
-/// Whether odometry numbers the drive that the map is of. Where the ring has no keyframe that the map has too, nothing
-/// speaks against it.
+/// Whether odometry numbers the drive that the map is of. Where the ring has no keyframe that the
+/// map has too, nothing speaks against it.
 fn is_of_map(mapper: &Mapper, ring: Option<&KeyframeRing>, odometry: Option<&Odometry>) -> bool {
     let Some(last) = mapper.keyframes().last() else {
         return true;
@@ -121,7 +124,8 @@ fn is_of_map(mapper: &Mapper, ring: Option<&KeyframeRing>, odometry: Option<&Odo
     is_counted && shown.is_none_or(|shown| shown.head.header.stamp_ns == last.stamp_ns)
 }
 
-/// Gives the map the keyframes that it had no time for, up to `end` where that is known; gives how many are nowhere.
+/// Gives the map the keyframes that it had no time for, up to `end` where that is known; gives how
+/// many are nowhere.
 fn push_ring(mapper: &mut Mapper, ring: &KeyframeRing, end: Option<u64>) -> u64 {
     let first = mapper
         .keyframes()

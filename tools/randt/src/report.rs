@@ -16,7 +16,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The report, as it is written and read. Its fields are the keys of `report.json`. Everything but `timing` is a function of input and configuration.
+/// The report, as it is written and read. Its fields are the keys of `report.json`. Everything but
+/// `timing` is a function of input and configuration.
 ///
 /// What an older report lacks is empty, or `None` where a reader must know that it is missing.
 #[derive(Debug, Default, Serialize, Deserialize)]

@@ -72,7 +72,8 @@ pub struct TrustCount {
 }
 
 impl Results {
-    /// Of a drive whose states come from several places: each scan's counts once, in the order of frames and stamps.
+    /// Of a drive whose states come from several places: each scan's counts once, in the order of
+    /// frames and stamps.
     pub fn merged() -> Self {
         Self {
             known: Some(HashSet::new()),
@@ -187,7 +188,8 @@ impl Results {
         ]
     }
 
-    /// The picture: what stands in the map's largest component is drawn with its returns and loops, the others as lines.
+    /// The picture: what stands in the map's largest component is drawn with its returns and
+    /// loops, the others as lines.
     pub fn picture(
         &self,
         trajectory: &Trajectory,

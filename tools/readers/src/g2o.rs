@@ -1,7 +1,8 @@
 //! Planar pose graphs in g2o's text format: `VERTEX_SE2 id x y yaw` and
 //! `EDGE_SE2 from to x y yaw I11 I12 I13 I22 I23 I33`.
 //!
-//! Responsible for the content of the lines. Not responsible for whether it makes a graph that can be solved.
+//! Responsible for the content of the lines. Not responsible for whether it makes a graph that can
+//! be solved.
 
 use crate::Error;
 use randt_geometry::Pose2;

@@ -52,8 +52,8 @@ pub struct InputInfo {
 
 /// A log that is read from its beginning to its end.
 ///
-/// Events come in order of their stamps as far as the log has them so; a step back is the log's own,
-/// and odometry judges it.
+/// Events come in order of their stamps as far as the log has them so; a step back is the log's
+/// own, and odometry judges it.
 pub trait Source {
     /// The input's description of itself.
     fn info(&self) -> &InputInfo;

@@ -1,7 +1,7 @@
 //! Recorded radar logs as our messages: Oxford folders, ROS bags, our own MCAP.
 //!
-//! Responsible for recognising an input by its content and for turning it into sweeps and IMU samples
-//! in our frames and clock. Not responsible for how they are used.
+//! Responsible for recognising an input by its content and for turning it into sweeps and IMU
+//! samples in our frames and clock. Not responsible for how they are used.
 
 mod counters;
 mod error;

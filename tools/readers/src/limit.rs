@@ -2,7 +2,8 @@
 
 use randt_messages::MAX_RETURNS;
 
-/// Latest plausible instant, ns: the year 2116. Differences of two plausible instants never overflow.
+/// Latest plausible instant, ns: the year 2116. Differences of two plausible instants never
+/// overflow.
 const INSTANT_MAX_NS: i64 = i64::MAX / 2;
 
 /// Whether a stamp can be that of a measurement.
@@ -15,7 +16,8 @@ const RATE_MAX_RAD_S: f64 = 100.0;
 /// Largest plausible specific force, m/s^2: more than any IMU's 100 g.
 const ACCELERATION_MAX_M_S2: f64 = 2000.0;
 
-/// The counter under which an implausible reading of an IMU is left out; `None` for a plausible one.
+/// The counter under which an implausible reading of an IMU is left out; `None` for a plausible
+/// one.
 pub(crate) fn misreading(
     rate_rad_s: &[f64; 3],
     acceleration_m_s2: &[f64; 3],
@@ -31,7 +33,8 @@ pub(crate) fn misreading(
     (!measured).then_some("imu_samples_out_of_range")
 }
 
-/// The strongest of the items, as many as a message holds, in their order; of equal ones the first.
+/// The strongest of the items, as many as a message holds, in their order; of equal ones the
+/// first.
 pub(crate) fn strongest<T: Copy>(items: &[T], strength: impl Fn(&T) -> f32) -> Vec<T> {
     if items.len() <= MAX_RETURNS {
         return items.to_vec();

@@ -67,7 +67,8 @@ impl LogSource {
         Ok(())
     }
 
-    /// The next message of a topic that matters; `Err` inside where it is not what its topic should hold.
+    /// The next message of a topic that matters; `Err` inside where it is not what its topic
+    /// should hold.
     fn step(&mut self) -> Result<Step, Error> {
         let Some(entry) = self.reader.next_entry()? else {
             return Ok(Step::End);

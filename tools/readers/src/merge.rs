@@ -1,10 +1,11 @@
-//! Brings sweeps and IMU samples of a log into one order of stamps, reading a bounded stretch ahead.
+//! Brings sweeps and IMU samples of a log into one order of stamps, reading a bounded stretch
+//! ahead.
 
 use crate::{Counter, Error, Event, InputInfo, Source};
 use std::collections::VecDeque;
 
-/// How far to read on for the other stream, ns of stamps. A driver delivers a sweep within a turn of
-/// its end, a recorder writes it soon after; the slowest radar of ours turns in 0.25 s.
+/// How far to read on for the other stream, ns of stamps. A driver delivers a sweep within a turn
+/// of its end, a recorder writes it soon after; the slowest radar of ours turns in 0.25 s.
 const AHEAD_NS: i64 = 1_000_000_000;
 /// Most sweeps held (a sweep of 10,000 returns has 136 kB), and most IMU samples (8 s at 1 kHz).
 const SWEEPS_MAX: usize = 32;

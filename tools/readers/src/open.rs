@@ -15,8 +15,8 @@ const PNG_MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// Opens a recording of any known format.
 ///
-/// The file's or folder's name plays no part in it. Reading starts at the beginning; the first sweeps
-/// are read at once, to learn from them what the radar's turn is.
+/// The file's or folder's name plays no part in it. Reading starts at the beginning; the first
+/// sweeps are read at once, to learn from them what the radar's turn is.
 pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>, Error> {
     if path.is_dir() {
         return open_folder(path, options);

@@ -41,10 +41,11 @@ pub struct Options {
     pub period_s: Option<f64>,
     /// Polar images: bins with a power above this become returns, in the sensor's unit of 0.5 dB.
     ///
-    /// 60 leaves about 30,000 of 1.5 million bins of a Navtech scan: the noise floor is below, and a
-    /// filter after this still has three times the returns that it will use.
+    /// 60 leaves about 30,000 of 1.5 million bins of a Navtech scan: the noise floor is below, and
+    /// a filter after this still has three times the returns that it will use.
     pub power_min: f32,
-    /// Oxford folders: every image of the folder, also those that `radar.timestamps` does not list.
+    /// Oxford folders: every image of the folder, also those that `radar.timestamps` does not
+    /// list.
     pub unlisted_scans: bool,
     /// Whether an input without a radar is an error (an IMU recording has none).
     pub radar_required: bool,

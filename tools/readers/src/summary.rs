@@ -51,7 +51,8 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    /// `None` where the file has no whole summary, whatever the reason: reading it through needs none.
+    /// `None` where the file has no whole summary, whatever the reason: reading it through needs
+    /// none.
     pub fn read(path: &Path) -> Option<Self> {
         let mut file = File::open(path).ok()?;
         let length = file.metadata().ok()?.len();

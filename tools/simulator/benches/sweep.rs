@@ -8,7 +8,8 @@ fn main() {
     let mut returns = 0;
     let simulation = Simulation::new(&World::building(), Robot::default(), 400, 1);
     let mut begin = Instant::now();
-    // The sweep is computed when its truth is asked for; everything between two sweeps counts as theirs.
+    // The sweep is computed when its truth is asked for; everything between two sweeps counts as
+    // theirs.
     for event in simulation {
         if let Event::Scan(scan) = event {
             times_ms.push(begin.elapsed().as_secs_f64() * 1e3);

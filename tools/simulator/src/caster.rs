@@ -3,7 +3,8 @@
 use crate::{Material, Wall};
 use nalgebra::Vector2;
 
-/// Edge of a grid cell. About the distance between walls: smaller ones cost steps, larger ones tests.
+/// Edge of a grid cell. About the distance between walls: smaller ones cost steps, larger ones
+/// tests.
 const CELL_M: f64 = 1.0;
 /// Nearer than this a wall is the one that the ray starts from.
 const SELF_HIT_M: f64 = 1e-6;
@@ -42,7 +43,8 @@ pub struct Caster {
 }
 
 impl Caster {
-    /// Sorts walls into the grid. Walls without length or with coordinates that are not finite are left out.
+    /// Sorts walls into the grid. Walls without length or with coordinates that are not finite are
+    /// left out.
     pub fn new(walls: &[Wall]) -> Self {
         let segments: Vec<Segment> = walls.iter().filter_map(segment).collect();
         let (mut low, mut high) = (Vector2::repeat(0.0), Vector2::repeat(0.0));
@@ -98,8 +100,8 @@ impl Caster {
         }
     }
 
-    /// Collects the walls along a ray of unit `direction` up to `range_max_m`, nearest first, up to and with
-    /// the first one that lets nothing through. `hits` is emptied first.
+    /// Collects the walls along a ray of unit `direction` up to `range_max_m`, nearest first, up
+    /// to and with the first one that lets nothing through. `hits` is emptied first.
     pub fn cast(
         &self,
         origin: Vector2<f64>,
@@ -127,8 +129,8 @@ impl Caster {
                 break;
             }
             entered_m = next_x.min(next_y);
-            // Hits before the cell's end are final; a wall that reaches on into the next cells is met there
-            // again and is known by its range.
+            // Hits before the cell's end are final; a wall that reaches on into the next cells is
+            // met there again and is known by its range.
             if let Some(fresh) = hits.get_mut(sorted..) {
                 fresh.sort_by(|a, b| a.range_m.total_cmp(&b.range_m));
             }

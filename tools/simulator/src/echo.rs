@@ -6,8 +6,8 @@ use randt_geometry::elementary::{PI, exp, ln, pow, sin_cos};
 
 /// Bins to either side of an echo over which the range response reaches; 44 dB down at its end.
 const REACH: usize = 7;
-/// Range response: dB down a squared bin. A Gaussian main lobe fitted to single reflectors of room.bag
-/// (33 dB down 6 bins away, 1.5 dB down 1.2 bins away).
+/// Range response: dB down a squared bin. A Gaussian main lobe fitted to single reflectors of
+/// room.bag (33 dB down 6 bins away, 1.5 dB down 1.2 bins away).
 const RESPONSE_DB: f64 = 0.9;
 /// The response is tabled in this many steps a bin; half a step is 0.02 dB near the peak.
 const STEPS: usize = 32;
@@ -99,13 +99,14 @@ impl Echo {
         }
     }
 
-    /// Adds noise, gives every bin above the threshold with its intensity in dB, and empties the bins.
+    /// Adds noise, gives every bin above the threshold with its intensity in dB, and empties the
+    /// bins.
     pub fn detect(&mut self, random: &mut Random, mut found: impl FnMut(u16, f32)) {
         let threshold = self.threshold;
         let noise_log = self.noise_log;
         let db = |power: f64| (10.0 / core::f64::consts::LN_10 * ln(power)) as f32;
-        // Bins of pure noise until the next one above the threshold; geometric, so that the 98 % below it
-        // cost no random numbers.
+        // Bins of pure noise until the next one above the threshold; geometric, so that the 98 %
+        // below it cost no random numbers.
         let gap = |random: &mut Random| (-random.exponential() / noise_log) as u32;
         let mut quiet = gap(random);
         for (index, (bin, noise)) in self.bins.iter_mut().zip(&self.noise).enumerate() {

@@ -7,8 +7,8 @@ use randt_geometry::elementary::{atan2, sin_cos};
 /// Standard gravity.
 const GRAVITY_M_S2: f64 = 9.806_65;
 
-/// One piece of relief. Heights add up; each is smooth to its second derivative, so that a robot's rates
-/// never jump.
+/// One piece of relief. Heights add up; each is smooth to its second derivative, so that a robot's
+/// rates never jump.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Relief {
     /// A plane through the origin's height.
@@ -203,8 +203,8 @@ impl RobotAttitude {
         })
     }
 
-    /// A direction in the body's x-y plane: its azimuth in the level frame, and cosine and sine of its
-    /// elevation.
+    /// A direction in the body's x-y plane: its azimuth in the level frame, and cosine and sine of
+    /// its elevation.
     pub fn ray(&self, azimuth_rad: f64) -> (f64, f64, f64) {
         let Some(tilt) = self.tilt else {
             return (azimuth_rad, 1.0, 0.0);
@@ -275,7 +275,8 @@ mod tests {
                 let [x, y, yaw] = state.pose;
                 let point = ground.at(Vector2::new(x, y));
                 let (sin, cos) = sin_cos(yaw);
-                // Roll and pitch from the gradient by another way: pitch of the x axis, roll of the normal.
+                // Roll and pitch from the gradient by another way: pitch of the x axis, roll of
+                // the normal.
                 let along = cos * point.gradient.x + sin * point.gradient.y;
                 let left = cos * point.gradient.y - sin * point.gradient.x;
                 let roll = atan2(left, (1.0 + along * along).sqrt());

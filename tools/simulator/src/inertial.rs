@@ -9,7 +9,8 @@ use randt_messages::{Header, ImuSample};
 pub struct ImuProfile {
     /// Time between samples.
     pub period_ns: i64,
-    /// The first sample's instant; no multiple of a scan's, so that samples and scans never fall together.
+    /// The first sample's instant; no multiple of a scan's, so that samples and scans never fall
+    /// together.
     pub offset_ns: i64,
     /// Largest deviation of a sample's instant from the even grid, either way.
     pub jitter_ns: i64,
@@ -82,7 +83,8 @@ impl Imu {
         self.next_ns
     }
 
-    /// The sample of [`Imu::next_ns`]; `state` and `attitude` are the robot's then. Stamps count from the start.
+    /// The sample of [`Imu::next_ns`]; `state` and `attitude` are the robot's then. Stamps count
+    /// from the start.
     pub fn sample(&mut self, state: &MotionState, attitude: &RobotAttitude) -> ImuSample {
         let profile = self.profile;
         let time_s = self.next_ns as f64 * 1e-9;

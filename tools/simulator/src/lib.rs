@@ -1,8 +1,8 @@
 //! Worlds and sensors: a simulated drive, as hard as the real thing.
 //!
-//! Responsible for what a radar and an IMU on a robot would measure, and for the truth behind it. Pure: no
-//! files, no clock, no threads; the same seed gives the same bits on every machine. Not responsible for
-//! writing logs.
+//! Responsible for what a radar and an IMU on a robot would measure, and for the truth behind it.
+//! Pure: no files, no clock, no threads; the same seed gives the same bits on every machine. Not
+//! responsible for writing logs.
 
 mod caster;
 mod echo;

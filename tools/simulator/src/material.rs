@@ -1,7 +1,7 @@
 //! What walls are made of, as a radar at 24 to 80 GHz sees it.
 //!
-//! Values are rounded from the radio-propagation literature (ITU-R P.2040 and measurements of indoor
-//! materials at 60 GHz): their order and spread matter here, not their second digit.
+//! Values are rounded from the radio-propagation literature (ITU-R P.2040 and measurements of
+//! indoor materials at 60 GHz): their order and spread matter here, not their second digit.
 
 use randt_geometry::elementary::pow;
 
@@ -58,7 +58,8 @@ impl Material {
 
     /// Its response.
     pub fn response(self) -> Response {
-        // Diffuse dB, specular dB, specular width, loss of one passage in dB, loss of the mirror in dB.
+        // Diffuse dB, specular dB, specular width, loss of one passage in dB, loss of the mirror
+        // in dB.
         let (diffuse, specular, width, passage, mirror) = match self {
             Self::Concrete => (-3.0, 3.0, 0.25, f64::INFINITY, 7.0),
             Self::Plaster => (-8.0, 0.0, 0.18, 4.0, 9.0),

@@ -1,8 +1,8 @@
 //! How the robot drives, and where it is at any instant.
 //!
-//! A driver steers along the route every 10 ms. Between two such knots forward speed, sideways speed and
-//! yaw rate change linearly, and the pose is their integral: velocity is the pose's derivative and
-//! acceleration the velocity's, by construction.
+//! A driver steers along the route every 10 ms. Between two such knots forward speed, sideways
+//! speed and yaw rate change linearly, and the pose is their integral: velocity is the pose's
+//! derivative and acceleration the velocity's, by construction.
 
 use crate::{Random, World, route::Route};
 use nalgebra::Vector2;
@@ -37,13 +37,14 @@ pub struct MotionProfile {
     pub start_s: f64,
     /// After this many changes of speed the robot stops; 0 never.
     pub stop_every: u32,
-    /// At each stop the robot turns on the spot: by this angle to the left, twice as much to the right, and back; at every
-    /// other stop the other way round. 0 never.
+    /// At each stop the robot turns on the spot: by this angle to the left, twice as much to the
+    /// right, and back; at every other stop the other way round. 0 never.
     pub turn_in_place_rad: f64,
 }
 
 impl Default for MotionProfile {
-    /// A wheeled robot indoors: 0 to 1 m/s with stops, turns up to 0.7 rad/s, a centimetre of slip.
+    /// A wheeled robot indoors: 0 to 1 m/s with stops, turns up to 0.7 rad/s, a centimetre of
+    /// slip.
     fn default() -> Self {
         Self {
             speed_max_m_s: 1.0,
@@ -60,7 +61,8 @@ impl Default for MotionProfile {
 }
 
 impl MotionProfile {
-    /// A drive that shows where the sensors sit (docs/calibrate.md): many stops, and turns on the spot at each.
+    /// A drive that shows where the sensors sit (docs/calibrate.md): many stops, and turns on the
+    /// spot at each.
     pub fn for_calibration(self) -> Self {
         Self {
             stop_every: 3,
@@ -77,7 +79,8 @@ pub struct MotionState {
     pub pose: [f64; 3],
     /// Forward m/s, left m/s, yaw rate rad/s.
     pub velocity: [f64; 3],
-    /// Acceleration against the ground along forward and left, m/s^2, and angular acceleration, rad/s^2.
+    /// Acceleration against the ground along forward and left, m/s^2, and angular acceleration,
+    /// rad/s^2.
     pub acceleration: [f64; 3],
     /// Path driven so far, m.
     pub path_m: f64,
@@ -97,7 +100,8 @@ struct Knot {
     path_m: f64,
 }
 
-/// The drive. It can be asked for any instant not more than 1 s before the latest one it was asked for.
+/// The drive. It can be asked for any instant not more than 1 s before the latest one it was asked
+/// for.
 #[derive(Clone, Debug)]
 pub struct Drive {
     profile: MotionProfile,
@@ -138,7 +142,8 @@ impl Drive {
         }
     }
 
-    /// The state at a time since the start; what is before the memory is answered with its oldest instant.
+    /// The state at a time since the start; what is before the memory is answered with its oldest
+    /// instant.
     pub fn at(&mut self, time_ns: i64) -> MotionState {
         let time_ns = time_ns.max(self.first * KNOT_NS);
         let index = time_ns / KNOT_NS;
@@ -181,7 +186,8 @@ impl Drive {
 
     /// The twist 10 ms later: pure pursuit of the route within the robot's limits.
     fn steer(&mut self, knot: &Knot, time_s: f64) -> [f64; 3] {
-        // Shorter and it weaves, longer and it cuts corners through door frames; a fast robot aims farther ahead.
+        // Shorter and it weaves, longer and it cuts corners through door frames; a fast robot aims
+        // farther ahead.
         const LOOKAHEAD_M: f64 = 0.6;
         const LOOKAHEAD_S: f64 = 0.5;
         const SPEED_TIME_S: f64 = 0.4;

@@ -1,9 +1,10 @@
 //! A rotating FMCW radar: antenna pattern, range response, speckle, noise, threshold.
 //!
-//! Every beam is measured from the robot's own pose at its instant. A beam is a fan of rays weighted by the
-//! antenna pattern; each ray returns an echo from every wall that it meets or passes, and one by way of its
-//! first mirror. A beam that meets rising ground returns clutter from there. Echoes add as complex amplitudes with random phases, so that speckle is exponential as on
-//! a real radar, and noise is complex with power 1 a bin: intensities are dB above noise.
+//! Every beam is measured from the robot's own pose at its instant. A beam is a fan of rays
+//! weighted by the antenna pattern; each ray returns an echo from every wall that it meets or
+//! passes, and one by way of its first mirror. A beam that meets rising ground returns clutter
+//! from there. Echoes add as complex amplitudes with random phases, so that speckle is exponential
+//! as on a real radar, and noise is complex with power 1 a bin: intensities are dB above noise.
 
 use crate::caster::{Caster, Hit};
 use crate::echo::Echo;
@@ -21,11 +22,12 @@ const FAN: f64 = 1.67;
 
 /// Height of the radar over the ground under it.
 const HEIGHT_M: f64 = 0.4;
-/// Level of the ground under a grazing beam, against a perfect rough wall, dB: gravel and grass. With its
-/// spread over many bins, single returns rise above the threshold up to some 7 m.
+/// Level of the ground under a grazing beam, against a perfect rough wall, dB: gravel and grass.
+/// With its spread over many bins, single returns rise above the threshold up to some 7 m.
 const GROUND_DB: f64 = -6.0;
-/// The beam is high as well as wide: the ground's echo comes from this much before and behind the point where
-/// its middle meets it, as factors on the range, and what stands behind is seen by its upper half only.
+/// The beam is high as well as wide: the ground's echo comes from this much before and behind the
+/// point where its middle meets it, as factors on the range, and what stands behind is seen by its
+/// upper half only.
 const GROUND_SPREAD: [f64; 2] = [0.8, 1.3];
 const BEHIND_GROUND: f64 = 0.5;
 /// The ground's echo is a sum of this many.
@@ -56,8 +58,8 @@ pub struct RadarProfile {
     pub beam_width_rad: f64,
     /// Level of a perfect rough wall at 1 m, dB above noise.
     pub level_db: f64,
-    /// Fall of the level with range, dB a decade. A wall that fills the beam falls by 30; the receiver lifts far
-    /// echoes by some of it.
+    /// Fall of the level with range, dB a decade. A wall that fills the beam falls by 30; the
+    /// receiver lifts far echoes by some of it.
     pub fall_db_decade: f64,
     /// Echo of the sensor's own cover: nearest bin, strongest bin, farthest bin.
     pub radome_bins: [u16; 3],
@@ -66,8 +68,8 @@ pub struct RadarProfile {
 }
 
 impl RadarProfile {
-    /// indurad iSDR-C: 220 beams of 1.64 degrees at 5 Hz, 16.1 mm to 16 m. Widths and levels are fitted to
-    /// the recording room.bag (tests/room.rs).
+    /// indurad iSDR-C: 220 beams of 1.64 degrees at 5 Hz, 16.1 mm to 16 m. Widths and levels are
+    /// fitted to the recording room.bag (tests/room.rs).
     pub fn isdr_c() -> Self {
         Self {
             sensor: SensorKind::IsdrC,
@@ -199,7 +201,8 @@ impl Radar {
         scan
     }
 
-    /// A ray of a robot that stands so: its direction in the level plane, cosine and sine of its elevation.
+    /// A ray of a robot that stands so: its direction in the level plane, cosine and sine of its
+    /// elevation.
     fn ray(
         &self,
         radar: &Pose2,
@@ -217,7 +220,8 @@ impl Radar {
         (Vector2::new(cos, sin), cos_elevation, sin_elevation)
     }
 
-    /// Adds the echoes of one beam. Ranges along the level plane are `hit.range_m`, the radar's own are longer.
+    /// Adds the echoes of one beam. Ranges along the level plane are `hit.range_m`, the radar's
+    /// own are longer.
     fn illuminate(&mut self, radar: &Pose2, attitude: &RobotAttitude, azimuth_rad: f64) {
         let origin = radar.translation();
         let range_max_m = f64::from(self.profile.bins) * self.profile.bin_m;
@@ -260,8 +264,8 @@ impl Radar {
         }
     }
 
-    /// Adds the ground's echo where the beam's middle meets it; how far off that is in the level plane,
-    /// infinite where the beam stays above.
+    /// Adds the ground's echo where the beam's middle meets it; how far off that is in the level
+    /// plane, infinite where the beam stays above.
     fn clutter(&mut self, radar: &Pose2, attitude: &RobotAttitude, azimuth_rad: f64) -> f64 {
         if attitude.is_level() {
             return f64::INFINITY;
@@ -306,7 +310,8 @@ impl Radar {
         cos_elevation: f64,
     ) {
         let response = self.response(hit.material);
-        // Twice over the mirror; and the nearest echo, 10 dB down for the missing share of the fan.
+        // Twice over the mirror; and the nearest echo, 10 dB down for the missing share of the
+        // fan.
         let onward = direction + hit.normal * (2.0 * hit.cos_incidence);
         let range_max_m = f64::from(self.profile.bins) * self.profile.bin_m;
         let rest_m = range_max_m * cos_elevation - hit.range_m;
@@ -324,7 +329,8 @@ impl Radar {
     }
 
     fn response(&self, material: Material) -> Response {
-        // The array has one entry for each of `Material::ALL`, which is in the order of declaration.
+        // The array has one entry for each of `Material::ALL`, which is in the order of
+        // declaration.
         self.responses
             .get(material as usize)
             .copied()

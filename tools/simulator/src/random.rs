@@ -1,7 +1,7 @@
 //! Random numbers that are the same everywhere and without end: SplitMix64.
 //!
-//! Written here and not taken from a crate, because a log must be the same bytes from the same seed
-//! after years of updates. Not for secrets.
+//! Written here and not taken from a crate, because a log must be the same bytes from the same
+//! seed after years of updates. Not for secrets.
 
 use randt_geometry::elementary::{PI, ln, sin_cos};
 
@@ -13,8 +13,8 @@ pub struct Random {
 }
 
 impl Random {
-    /// The stream of a seed. `purpose` makes independent streams of one seed, so that more numbers for
-    /// one thing do not change another.
+    /// The stream of a seed. `purpose` makes independent streams of one seed, so that more numbers
+    /// for one thing do not change another.
     pub fn new(seed: u64, purpose: u64) -> Self {
         let mut base = Self { state: seed };
         let mixed = base.next_u64();

@@ -10,7 +10,8 @@ const FRAME_DEPTH_M: f64 = 0.12;
 const POST_SIDES: u32 = 10;
 /// Length of a rough wall's pieces: a radar's range resolution is finer, its beams are wider.
 const ROUGH_STEP_M: f64 = 0.25;
-/// Roughness is a sum of this many scales, each half as long and half as high as the one before: 2 m to 0.25 m.
+/// Roughness is a sum of this many scales, each half as long and half as high as the one before: 2
+/// m to 0.25 m.
 const ROUGH_SCALES: u32 = 4;
 
 /// What stands in an opening of a wall.
@@ -85,8 +86,8 @@ pub(crate) fn wall(line: &[Vector2<f64>], material: Material, spans: &[Span], ou
     }
 }
 
-/// A box (furniture, pillar, vehicle) by its corner of smallest coordinates and its size, turned about its
-/// middle.
+/// A box (furniture, pillar, vehicle) by its corner of smallest coordinates and its size, turned
+/// about its middle.
 pub(crate) fn block(
     corner_m: Vector2<f64>,
     size_m: Vector2<f64>,
@@ -124,8 +125,8 @@ pub(crate) fn post(centre_m: Vector2<f64>, radius_m: f64, material: Material, ou
     wall(&line, material, &[], out);
 }
 
-/// A line roughened at scales from 2 m down to its pieces' length. The largest scale's deviations go up to
-/// `amplitude_m` towards x and y; both ends stay where they are, so that lines join.
+/// A line roughened at scales from 2 m down to its pieces' length. The largest scale's deviations
+/// go up to `amplitude_m` towards x and y; both ends stay where they are, so that lines join.
 pub(crate) fn roughened(line: &[Vector2<f64>], amplitude_m: f64, seed: u64) -> Vec<Vector2<f64>> {
     let mut points: Vec<Vector2<f64>> = Vec::new();
     for (from, to) in pieces(line) {

@@ -21,7 +21,8 @@ pub struct Robot {
     pub radar: RadarProfile,
     /// The radar in `base_link`.
     pub radar_mounting: Pose2,
-    /// How late the radar's clock is against the gyro's and the truth's: its stamps are this much later.
+    /// How late the radar's clock is against the gyro's and the truth's: its stamps are this much
+    /// later.
     pub radar_late_ns: i64,
     /// The IMU; it sits upright in the middle of `base_link`.
     pub imu: ImuProfile,
@@ -63,8 +64,8 @@ pub enum Event {
     Scan(Message<RadarScan>),
     /// The IMU was read.
     Imu(ImuSample),
-    /// Where the robot is. The truth of a sweep's end comes with the sweep's stamp (that of a radar that is not late),
-    /// before the sweep.
+    /// Where the robot is. The truth of a sweep's end comes with the sweep's stamp (that of a
+    /// radar that is not late), before the sweep.
     Truth(TruthPose),
 }
 
@@ -79,7 +80,8 @@ impl Event {
     }
 }
 
-/// The simulation: an iterator over events. The same world, robot, number and seed give the same bits.
+/// The simulation: an iterator over events. The same world, robot, number and seed give the same
+/// bits.
 ///
 /// ```
 /// use randt_simulator::{Event, Robot, Simulation, World};

@@ -154,7 +154,8 @@ fn the_gyro_and_the_accelerometer_follow_the_truth() {
     assert!((gravity.0 / gravity.1 - 9.807_f64).abs() < 0.1);
 }
 
-/// A robot that stands at the origin and faces along x, with one metal plate across the direction `angle`.
+/// A robot that stands at the origin and faces along x, with one metal plate across the direction
+/// `angle`.
 fn plate(angle_rad: f64, range_m: f64) -> World {
     let (sin, cos) = elementary::sin_cos(angle_rad);
     let (centre, along) = (
@@ -185,7 +186,8 @@ fn a_wall_on_the_left_is_seen_at_plus_90_degrees() {
     };
     for degrees in [90.0_f64, -90.0, 30.0, -135.0, 177.0] {
         let angle = degrees.to_radians();
-        // The robot stands for the first two seconds; the route begins a little inside its first corner.
+        // The robot stands for the first two seconds; the route begins a little inside its first
+        // corner.
         let (start, yaw) = {
             let state = Drive::new(&plate(0.0, 5.0), robot.motion, 1).at(0);
             (Vector2::new(state.pose[0], state.pose[1]), state.pose[2])
@@ -224,8 +226,8 @@ fn a_wall_on_the_left_is_seen_at_plus_90_degrees() {
 
 #[test]
 fn each_beam_is_measured_from_its_own_pose() {
-    // Put back by the truth at the beam's instant, strong near echoes stand on walls, ghosts apart; put back
-    // by the pose at the sweep's end they stand elsewhere.
+    // Put back by the truth at the beam's instant, strong near echoes stand on walls, ghosts
+    // apart; put back by the pose at the sweep's end they stand elsewhere.
     let robot = Robot::default();
     let world = World::building();
     let mut drive = Drive::new(&world, robot.motion, 11);
@@ -276,8 +278,8 @@ fn a_mirror_shows_a_ghost_behind_itself_and_a_thin_wall_what_is_behind_it() {
     };
     let base = plate(0.0, 5.0);
     let start = Drive::new(&base, robot.motion, 1).at(0).pose2();
-    // Along the beam at +90 degrees: a thin wall at 2 m, concrete at 4 m; at -90 a metal mirror at 3 m that
-    // shows the wall behind the robot.
+    // Along the beam at +90 degrees: a thin wall at 2 m, concrete at 4 m; at -90 a metal mirror at
+    // 3 m that shows the wall behind the robot.
     let mut world = World {
         walls: Vec::new(),
         ..base

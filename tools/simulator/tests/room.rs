@@ -1,4 +1,5 @@
-//! Our sweeps against those of the recording room.bag: returns, filtered returns, beam width, intensities.
+//! Our sweeps against those of the recording room.bag: returns, filtered returns, beam width,
+//! intensities.
 
 use randt_config::{Filter, Sensor};
 use randt_filter::ClusterFilter;
@@ -21,9 +22,9 @@ struct Statistics {
     returns: f64,
     /// Returns a sweep after the cluster filter, indoor profile (0.6 to 12 m).
     filtered: f64,
-    /// Beams, mean: around each echo of 25 dB or more that is strongest among its neighbours in beam and
-    /// range, the adjacent beams whose return in the same range bin is at most 10 dB weaker, itself
-    /// included. It holds the antenna pattern and how walls stand to the beam.
+    /// Beams, mean: around each echo of 25 dB or more that is strongest among its neighbours in
+    /// beam and range, the adjacent beams whose return in the same range bin is at most 10 dB
+    /// weaker, itself included. It holds the antenna pattern and how walls stand to the beam.
     beam_width: f64,
     /// Returns a sweep behind 0.6 m with more than 10 dB: echoes, not noise.
     strong: f64,

@@ -1,5 +1,5 @@
-//! Access control by the handshake's headers. A browser names the page that connects (Origin) and the
-//! machine that the page asked for (Host), and no page can change either. Programs that are no
+//! Access control by the handshake's headers. A browser names the page that connects (Origin) and
+//! the machine that the page asked for (Host), and no page can change either. Programs that are no
 //! browser send what they like: this keeps foreign pages away, and nothing else.
 
 use randt_config::{Host, HostNames, WebOrigin, WebOrigins};
@@ -7,10 +7,10 @@ use tungstenite::handshake::server::Request;
 use tungstenite::http::StatusCode;
 use tungstenite::http::header::{HOST, HeaderName, ORIGIN};
 
-/// Origins of the viewers' own programs: Lichtblick's desktop program, Foxglove and Lichtblick in a
-/// browser. Electron gives `file://` to the desktop program's pages; in a browser a local file has
-/// `null`, as has a sandboxed frame of any page. https://embed.foxglove.dev is not among them: any
-/// page can embed it and load its own extensions into it.
+/// Origins of the viewers' own programs: Lichtblick's desktop program, Foxglove and Lichtblick in
+/// a browser. Electron gives `file://` to the desktop program's pages; in a browser a local file
+/// has `null`, as has a sandboxed frame of any page. https://embed.foxglove.dev is not among them:
+/// any page can embed it and load its own extensions into it.
 const VIEWERS: [&str; 3] = [
     "file://",
     "https://app.foxglove.dev",
@@ -32,7 +32,8 @@ pub enum Refusal {
     /// The request is not one that a browser or a viewer sends.
     #[error("a request with {0}")]
     Request(&'static str),
-    /// Its Host header is not a name of this machine: DNS rebinding, or a name that is not configured.
+    /// Its Host header is not a name of this machine: DNS rebinding, or a name that is not
+    /// configured.
     #[error("host {0:?} is none of this machine's names")]
     Host(String),
     /// Its Origin header is that of a foreign page.
@@ -52,7 +53,8 @@ impl Refusal {
         }
     }
 
-    /// The answer's body: the reason and the key that would allow it, without the client's own text.
+    /// The answer's body: the reason and the key that would allow it, without the client's own
+    /// text.
     pub fn answer(&self) -> String {
         match self {
             Self::Request(what) => format!("A request with {what} is not understood.\n"),
@@ -97,8 +99,8 @@ impl AccessPolicy {
         }
     }
 
-    /// Any port is accepted, because a tunnel has another one than we listen on. Any literal address
-    /// is, because behind a tunnel or a router it is not ours, and DNS cannot redirect it.
+    /// Any port is accepted, because a tunnel has another one than we listen on. Any literal
+    /// address is, because behind a tunnel or a router it is not ours, and DNS cannot redirect it.
     fn is_this_machine(&self, host: &Host, own_name: &str) -> bool {
         matches!(host, Host::Address(_))
             || host.is_loopback()

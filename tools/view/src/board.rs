@@ -10,10 +10,12 @@ use std::collections::{BTreeMap, VecDeque};
 
 /// Their rate is taken over this many poses.
 const RATE_OVER: usize = 10;
-/// A stamp that is older than this when its message is published is of another clock: a recording's.
+/// A stamp that is older than this when its message is published is of another clock: a
+/// recording's.
 const OTHER_CLOCK_NS: i64 = 10_000_000_000;
 
-/// A scene entity: sent when it changes, and kept by the viewer by its name. A quarter of a tile, or a part of the path.
+/// A scene entity: sent when it changes, and kept by the viewer by its name. A quarter of a tile,
+/// or a part of the path.
 #[derive(Debug)]
 pub(crate) struct Entity {
     /// Rises with every change of any entity.

@@ -213,8 +213,8 @@ impl Client {
         subscription.filter(|_| is_new && now_ns >= self.cloud_ns)
     }
 
-    /// The cloud, thinned to what the link takes. Where there is no room for it now, tiles wait as well: they would
-    /// always be smaller.
+    /// The cloud, thinned to what the link takes. Where there is no room for it now, tiles wait as
+    /// well: they would always be smaller.
     fn points(
         &mut self,
         subscription: u32,

@@ -12,7 +12,8 @@ use tungstenite::{Error, Message, WebSocket};
 const SILENT_MAX_S: f64 = 10.0;
 /// A viewer's messages are subscriptions, bytes.
 pub(crate) const MESSAGE_MAX: usize = 64 << 10;
-/// What waits here for the socket: it holds what may be under way, and a message. Beyond that the viewer is gone.
+/// What waits here for the socket: it holds what may be under way, and a message. Beyond that the
+/// viewer is gone.
 pub(crate) const WAITING_MAX: usize = 16 << 20;
 /// Messages that are received or sent before it is another's turn.
 const TURN: usize = 64;

@@ -1,13 +1,15 @@
 //! How much may be under way to a viewer: as much as its link takes without a queue.
 //!
-//! A socket's buffer does not show that: most viewers come through ssh, which takes megabytes at once and hands them on
-//! as fast as the radio link takes them. So data are followed by pings, whose answers show what has arrived and how long it took. What
-//! is under way is steered so that the answer takes a quarter of a second longer than it would without any data (the idea
-//! of LEDBAT, RFC 6817). Pure: time comes in.
+//! A socket's buffer does not show that: most viewers come through ssh, which takes megabytes at
+//! once and hands them on as fast as the radio link takes them. So data are followed by pings,
+//! whose answers show what has arrived and how long it took. What is under way is steered so that
+//! the answer takes a quarter of a second longer than it would without any data (the idea of
+//! LEDBAT, RFC 6817). Pure: time comes in.
 
 use std::collections::VecDeque;
 
-/// How long data may wait on their way behind others, s: short against the age at which a pose is shown as old.
+/// How long data may wait on their way behind others, s: short against the age at which a pose is
+/// shown as old.
 const QUEUE_S: f64 = 0.25;
 /// Under way at first, bytes: half a second's worth of 200 kbit/s.
 const FIRST: f64 = 12_000.0;
@@ -19,7 +21,8 @@ const MOST: f64 = 4_000_000.0;
 const PING_EVERY: u64 = 2_000;
 /// Share of the window that is enough for a message of any size.
 const MOST_OF_IT: f64 = 0.7;
-/// Without data there is a ping with this period, s: the link's delay is shown, and a dead viewer is noticed.
+/// Without data there is a ping with this period, s: the link's delay is shown, and a dead viewer
+/// is noticed.
 const PING_PAUSE_S: f64 = 1.0;
 /// A step down leaves at least this share: one answer may come late by itself.
 const SHRINK: f64 = 0.6;
@@ -74,9 +77,11 @@ impl Flow {
         (self.sent - self.arrived) as f64
     }
 
-    /// Whether a message may go now. `beyond`: bytes beside the window that are kept for what cannot wait.
+    /// Whether a message may go now. `beyond`: bytes beside the window that are kept for what
+    /// cannot wait.
     pub fn has_room(&self, bytes: usize, beyond: f64) -> bool {
-        // One that is larger than the window needs no more than most of it, or it would wait without end.
+        // One that is larger than the window needs no more than most of it, or it would wait
+        // without end.
         let bytes = (bytes as f64).min(MOST_OF_IT * self.window);
         self.under_way() + bytes <= self.window + beyond
     }
@@ -120,7 +125,8 @@ impl Flow {
             let fitting = (least_s + QUEUE_S) / took_s;
             self.window *= fitting.max(SHRINK);
         } else if free > 0.0 && self.is_used {
-            // Doubling a round trip until the link's end was found; then in small steps: an answer comes late.
+            // Doubling a round trip until the link's end was found; then in small steps: an answer
+            // comes late.
             let step = if self.shrunk_ns == 0 { 1.0 } else { CAREFUL };
             self.window += step * free * bytes;
         }
@@ -154,8 +160,9 @@ fn seconds(from_ns: i64, to_ns: i64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A link with a rate in bytes a second and a delay each way; a viewer that answers at once. Messages of a
-    /// size are always waiting. Gives bytes a second, and the longest and the last wait of a message, s.
+    /// A link with a rate in bytes a second and a delay each way; a viewer that answers at once.
+    /// Messages of a size are always waiting. Gives bytes a second, and the longest and the last
+    /// wait of a message, s.
     fn drive(size: usize, rate: f64, delay_s: f64, seconds: i64) -> (f64, f64, f64) {
         let mut flow = Flow::default();
         let mut answers: VecDeque<(i64, [u8; 8])> = VecDeque::new();

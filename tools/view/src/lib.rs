@@ -1,8 +1,9 @@
 //! A running pipeline, live, for Foxglove and Lichtblick.
 //!
-//! Nothing queues for viewers: of everything only the newest waits, and how much is under way to a viewer at once is
-//! measured, so that a slow link shows recent data less often instead of old data as often. Only `handshake`,
-//! `connection` and `server` have I/O, on sockets that never block. Who may watch is in `access`.
+//! Nothing queues for viewers: of everything only the newest waits, and how much is under way to a
+//! viewer at once is measured, so that a slow link shows recent data less often instead of old
+//! data as often. Only `handshake`, `connection` and `server` have I/O, on sockets that never
+//! block. Who may watch is in `access`.
 
 mod access;
 mod board;

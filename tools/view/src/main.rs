@@ -11,8 +11,8 @@ use std::process::ExitCode;
 
 /// The view stage: pose, returns, map and their quality, live, for Foxglove and Lichtblick.
 ///
-/// Viewers connect to ws://127.0.0.1:8765 and see recent data: on a slow link less often, never data of minutes ago. It only reads the
-/// bus; nothing waits for it.
+/// Viewers connect to ws://127.0.0.1:8765 and see recent data: on a slow link less often, never
+/// data of minutes ago. It only reads the bus; nothing waits for it.
 #[derive(Debug, Parser)]
 #[command(name = "randt-view", max_term_width = 100)]
 struct Arguments {

@@ -1,6 +1,8 @@
-//! The viewers' protocol over WebSocket: a server's messages, and those of a viewer's that matter to it.
+//! The viewers' protocol over WebSocket: a server's messages, and those of a viewer's that matter
+//! to it.
 //!
-//! Source: docs/spec.md of foxglove/ws-protocol (version 1). Pure. Responsible for bytes and text only.
+//! Source: docs/spec.md of foxglove/ws-protocol (version 1). Pure. Responsible for bytes and text
+//! only.
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use randt_log::Channel;
@@ -20,7 +22,8 @@ pub fn choose(offered: &str) -> Option<&'static str> {
     offered.find_map(|name| SUBPROTOCOLS.into_iter().find(|ours| *ours == name))
 }
 
-/// The server's name and capabilities. `session`: another one when the server is another one, so that viewers forget what they had.
+/// The server's name and capabilities. `session`: another one when the server is another one, so
+/// that viewers forget what they had.
 pub fn server_info(session: &str) -> String {
     json!({
         "op": "serverInfo",

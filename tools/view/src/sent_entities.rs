@@ -6,7 +6,8 @@ use randt_foxglove_schemas::{ViewerTopic, bytes, clear};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-/// Below this rate tiles are shown without detail at first, bytes a second: a building takes 10 s and more.
+/// Below this rate tiles are shown without detail at first, bytes a second: a building takes 10 s
+/// and more.
 const SLOW: f64 = 100_000.0;
 /// The version of an entity that was sent without its detail: no entity's.
 const COARSE: u64 = 0;
@@ -29,8 +30,9 @@ impl SentEntities {
         self.complete_version = 0;
     }
 
-    /// What goes next, with its subscription: first the path, then the part of the grid that is nearest to the robot. On a
-    /// slow link everything goes without detail first, then with it. `subscription`: that of a channel.
+    /// What goes next, with its subscription: first the path, then the part of the grid that is
+    /// nearest to the robot. On a slow link everything goes without detail first, then with it.
+    /// `subscription`: that of a channel.
     pub fn next<'a>(
         &mut self,
         board: &'a Board,
@@ -83,8 +85,8 @@ impl SentEntities {
         Some((subscription(key.0)?, Cow::Borrowed(payload)))
     }
 
-    /// The least goes first: what has no position; then, on a slow link, what was not sent yet; then by the squared
-    /// distance.
+    /// The least goes first: what has no position; then, on a slow link, what was not sent yet;
+    /// then by the squared distance.
     fn urgency(
         &self,
         board: &Board,

@@ -43,7 +43,8 @@ pub struct Server {
     log: ClientLog,
 }
 
-/// Refuses what can never be an address with a port; a name that does not resolve yet may resolve later.
+/// Refuses what can never be an address with a port; a name that does not resolve yet may resolve
+/// later.
 pub fn check_address(text: &str) -> Result<String, &'static str> {
     match text.to_socket_addrs() {
         Err(cause) if cause.kind() == ErrorKind::InvalidInput => {
@@ -71,7 +72,8 @@ impl Server {
         }
     }
 
-    /// Accepts clients, receives from them, sends viewers what may go. `log_line` gets a line for the journal.
+    /// Accepts clients, receives from them, sends viewers what may go. `log_line` gets a line for
+    /// the journal.
     pub fn turn(&mut self, board: &Board, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
         self.listen(now_ns, log_line);
         self.let_in(now_ns, log_line);

@@ -215,7 +215,8 @@ fn a_request_that_can_be_read_in_two_ways_is_refused() {
                 head.chars().take(200).collect::<String>()
             );
         }
-        // The server's first message does not go to a client that sent more than a handshake, unread.
+        // The server's first message does not go to a client that sent more than a handshake,
+        // unread.
         let twice = format!("GET / HTTP/1.1\r\n{good}\r\n{UPGRADE}GET / HTTP/1.1\r\n");
         assert!(!answer(address, twice.as_bytes()).contains("serverInfo"));
     });

@@ -15,7 +15,8 @@ pub struct Leftover {
     pub bytes: u64,
 }
 
-/// Everything that iceoryx2 has of a domain: shared memory and files. While no stage lives, all of that is left over.
+/// Everything that iceoryx2 has of a domain: shared memory and files. While no stage lives, all of
+/// that is left over.
 pub fn leftovers(domain: &Domain) -> Vec<Leftover> {
     let mut found = Vec::new();
     let prefix = domain.segment_prefix();
@@ -47,8 +48,8 @@ fn add_below(folder: &Path, found: &mut Vec<Leftover>) {
     }
 }
 
-/// Removes all that dead stages left, and with `state` also what new stages would go on from. Returns what was removed,
-/// or `None` if a stage or tool lives in the domain.
+/// Removes all that dead stages left, and with `state` also what new stages would go on from.
+/// Returns what was removed, or `None` if a stage or tool lives in the domain.
 pub fn wipe(domain: &Domain, state: bool) -> Result<Option<Vec<Leftover>>, Error> {
     domain.make()?;
     let _entry = domain.lock("entry", true)?;

@@ -1,7 +1,7 @@
 //! The count of nodes: the one piece of shared memory of a domain whose name can be guessed.
 //!
-//! iceoryx2 makes it writable for all users, whatever the umask, and waits for ever for one that is
-//! empty. So it is made here, for this user alone, before iceoryx2 looks for it.
+//! iceoryx2 makes it writable for all users, whatever the umask, and waits for ever for one that
+//! is empty. So it is made here, for this user alone, before iceoryx2 looks for it.
 
 use super::service_slots::VERSION;
 use crate::domain::{SHARED_MEMORY, user};

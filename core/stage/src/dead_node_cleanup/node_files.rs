@@ -21,8 +21,8 @@ const PORT_TAG: &str = ".port_tag";
 pub(crate) struct NodeFiles {
     folder: PathBuf,
     prefix: String,
-    /// The node of this process. Its files are not opened: a process that closes a file gives up all
-    /// its locks on it.
+    /// The node of this process. Its files are not opened: a process that closes a file gives up
+    /// all its locks on it.
     own: Option<u128>,
 }
 
@@ -104,8 +104,8 @@ fn names(folder: &Path) -> impl Iterator<Item = String> + use<> {
     entries.filter_map(|entry| entry.file_name().into_string().ok())
 }
 
-/// Whether another process has locked a file. A file that does not exist is not locked; one that this
-/// process may not open counts as locked.
+/// Whether another process has locked a file. A file that does not exist is not locked; one that
+/// this process may not open counts as locked.
 fn is_locked(path: &Path) -> bool {
     match File::options().write(true).open(path) {
         Ok(file) => {

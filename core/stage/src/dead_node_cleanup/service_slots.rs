@@ -1,9 +1,10 @@
-//! The slots of the bus's services and their holders, read from the bytes of the services' segments.
+//! The slots of the bus's services and their holders, read from the bytes of the services'
+//! segments.
 //!
 //! iceoryx2 lists a service's ports only to a process that opens the service, which takes a slot
-//! itself, and never names a node whose files are gone. So the segments are read as files, as iceoryx2 0.10.0
-//! lays them out. A test compares what is read with what iceoryx2 lists; a segment that another
-//! version made is damaged to this build, as it is to iceoryx2.
+//! itself, and never names a node whose files are gone. So the segments are read as files, as
+//! iceoryx2 0.10.0 lays them out. A test compares what is read with what iceoryx2 lists; a segment
+//! that another version made is damaged to this build, as it is to iceoryx2.
 
 use crate::Domain;
 use crate::domain::{SHARED_MEMORY, user};

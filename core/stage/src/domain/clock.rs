@@ -12,8 +12,9 @@ use std::path::Path;
 /// More than the longest number.
 const TEXT_MAX: u64 = 32;
 
-/// Time since the boot plus an anchor: reads like the date, never steps, and is the same in every stage, restarted ones
-/// too. The anchor is taken once per boot and kept in the run folder, which does not survive one.
+/// Time since the boot plus an anchor: reads like the date, never steps, and is the same in every
+/// stage, restarted ones too. The anchor is taken once per boot and kept in the run folder, which
+/// does not survive one.
 #[derive(Clone, Copy, Debug)]
 pub struct Clock {
     anchor_ns: i64,
@@ -27,11 +28,13 @@ impl Clock {
             return Ok(Self { anchor_ns });
         }
         let anchor_ns = nanoseconds(ClockId::Realtime) - nanoseconds(ClockId::Boottime);
-        // Written whole under a name of our own, then linked: only the first process's link succeeds.
+        // Written whole under a name of our own, then linked: only the first process's link
+        // succeeds.
         let own = domain
             .run()
             .join(format!("clock-anchor.{}", std::process::id()));
-        // A process with this ID that was killed may have left one. The new file is made by this process.
+        // A process with this ID that was killed may have left one. The new file is made by this
+        // process.
         let _ = fs::remove_file(&own);
         let made = File::options()
             .write(true)

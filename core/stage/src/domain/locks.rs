@@ -29,7 +29,8 @@ impl Presence {
 }
 
 impl Domain {
-    /// Enters the domain: from now on no process wipes it. The first one in clears away what earlier stages left behind.
+    /// Enters the domain: from now on no process wipes it. The first one in clears away what
+    /// earlier stages left behind.
     pub fn enter(&self) -> Result<Presence, Error> {
         self.make()?;
         let _entry = self.lock("entry", true)?;
@@ -40,7 +41,8 @@ impl Domain {
         self.presence()
     }
 
-    /// Enters only where a stage is in: a process that watches makes no domain, and clears none away.
+    /// Enters only where a stage is in: a process that watches makes no domain, and clears none
+    /// away.
     pub(crate) fn visit(&self) -> Result<Option<Presence>, Error> {
         if !self.folder().is_dir() {
             return Ok(None);
@@ -61,8 +63,8 @@ impl Domain {
         })
     }
 
-    /// One of the few locks for processes that only watch: a topic has room for a limited number of readers, and a stage
-    /// that comes back must always find room.
+    /// One of the few locks for processes that only watch: a topic has room for a limited number
+    /// of readers, and a stage that comes back must always find room.
     pub(crate) fn watcher_lock(&self) -> Result<File, Error> {
         for watcher in 0..WATCHERS {
             let file = open_lock(&self.folder().join(format!("watch-{watcher}.lock")))?;
@@ -76,8 +78,8 @@ impl Domain {
         })
     }
 
-    /// The lock of those who start: one at a time. The wait for it is bounded; a holder that was stopped (SIGSTOP) does not
-    /// keep the others from starting.
+    /// The lock of those who start: one at a time. The wait for it is bounded; a holder that was
+    /// stopped (SIGSTOP) does not keep the others from starting.
     pub(crate) fn start(&self) -> Result<File, Error> {
         let path = self.folder().join("start.lock");
         let file = open_lock(&path)?;
@@ -103,7 +105,8 @@ impl Domain {
         }
     }
 
-    /// The lock that says that no process is in, if that is so. Hold the lock `entry` meanwhile, or another one may enter.
+    /// The lock that says that no process is in, if that is so. Hold the lock `entry` meanwhile,
+    /// or another one may enter.
     pub(crate) fn try_alone(&self) -> Result<Option<File>, Error> {
         let path = self.folder().join("alive.lock");
         let file = open_lock(&path)?;

@@ -1,4 +1,5 @@
-//! This process as a member of its domain: the name that it runs under, and what the others see of it.
+//! This process as a member of its domain: the name that it runs under, and what the others see of
+//! it.
 
 use super::{Clock, Domain, Entry, Presence, Registry};
 use crate::{Error, dead_node_cleanup::clean_up_before_start};
@@ -17,8 +18,8 @@ pub(crate) struct Membership {
 }
 
 impl Membership {
-    /// Enters a domain under a name; clears away what dead stages have left, so that their memory is free when memory
-    /// is counted. Refuses where that name is taken.
+    /// Enters a domain under a name; clears away what dead stages have left, so that their memory
+    /// is free when memory is counted. Refuses where that name is taken.
     pub(crate) fn enter(domain: &Domain, name: &str) -> Result<Self, Error> {
         let presence = domain.enter()?;
         let clock = Clock::in_domain(domain)?;

@@ -62,8 +62,8 @@ fn check_way(path: &Path, make: bool, links_left: usize) -> Result<(), Error> {
     Ok(())
 }
 
-/// This user, or root. The owner of the root folder counts as root: a user namespace may have another
-/// number for it.
+/// This user, or root. The owner of the root folder counts as root: a user namespace may have
+/// another number for it.
 fn is_trusted(owner: u32) -> bool {
     owner == user() || owner == 0 || fs::metadata("/").is_ok_and(|root| root.uid() == owner)
 }

@@ -8,7 +8,8 @@ use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// A process that checks whether a stage lives holds its file for microseconds; another stage of that name keeps it.
+/// A process that checks whether a stage lives holds its file for microseconds; another stage of
+/// that name keeps it.
 const CHECKED_WITHIN: Duration = Duration::from_millis(50);
 const PAUSE: Duration = Duration::from_micros(500);
 
@@ -33,7 +34,8 @@ pub struct Entry {
     /// Whether it has ended in order. One that has not ended and does not live has died.
     #[serde(default)]
     pub ended: bool,
-    /// Files of shared memory that were removed or cut under it, and that it has left for new ones.
+    /// Files of shared memory that were removed or cut under it, and that it has left for new
+    /// ones.
     #[serde(default)]
     pub left_files: u64,
 }
@@ -134,8 +136,9 @@ impl Registry {
 
     fn write(&mut self) -> Result<(), Error> {
         let mut text = serde_json::to_string_pretty(&self.entry).unwrap_or_default();
-        // In place, because another name would be another lock, and in one go: a stage that is killed here must not
-        // take the count of its starts with it. Blanks cover what was there before.
+        // In place, because another name would be another lock, and in one go: a stage that is
+        // killed here must not take the count of its starts with it. Blanks cover what was there
+        // before.
         let before = self.file.metadata().map_or(0, |found| found.len());
         let blanks = usize::try_from(before).unwrap_or(0);
         text.extend(std::iter::repeat_n(' ', blanks.saturating_sub(text.len())));
@@ -153,7 +156,8 @@ impl Registry {
             .filter_map(|found| {
                 let mut file = File::open(found.path()).ok()?;
                 let entry = read(&mut file)?;
-                // A shared lock, so that two that check at once do not take each other for the stage.
+                // A shared lock, so that two that check at once do not take each other for the
+                // stage.
                 let lives = matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock));
                 Some((entry, lives))
             })

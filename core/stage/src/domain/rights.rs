@@ -35,8 +35,8 @@ pub fn exposed(domain: &Domain) -> Vec<Exposed> {
         .collect()
 }
 
-/// Takes the rights of others away from this user's files. A process that has one open keeps it: stages
-/// make theirs for themselves alone.
+/// Takes the rights of others away from this user's files. A process that has one open keeps it:
+/// stages make theirs for themselves alone.
 pub(crate) fn close_to_others(domain: &Domain) -> Result<(), Error> {
     for (path, found) in files(domain) {
         if is_own_file(&found) && found.mode() & OTHERS != 0 {

@@ -1,4 +1,5 @@
-//! Memory is counted before it is used: when it is full, a store ends the process without an error.
+//! Memory is counted before it is used: when it is full, a store ends the process without an
+//! error.
 
 use crate::{Error, domain::SHARED_MEMORY};
 use std::fs;
@@ -18,8 +19,9 @@ impl MemoryBudget {
         }
     }
 
-    /// Refuses if there are fewer bytes of shared memory left. A process that runs has taken what it needs
-    /// (`preallocation`), so that no memory is promised twice. Call it under the lock of those who start.
+    /// Refuses if there are fewer bytes of shared memory left. A process that runs has taken what
+    /// it needs (`preallocation`), so that no memory is promised twice. Call it under the lock of
+    /// those who start.
     pub(crate) fn require(&self, what: &str, bytes: usize) -> Result<(), Error> {
         let free = free_bytes(Path::new(SHARED_MEMORY));
         if free >= bytes as u64 {
@@ -28,7 +30,8 @@ impl MemoryBudget {
         Err(self.too_little(Path::new(SHARED_MEMORY), free, bytes as u64, what))
     }
 
-    /// Refuses if there is no room for a file; the blocks that it has already are not counted again.
+    /// Refuses if there is no room for a file; the blocks that it has already are not counted
+    /// again.
     pub(crate) fn require_file(&self, path: &Path, bytes: usize) -> Result<(), Error> {
         let folder = path.parent().unwrap_or(path);
         let there = fs::metadata(path).map_or(0, |found| found.blocks() * 512);

@@ -21,7 +21,8 @@ pub(crate) struct MemoryWatch {
     domain: Domain,
     /// The node of this process.
     node: u128,
-    /// Files that were gone before, and that this process has left for that reason (`Stage::renew`).
+    /// Files that were gone before, and that this process has left for that reason
+    /// (`Stage::renew`).
     left: BTreeSet<PathBuf>,
 }
 

@@ -20,7 +20,8 @@ struct Head {
     reserved: u32,
 }
 
-/// The last two versions of a record. A writer may be killed between any two stores: one of them is always whole.
+/// The last two versions of a record. A writer may be killed between any two stores: one of them
+/// is always whole.
 #[derive(Debug)]
 pub struct Checkpoint {
     file: MappedFile,
@@ -29,7 +30,8 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Opens or makes the file, with room for versions of up to `capacity` bytes; its writer is the only one.
+    /// Opens or makes the file, with room for versions of up to `capacity` bytes; its writer is
+    /// the only one.
     pub fn open(path: &Path, capacity: usize) -> Result<Self, Error> {
         let slot_bytes = HEAD + capacity.next_multiple_of(64);
         let mut checkpoint = Self {
@@ -49,7 +51,8 @@ impl Checkpoint {
         versions.into_iter().map(|(_, bytes)| bytes).collect()
     }
 
-    /// Writes a version: `fill` gets the slot of the older one and gives the number of bytes. Where it fails, the newer one stays.
+    /// Writes a version: `fill` gets the slot of the older one and gives the number of bytes.
+    /// Where it fails, the newer one stays.
     pub fn write<E>(&mut self, fill: impl FnOnce(&mut [u8]) -> Result<usize, E>) -> Result<(), E> {
         let number = self.number + 1;
         let at = (number % 2) as usize * self.slot_bytes;

@@ -46,7 +46,8 @@ impl KeyframeRing {
             next: LIST,
             bytes: Vec::new(),
         };
-        // A writer that was killed while it wrote the list may have left an entry that points anywhere.
+        // A writer that was killed while it wrote the list may have left an entry that points
+        // anywhere.
         ring.next = ring.newest_whole().map_or(LIST, |e| end(&e));
         Ok(ring)
     }

@@ -1,5 +1,6 @@
-//! A file in memory that a process writes by storing, not by calling the system: what it wrote last is there when it
-//! is killed; and a large file that is read without being copied. The only place that maps files.
+//! A file in memory that a process writes by storing, not by calling the system: what it wrote
+//! last is there when it is killed; and a large file that is read without being copied. The only
+//! place that maps files.
 
 use crate::Error;
 use memmap2::{Mmap, MmapMut, MmapOptions};
@@ -19,7 +20,8 @@ pub(crate) struct MappedFile {
 }
 
 impl MappedFile {
-    /// Opens or makes a file of `bytes`; one of another size is made anew. `exclusive`: for its writer.
+    /// Opens or makes a file of `bytes`; one of another size is made anew. `exclusive`: for its
+    /// writer.
     pub(crate) fn open(path: &Path, bytes: usize, exclusive: bool) -> Result<Self, Error> {
         let file = File::options()
             .create(true)
@@ -58,7 +60,8 @@ impl MappedFile {
     }
 }
 
-/// The bytes of a file that only grows. Its reader has locked it against other readers and writers.
+/// The bytes of a file that only grows. Its reader has locked it against other readers and
+/// writers.
 #[derive(Debug)]
 pub enum FileBytes {
     /// As they lie on the disk.
@@ -89,17 +92,19 @@ impl AsRef<[u8]> for FileBytes {
     }
 }
 
-// SAFETY: as below. Only this user can write to the file; of this user's programs the one that holds the file's lock
-// appends, and cuts where no whole record is, behind all that is ever read. What remains is a user who writes over the file by
-// hand, and a disk that fails: both end the process with a signal.
+// SAFETY: as below. Only this user can write to the file; of this user's programs the one that
+// holds the file's lock appends, and cuts where no whole record is, behind all that is ever read.
+// What remains is a user who writes over the file by hand, and a disk that fails: both end the
+// process with a signal.
 #[allow(unsafe_code)]
 fn map_to_read(file: &File) -> std::io::Result<Mmap> {
     unsafe { MmapOptions::new().populate().map(file) }
 }
 
-// SAFETY: a mapping is unsound if another process changes or cuts the file while it is borrowed as a slice. These files
-// lie in the domain's folder (mode 0700) and are written by the one process that holds their lock; they are never cut
-// while it lives, and their memory is allocated. Readers that do not hold the lock copy and check a checksum.
+// SAFETY: a mapping is unsound if another process changes or cuts the file while it is borrowed as
+// a slice. These files lie in the domain's folder (mode 0700) and are written by the one process
+// that holds their lock; they are never cut while it lives, and their memory is allocated. Readers
+// that do not hold the lock copy and check a checksum.
 #[allow(unsafe_code)]
 fn map(file: &File) -> std::io::Result<MmapMut> {
     unsafe { MmapMut::map_mut(file) }

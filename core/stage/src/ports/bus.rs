@@ -16,10 +16,12 @@ use std::time::Duration;
 
 /// iceoryx2 waits this long for what another process is making; none is while this process starts.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(50);
-/// Attempts to open something, and the pause between them: what others are clearing away takes milliseconds.
+/// Attempts to open something, and the pause between them: what others are clearing away takes
+/// milliseconds.
 const ATTEMPTS: u32 = 10;
 const PAUSE: Duration = Duration::from_millis(20);
-/// Event services have room for every stage and tool, and for those that were killed while they started.
+/// Event services have room for every stage and tool, and for those that were killed while they
+/// started.
 const EVENT_PORTS: usize = 32;
 /// Nodes that may have a service open at once.
 const NODES: usize = 32;
@@ -57,7 +59,8 @@ pub(crate) fn configuration(domain: &Domain) -> Result<Config, Error> {
 }
 
 impl Bus {
-    /// Makes the node. Call it under the lock of those who start, after what dead processes have left is cleared away.
+    /// Makes the node. Call it under the lock of those who start, after what dead processes have
+    /// left is cleared away.
     pub(crate) fn open(domain: &Domain, name: &str) -> Result<Self, Error> {
         // Every failure comes back as an error, which is logged once.
         set_log_level(LogLevel::Fatal);
@@ -192,8 +195,8 @@ impl Bus {
         })
     }
 
-    /// Tries until it succeeds or the attempts are over; between two attempts the slots that no living node holds are
-    /// freed.
+    /// Tries until it succeeds or the attempts are over; between two attempts the slots that no
+    /// living node holds are freed.
     pub(crate) fn retry<R, E: std::fmt::Debug>(
         &self,
         name: &str,

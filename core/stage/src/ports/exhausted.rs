@@ -1,8 +1,9 @@
 //! Whether this process has run out of what the system gives it: descriptors, memory.
 //!
-//! iceoryx2 opens files when another port appears, while messages are sent and received. Where that fails it goes on
-//! without: the two ports never connect, and no error is returned. A peer that died while it started is a failure of that
-//! kind too, and not this process's; running out is one, and ends it with a message, so that it is started anew.
+//! iceoryx2 opens files when another port appears, while messages are sent and received. Where
+//! that fails it goes on without: the two ports never connect, and no error is returned. A peer
+//! that died while it started is a failure of that kind too, and not this process's; running out
+//! is one, and ends it with a message, so that it is started anew.
 
 use crate::Error;
 use iceoryx2::port::{DegradationAction, DegradationCause, DegradationInfo};
@@ -14,10 +15,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// A connection maps a segment of this size, more or less.
 const SEGMENT_BYTES: usize = 16 << 20;
 
-/// iceoryx2 opens some descriptors at once and closes them again where one is missing: fewer than this do not suffice.
+/// iceoryx2 opens some descriptors at once and closes them again where one is missing: fewer than
+/// this do not suffice.
 const SPARE_DESCRIPTORS: usize = 8;
 
-/// Shared by all ports of a process; set where one could not connect because the process has run out.
+/// Shared by all ports of a process; set where one could not connect because the process has run
+/// out.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Exhausted(Arc<AtomicBool>);
 

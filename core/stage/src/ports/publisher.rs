@@ -16,7 +16,8 @@ use std::cell::RefCell;
 use std::mem::MaybeUninit;
 use std::rc::Rc;
 
-/// What a publisher and its stage share: the stage delivers the history while the publisher has nothing to send.
+/// What a publisher and its stage share: the stage delivers the history while the publisher has
+/// nothing to send.
 #[derive(Debug)]
 pub(crate) struct Outgoing<T: Topic> {
     port: BusResource<Port<ipc::Service, [u8], Wire<T>>>,
@@ -112,8 +113,8 @@ impl<T: Topic> Publisher<T> {
         })
     }
 
-    /// Whether there is a reader that was not there at the last call: what is larger than the history can then be sent
-    /// again.
+    /// Whether there is a reader that was not there at the last call: what is larger than the
+    /// history can then be sent again.
     pub fn has_new_reader(&mut self) -> bool {
         let mut readers = Vec::with_capacity(self.readers.len());
         self.service.dynamic_config().list_subscribers(|reader| {
@@ -125,7 +126,8 @@ impl<T: Topic> Publisher<T> {
         is_new
     }
 
-    /// Sends a message. Sequence, epoch and publish time are this publisher's; the rest is as given.
+    /// Sends a message. Sequence, epoch and publish time are this publisher's; the rest is as
+    /// given.
     pub fn publish(&mut self, message: MessageRef<'_, T>) -> Result<(), Error> {
         let bytes: &[u8] = if size_of::<T::Item>() == 0 {
             &[]
@@ -137,8 +139,8 @@ impl<T: Topic> Publisher<T> {
         self.publish_loan(Loan { sample })
     }
 
-    /// Shared memory for a message with this many items, to be filled in place. Head and items are zero; one loan at a
-    /// time.
+    /// Shared memory for a message with this many items, to be filled in place. Head and items are
+    /// zero; one loan at a time.
     pub fn loan(&self, items: usize) -> Result<Loan<T>, Error> {
         let bytes = items.saturating_mul(size_of::<T::Item>());
         let mut sample = self.loan_bytes(bytes)?.write_from_fn(|_| 0);
@@ -165,7 +167,8 @@ impl<T: Topic> Publisher<T> {
             .map_err(|cause| Error::bus(format!("{}: a message", T::NAME), cause))?;
         self.sequence += 1;
         self.counters.count(published_ns);
-        // A reader that is gone or has not polled for long cannot be woken; its samples wait for it all the same.
+        // A reader that is gone or has not polled for long cannot be woken; its samples wait for
+        // it all the same.
         let _ = self.outgoing.notifier.notify();
         Ok(())
     }

@@ -2,8 +2,9 @@
 
 use randt_messages::{BUS_TOPICS, BusTopic, Header, Topic, TopicQos};
 
-/// Writers that a topic has room for though it has one: a writer killed while it started may keep its slot until the
-/// last stage has left. One in a hundred such kills leaves one; with 4 slots a stage never came back after some 200.
+/// Writers that a topic has room for though it has one: a writer killed while it started may keep
+/// its slot until the last stage has left. One in a hundred such kills leaves one; with 4 slots a
+/// stage never came back after some 200.
 const WRITERS: usize = 16;
 /// Messages that a reader may hold at once, and that a writer may have begun.
 pub(crate) const BORROWED: usize = 2;
@@ -71,13 +72,14 @@ impl Qos {
         )
     }
 
-    /// Messages that a writer has memory for: its history, and what every reader may hold or have waiting.
+    /// Messages that a writer has memory for: its history, and what every reader may hold or have
+    /// waiting.
     pub fn slots(&self) -> usize {
         self.readers * (self.buffer + BORROWED) + self.history + LOANED
     }
 
-    /// Most messages that are alive at once: the newest ones wait for every reader that is behind, and each reader holds
-    /// some older ones.
+    /// Most messages that are alive at once: the newest ones wait for every reader that is behind,
+    /// and each reader holds some older ones.
     pub(crate) fn living(&self) -> usize {
         self.history.max(self.buffer) + BORROWED * self.readers + LOANED
     }
@@ -88,8 +90,8 @@ impl Qos {
         if is_long_range { navtech } else { isdr_c }
     }
 
-    /// Shared memory that a writer takes, bytes. `is_long_range`: of a Navtech's scans. Memory that is reserved for larger
-    /// messages costs nothing until they come.
+    /// Shared memory that a writer takes, bytes. `is_long_range`: of a Navtech's scans. Memory
+    /// that is reserved for larger messages costs nothing until they come.
     pub fn bytes_in_use(&self, is_long_range: bool) -> usize {
         let usual = self.head_bytes + self.items_bytes_usual(is_long_range) + OVERHEAD;
         // Where messages lie apart, each has pages of its own.

@@ -50,7 +50,8 @@ impl<T: Topic> Subscriber<T> {
         })
     }
 
-    /// The next message, if there is one. A message whose bytes are no whole number of items is counted as lost.
+    /// The next message, if there is one. A message whose bytes are no whole number of items is
+    /// counted as lost.
     pub fn receive(&mut self) -> Result<Option<Received<T>>, Error> {
         loop {
             let sample = self
@@ -84,7 +85,8 @@ impl<T: Topic> Subscriber<T> {
         self.counters.health().lost
     }
 
-    /// Continues the count of what is missed after a message that this stage had before it was restarted.
+    /// Continues the count of what is missed after a message that this stage had before it was
+    /// restarted.
     pub fn continue_after(&mut self, epoch: u64, sequence: u64) {
         self.last = Some((epoch, sequence));
     }
@@ -98,7 +100,8 @@ impl<T: Topic> Subscriber<T> {
     fn count(&mut self, received: &Received<T>) {
         let header = received.message().header();
         let (epoch, sequence) = (header.epoch, header.sequence);
-        // Another epoch begins anew: what a publisher sent before this reader came was never promised.
+        // Another epoch begins anew: what a publisher sent before this reader came was never
+        // promised.
         if let Some((last_epoch, last)) = self.last
             && last_epoch == epoch
             && sequence > last + 1

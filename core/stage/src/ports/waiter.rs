@@ -17,7 +17,8 @@ use std::time::Duration;
 /// Why a wait ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WakeReason {
-    /// Something came: poll all ports, and [`crate::Stage::take_changed`] where a configuration is taken live.
+    /// Something came: poll all ports, and [`crate::Stage::take_changed`] where a configuration is
+    /// taken live.
     Event,
     /// The time was over.
     Timeout,
@@ -48,7 +49,8 @@ impl<T: Topic> Waitable for Subscriber<T> {
     }
 }
 
-/// A socket, a serial port, a pipe: wakes a stage as long as there is something to read, or its other end is closed.
+/// A socket, a serial port, a pipe: wakes a stage as long as there is something to read, or its
+/// other end is closed.
 #[derive(Debug)]
 pub struct Descriptor<'fd> {
     watched: FileDescriptor,
@@ -111,7 +113,8 @@ impl PortWaiter {
         Ok(Self { joined, set })
     }
 
-    /// Sleeps once, at most for `pause`. Notices that came are taken: otherwise they would wake the stage for ever.
+    /// Sleeps once, at most for `pause`. Notices that came are taken: otherwise they would wake
+    /// the stage for ever.
     pub(super) fn sleep(
         &self,
         on: &[&dyn Waitable],

@@ -3,7 +3,8 @@
 use iceoryx2::prelude::ZeroCopySend;
 use randt_messages::Topic;
 
-/// The head of a topic's messages, named on the bus by its layout: two builds whose structs differ refuse each other.
+/// The head of a topic's messages, named on the bus by its layout: two builds whose structs differ
+/// refuse each other.
 ///
 /// Its items follow as bytes; the name's hash covers them too.
 #[derive(Clone, Copy)]
@@ -22,8 +23,9 @@ impl<T: Topic> Default for Wire<T> {
     }
 }
 
-// SAFETY: heads are `Pod`: plain old data without padding, pointers or destructor, valid for every bit pattern. So they
-// may lie in shared memory and be read by a process that maps it elsewhere. `repr(transparent)` keeps their layout.
+// SAFETY: heads are `Pod`: plain old data without padding, pointers or destructor, valid for every
+// bit pattern. So they may lie in shared memory and be read by a process that maps it elsewhere.
+// `repr(transparent)` keeps their layout.
 #[allow(unsafe_code)]
 unsafe impl<T: Topic> ZeroCopySend for Wire<T> {
     unsafe fn type_name() -> &'static str {

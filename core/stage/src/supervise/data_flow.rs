@@ -1,4 +1,5 @@
-//! Whether a stage's data flow, as text for `systemctl status`: a process that hangs cannot report that, its readers can.
+//! Whether a stage's data flow, as text for `systemctl status`: a process that hangs cannot report
+//! that, its readers can.
 
 use randt_messages::{
     ImuSampleTopic, Keyframe, MapperGraph, OdometryStateTopic, PortHealth, RadarPoints, RadarScan,
@@ -11,8 +12,8 @@ const STALE_NS: i64 = 1_000_000_000;
 /// Health messages whose times are kept for the rate: five seconds of them.
 const KEPT: usize = 10;
 
-/// A stage's main data are the first of these that it has a port for: topic, name of one message, and whether they come
-/// always. Keyframes come only while the robot moves.
+/// A stage's main data are the first of these that it has a port for: topic, name of one message,
+/// and whether they come always. Keyframes come only while the robot moves.
 const MAIN_DATA: [(&str, &str, bool); 4] = [
     (RadarPoints::NAME, "scan", true),
     (RadarScan::NAME, "scan", true),
@@ -35,7 +36,8 @@ pub(crate) struct DataFlow {
 }
 
 impl DataFlow {
-    /// The text, and whether data are fresh. `note`: what the stage adds; `trouble`: the message of its status.
+    /// The text, and whether data are fresh. `note`: what the stage adds; `trouble`: the message
+    /// of its status.
     pub(crate) fn describe(
         &mut self,
         now_ns: i64,
@@ -74,7 +76,8 @@ impl DataFlow {
         (text, is_fresh)
     }
 
-    /// Messages per second, by their own times: a history that is delivered at once was sent over seconds.
+    /// Messages per second, by their own times: a history that is delivered at once was sent over
+    /// seconds.
     fn rate_hz(&mut self, port: &PortHealth) -> Option<f64> {
         let newest = (port.last_published_ns, port.messages);
         if self.seen.back().is_none_or(|last| last.1 != newest.1) {
@@ -96,8 +99,8 @@ fn main_data(ports: &[PortHealth]) -> Option<(&PortHealth, &'static str, bool)> 
     })
 }
 
-/// What is missing beside the main data. What else a stage reads is read with the scans, so that its age counts from the
-/// last scan.
+/// What is missing beside the main data. What else a stage reads is read with the scans, so that
+/// its age counts from the last scan.
 fn missing(ports: &[PortHealth], main: &PortHealth) -> Option<String> {
     SIDE_DATA.iter().find_map(|(topic, one)| {
         let reads = |port: &&PortHealth| text_of(&port.topic) == *topic && port.publishes == 0;

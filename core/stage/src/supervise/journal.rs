@@ -19,8 +19,8 @@ pub(crate) enum Priority {
     Info = 6,
 }
 
-/// The message that a stage sent last when it wrote a line: its process's epoch, and the message's number. With these a
-/// line is found in a log of the topics.
+/// The message that a stage sent last when it wrote a line: its process's epoch, and the message's
+/// number. With these a line is found in a log of the topics.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LastMessage {
     pub epoch: u64,
@@ -35,8 +35,8 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// That of a stage. The journal is used if standard error is connected to it: a stage whose output was redirected
-    /// writes there.
+    /// That of a stage. The journal is used if standard error is connected to it: a stage whose
+    /// output was redirected writes there.
     pub(crate) fn open(stage: &str) -> Self {
         let socket = is_connected().then(|| {
             let socket = UnixDatagram::unbound().ok()?;
@@ -63,9 +63,9 @@ impl Journal {
     }
 }
 
-/// Writes to standard error, with the priority in front if that leads to the journal. The last lines of a
-/// process go this way: the journal no longer knows the unit of an entry whose sender is gone, but it knows that of
-/// standard error.
+/// Writes to standard error, with the priority in front if that leads to the journal. The last
+/// lines of a process go this way: the journal no longer knows the unit of an entry whose sender
+/// is gone, but it knows that of standard error.
 pub(crate) fn log_to_stderr(stage: &str, priority: Priority, text: &str) {
     let mut lines = String::new();
     if is_connected() {
@@ -79,7 +79,8 @@ pub(crate) fn log_to_stderr(stage: &str, priority: Priority, text: &str) {
     let _ = std::io::stderr().write_all(lines.as_bytes());
 }
 
-/// Whether standard error is the journal's, as systemd names it: JOURNAL_STREAM is device and inode.
+/// Whether standard error is the journal's, as systemd names it: JOURNAL_STREAM is device and
+/// inode.
 fn is_connected() -> bool {
     let Ok(named) = std::env::var("JOURNAL_STREAM") else {
         return false;
@@ -88,7 +89,8 @@ fn is_connected() -> bool {
     opened.is_ok_and(|opened| named == format!("{}:{}", opened.dev(), opened.ino()))
 }
 
-/// An entry in journald's protocol. The text has its length before it, so that it may have several lines.
+/// An entry in journald's protocol. The text has its length before it, so that it may have several
+/// lines.
 fn entry(stage: &str, priority: Priority, last: LastMessage, text: &str) -> Vec<u8> {
     let mut fields = format!(
         "PRIORITY={}\nSYSLOG_IDENTIFIER=randt-{stage}\nRANDT_STAGE={stage}\nRANDT_EPOCH={}\n",

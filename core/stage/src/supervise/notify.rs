@@ -1,7 +1,8 @@
 //! What a stage sends to systemd: that it is ready, its status, the watchdog's signal.
 //!
-//! Our own forty lines instead of a crate: the protocol is one datagram of `KEY=value` lines, and the crates differ from
-//! what a stage needs where it matters (an empty NOTIFY_SOCKET is an error to `sd-notify`, and its sends may block).
+//! Our own forty lines instead of a crate: the protocol is one datagram of `KEY=value` lines, and
+//! the crates differ from what a stage needs where it matters (an empty NOTIFY_SOCKET is an error
+//! to `sd-notify`, and its sends may block).
 
 use std::ffi::OsStr;
 use std::os::linux::net::SocketAddrExt;
@@ -16,7 +17,8 @@ const STATUS_NS: i64 = 1_000_000_000;
 #[derive(Debug, Default)]
 pub(crate) struct Notify {
     to: Option<(UnixDatagram, SocketAddr)>,
-    /// How often the loop feeds the watchdog: a third of what systemd waits, so that a late signal does not kill the stage.
+    /// How often the loop feeds the watchdog: a third of what systemd waits, so that a late signal
+    /// does not kill the stage.
     watchdog_ns: Option<i64>,
     next_watchdog_ns: i64,
     next_status_ns: i64,
@@ -62,7 +64,8 @@ impl Notify {
         self.next_watchdog_ns
     }
 
-    /// The ports exist and the loop runs. Sent with every status, so that a lost one is made up for.
+    /// The ports exist and the loop runs. Sent with every status, so that a lost one is made up
+    /// for.
     pub(crate) fn ready(&mut self, now_ns: i64, status: &str, is_fresh: bool) {
         if now_ns < self.next_status_ns && is_fresh == self.was_fresh {
             return;

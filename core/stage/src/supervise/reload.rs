@@ -16,7 +16,8 @@ pub(crate) struct FollowedConfiguration {
 }
 
 impl FollowedConfiguration {
-    /// `reads`: sections that matter to the stage; `live`: the one that it takes without a restart.
+    /// `reads`: sections that matter to the stage; `live`: the one that it takes without a
+    /// restart.
     pub(crate) fn new(
         selection: &SelectionArguments,
         config: &Config,
@@ -42,8 +43,8 @@ impl FollowedConfiguration {
         self.changed.take()
     }
 
-    /// Reads it again; returns what is to be logged, line by line. An error is that of the configuration: what was in
-    /// force stays in force.
+    /// Reads it again; returns what is to be logged, line by line. An error is that of the
+    /// configuration: what was in force stays in force.
     pub(crate) fn read_again(&mut self, stage: &str) -> Result<Vec<String>, randt_config::Error> {
         let loaded = self.selection.load(None)?;
         Ok(self.compare(stage, &loaded.config, &loaded.origins))

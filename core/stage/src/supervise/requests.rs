@@ -14,14 +14,15 @@ pub(crate) enum Request {
     Reload,
 }
 
-/// The requests. SIGTERM is among them because systemd sends a SIGCONT right behind it, and iceoryx2 remembers only the
-/// last signal: now and then a stage would not notice that it has to end.
+/// The requests. SIGTERM is among them because systemd sends a SIGCONT right behind it, and
+/// iceoryx2 remembers only the last signal: now and then a stage would not notice that it has to
+/// end.
 #[derive(Debug)]
 pub(crate) struct Requests(SignalFd);
 
 impl Requests {
-    /// Takes both signals from now on. Call it before there is another thread: a thread that has not blocked them dies of
-    /// them.
+    /// Takes both signals from now on. Call it before there is another thread: a thread that has
+    /// not blocked them dies of them.
     pub(crate) fn new() -> Result<Self, Error> {
         let mut signals = SigSet::empty();
         signals.add(Signal::SIGHUP);

@@ -28,7 +28,8 @@ impl StageStatus {
         }
     }
 
-    /// Sets what is wrong; an empty text says that nothing is. Returns whether that is to be logged.
+    /// Sets what is wrong; an empty text says that nothing is. Returns whether that is to be
+    /// logged.
     pub(crate) fn set(&mut self, message: &str, lost: u64) -> bool {
         let is_new = self.message != message;
         self.lost = lost;

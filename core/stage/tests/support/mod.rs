@@ -54,8 +54,8 @@ pub fn program_for_all(folder: &Path) -> Option<PathBuf> {
     }
     std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755)).unwrap();
     let program = folder.join("program");
-    // By another process: one that any thread of this one starts meanwhile would have the copy open
-    // for writing for a moment, and what is open for writing cannot be started.
+    // By another process: one that any thread of this one starts meanwhile would have the copy
+    // open for writing for a moment, and what is open for writing cannot be started.
     let mut cp = Command::new("cp");
     let copied = cp
         .arg(std::env::current_exe().unwrap())

@@ -1,7 +1,7 @@
 //! The fields of sensor data (descriptor set 0x80) that this driver reads.
 //!
-//! Source: 3DM-CV7 data communications protocol, "Sensor Data" and "Shared Data"; the vendor's MIP SDK,
-//! `data_sensor` and `data_shared`.
+//! Source: 3DM-CV7 data communications protocol, "Sensor Data" and "Shared Data"; the vendor's MIP
+//! SDK, `data_sensor` and `data_shared`.
 
 use crate::bytes::{array, float_bytes, floats};
 
@@ -34,7 +34,8 @@ impl GpsTime {
         let sane = (0.0..=WEEK_S).contains(&self.time_of_week_s);
         let seconds = f64::from(self.week) * WEEK_S;
         (self.valid & 3 == 3 && sane).then(|| {
-            // Whole seconds apart from their fraction: together they have more digits than a float.
+            // Whole seconds apart from their fraction: together they have more digits than a
+            // float.
             let whole = self.time_of_week_s.trunc();
             let fraction_ns = (self.time_of_week_s - whole) * 1e9;
             (seconds + whole) as i64 * 1_000_000_000 + fraction_ns as i64

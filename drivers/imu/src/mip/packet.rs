@@ -1,4 +1,5 @@
-//! A MIP packet as bytes: `75 65 | descriptor set | length | fields | checksum`, a field `length | descriptor | data`.
+//! A MIP packet as bytes: `75 65 | descriptor set | length | fields | checksum`, a field `length |
+//! descriptor | data`.
 //!
 //! Source: 3DM-CV7 data communications protocol, "MIP Packet Overview".
 
@@ -9,7 +10,8 @@ const HEADER: usize = 4;
 /// Two bytes of Fletcher's sum.
 const CHECKSUM: usize = 2;
 
-/// Fletcher's sum as MIP has it, over everything before: sum of bytes, and sum of sums, each modulo 256.
+/// Fletcher's sum as MIP has it, over everything before: sum of bytes, and sum of sums, each
+/// modulo 256.
 pub fn checksum(bytes: &[u8]) -> [u8; 2] {
     let (mut sum, mut sums) = (0_u8, 0_u8);
     for byte in bytes {
@@ -150,7 +152,8 @@ mod tests {
             cut in 1_usize..20,
             pieces in prop::collection::vec(1_usize..50, 1..60),
         ) {
-            // What looks like the beginning of a long packet may swallow up to 261 bytes, but not the frames in them.
+            // What looks like the beginning of a long packet may swallow up to 261 bytes, but not
+            // the frames in them.
             let mut stream = junk;
             stream.extend(&MANUAL[..cut]);
             for _ in 0..30 {

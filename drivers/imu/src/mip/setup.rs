@@ -1,7 +1,8 @@
-//! How a MIP device is configured after each open: idle, ask its base rate, set what is sent and how often, resume.
+//! How a MIP device is configured after each open: idle, ask its base rate, set what is sent and
+//! how often, resume.
 //!
-//! Source: 3DM-CV7 data communications protocol, commands (0x01,0x02), (0x01,0x06), (0x0C,0x0E), (0x0C,0x0F),
-//! (0x0C,0x11).
+//! Source: 3DM-CV7 data communications protocol, commands (0x01,0x02), (0x01,0x06), (0x0C,0x0E),
+//! (0x0C,0x0F), (0x0C,0x11).
 
 use super::field::{ACCELERATION, RATE, REFERENCE_TIME, SENSOR_DATA};
 use super::packet::Packet;
@@ -34,7 +35,8 @@ pub mod command {
 
 /// Measurements a second where the device does not answer: what the 3DM-CV7 and GX5 have.
 const BASE_HZ: u16 = 1000;
-/// Plausible base rates: one wrong answer must not make the device send at a rate that was not asked for.
+/// Plausible base rates: one wrong answer must not make the device send at a rate that was not
+/// asked for.
 const BASE_HZ_MIN: u16 = 100;
 /// The most of them.
 const BASE_HZ_MAX: u16 = 10_000;
@@ -138,7 +140,8 @@ impl MipSetup {
         interval_ns(f64::from(self.base_hz) / f64::from(self.decimation()))
     }
 
-    /// Takes a packet that is not sensor data. It counts only where it echoes the command that was sent.
+    /// Takes a packet that is not sensor data. It counts only where it echoes the command that was
+    /// sent.
     pub fn take(&mut self, packet: &Packet<'_>, commands: &mut CommandSequence<Step>) {
         for (field, data) in packet.fields() {
             let Some(step) = commands.step() else {
@@ -183,8 +186,8 @@ mod tests {
         mip.send(0).unwrap_or_default()
     }
 
-    /// Commands and replies of the base set: 3DM-GX5 data communications protocol, "Set To Idle" and "Resume". The
-    /// others: ours, from the tables of the 3DM-CV7's.
+    /// Commands and replies of the base set: 3DM-GX5 data communications protocol, "Set To Idle"
+    /// and "Resume". The others: ours, from the tables of the 3DM-CV7's.
     #[test]
     fn the_device_is_configured_step_by_step() {
         let mut mip = Mip::new(250.0);

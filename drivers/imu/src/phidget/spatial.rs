@@ -1,7 +1,7 @@
 //! A Phidgets Spatial.
 //!
-//! Responsible for finding the vendor's library, for units, and for what to do when the device is gone or silent. Not
-//! responsible for calling the library: `library` is.
+//! Responsible for finding the vendor's library, for units, and for what to do when the device is
+//! gone or silent. Not responsible for calling the library: `library` is.
 
 use super::library::{Channel, Event, Library, Server};
 use crate::{Error, Reading, STANDARD_GRAVITY_M_S2, reading_source::ReadingSource};
@@ -15,9 +15,11 @@ const NAMES: [&str; 2] = ["libphidget22.so.0", "libphidget22.so"];
 /// How to get it.
 const ADVICE: &str = "get it by `pip download Phidget22==1.26.20260821`, whose wheel has it in Phidget22/.libs, or from \
                       phidgets.com, and give its path as imu.library";
-/// The library itself tries a server that is away after 2, 3, 4 ... 16 s; it is made to try after this time, ns.
+/// The library itself tries a server that is away after 2, 3, 4 ... 16 s; it is made to try after
+/// this time, ns.
 const RENEW_NS: i64 = 1_500_000_000;
-/// The library does not notice that a server is gone without closing its connection. One that was only slow needs no help, ns.
+/// The library does not notice that a server is gone without closing its connection. One that was
+/// only slow needs no help, ns.
 const STUCK_NS: i64 = 5_000_000_000;
 /// An attached device may need this time to its first sample, ns.
 const SETTLING_NS: i64 = 1_500_000_000;
@@ -184,8 +186,8 @@ impl Spatial {
         }
     }
 
-    /// What is done about a device that does not come, or does not send. The library itself notices what is plugged in
-    /// on USB.
+    /// What is done about a device that does not come, or does not send. The library itself
+    /// notices what is plugged in on USB.
     fn insist(&mut self, now_ns: i64) {
         if now_ns < self.insist_ns() {
             return;

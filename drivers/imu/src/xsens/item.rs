@@ -1,7 +1,7 @@
 //! The items of MTData2 that this driver reads.
 //!
-//! Source: MT0101P, "MTData2", data identifiers. Coordinate system (bits 2, 3) and number format (bits 0, 1) are
-//! those that the driver asks for: the sensor's own, single precision.
+//! Source: MT0101P, "MTData2", data identifiers. Coordinate system (bits 2, 3) and number format
+//! (bits 0, 1) are those that the driver asks for: the sensor's own, single precision.
 
 use crate::bytes::{array, float_bytes, floats};
 

@@ -1,4 +1,5 @@
-//! An Xbus message as bytes: `FA | FF | message | length | data | checksum`, where length FF is followed by a u16.
+//! An Xbus message as bytes: `FA | FF | message | length | data | checksum`, where length FF is
+//! followed by a u16.
 //!
 //! Source: MT0101P, "Message structure".
 

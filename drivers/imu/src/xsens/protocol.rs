@@ -38,7 +38,8 @@ struct Ticks {
 
 impl Ticks {
     fn device_ns(&mut self, ticks: u32) -> i64 {
-        // A step back by over half its range is its end (after five days); any other one is a device begun anew.
+        // A step back by over half its range is its end (after five days); any other one is a
+        // device begun anew.
         self.turns += i64::from(self.last.saturating_sub(ticks) > u32::MAX / 2);
         self.last = ticks;
         ((self.turns << 32) + i64::from(ticks)).saturating_mul(TICK_NS)

@@ -1,5 +1,5 @@
-//! How an Xsens device is configured after each open: to its configuration state, set what is sent and how often, to
-//! its measurement state.
+//! How an Xsens device is configured after each open: to its configuration state, set what is sent
+//! and how often, to its measurement state.
 //!
 //! Source: MT0101P, GoToConfig, SetOutputConfiguration, GoToMeasurement.
 
@@ -103,8 +103,9 @@ impl XsensSetup {
         })
     }
 
-    /// Takes a message that is not MTData2. It counts only where it has what an answer to the command that was sent
-    /// must have: a device that was away during a step would else be taken to be configured.
+    /// Takes a message that is not MTData2. It counts only where it has what an answer to the
+    /// command that was sent must have: a device that was away during a step would else be taken
+    /// to be configured.
     pub fn take(&mut self, message: &Message<'_>, commands: &mut CommandSequence<Step>) {
         let Some(step) = commands.step() else {
             return;
@@ -132,8 +133,8 @@ impl XsensSetup {
         }
     }
 
-    /// The rate in an answer to [`Step::Output`], which has items that were asked for and nothing else. A device sends at
-    /// a divisor of its base rate, and answers which.
+    /// The rate in an answer to [`Step::Output`], which has items that were asked for and nothing
+    /// else. A device sends at a divisor of its base rate, and answers which.
     fn granted_hz(&self, data: &[u8]) -> Option<u16> {
         let (items, rest) = data.as_chunks::<4>();
         let mut granted_hz = None;
@@ -198,7 +199,8 @@ mod tests {
         assert_eq!(xsens.complaint(), "the device refuses message C0: error 3");
     }
 
-    /// A device as the driver meets it in issue 16: silent at first, while answers that are not its own come by its port.
+    /// A device as the driver meets it in issue 16: silent at first, while answers that are not
+    /// its own come by its port.
     #[derive(Default)]
     struct Device {
         measures: bool,
@@ -221,7 +223,8 @@ mod tests {
         }
     }
 
-    /// When the device measures as it is asked to, s after it begins to answer at 1.2 s; the port is never closed.
+    /// When the device measures as it is asked to, s after it begins to answer at 1.2 s; the port
+    /// is never closed.
     fn configured_after_s(wrong: &[(i64, u8, &[u8])]) -> Option<f64> {
         let (mut xsens, mut device) = (Xsens::new(250.0), Device::default());
         let mut wrong = wrong.iter().peekable();
@@ -243,8 +246,9 @@ mod tests {
         None
     }
 
-    /// The wrong answers of four of the seeds of tests/wrong_packets.rs that took over two seconds, before the device
-    /// spoke: each of them ended the setup while nothing was configured.
+    /// The wrong answers of four of the seeds of tests/wrong_packets.rs that took over two
+    /// seconds, before the device spoke: each of them ended the setup while nothing was
+    /// configured.
     #[test]
     fn answers_that_are_not_its_own_end_no_step() {
         let (config, output, measurement) = (0x31, 0xC1, 0x11);

@@ -2,8 +2,8 @@
 
 use crate::counters::counters;
 
-/// Late beams, as a share of a sweep's, above which another sender has sent its beams before the radar did: networks make
-/// a beam late at times.
+/// Late beams, as a share of a sweep's, above which another sender has sent its beams before the
+/// radar did: networks make a beam late at times.
 const LATE_SHARE: u64 = 8;
 
 counters! {

@@ -5,7 +5,8 @@ use crate::{BeamPosition, RawBeam};
 
 /// Beams by which a running counter may go back: TCP keeps the order.
 const BACK_MAX: i64 = 2;
-/// Steps in one sense, less those in the other, after which the radar's sense of rotation is known.
+/// Steps in one sense, less those in the other, after which the radar's sense of rotation is
+/// known.
 const TURNED: i64 = 4;
 
 /// The last beam of a running counter.
@@ -82,8 +83,9 @@ impl BeamLocator {
         TURN / i64::from(self.beams.max(1))
     }
 
-    /// How far a beam of a running counter lies behind the border between two sweeps. That is half a step before the
-    /// encoder's zero: many radars have a beam at zero, which an unsteady encoder puts on either side.
+    /// How far a beam of a running counter lies behind the border between two sweeps. That is half
+    /// a step before the encoder's zero: many radars have a beam at zero, which an unsteady
+    /// encoder puts on either side.
     pub fn past_border(&self, beam: &RawBeam) -> u32 {
         (self.sense * i64::from(beam.azimuth) + self.step() / 2) as u32
     }
@@ -117,7 +119,8 @@ impl BeamLocator {
                     return (0, i64::from(counter));
                 };
                 let passed = i64::from(counter.wrapping_sub(last.number as u16).cast_signed());
-                // How far the radar has turned meanwhile; its low bits are those of the azimuth that is expected.
+                // How far the radar has turned meanwhile; its low bits are those of the azimuth
+                // that is expected.
                 let expected = last.unwrapped + passed * self.step();
                 let off = self
                     .past_border(beam)
@@ -129,14 +132,15 @@ impl BeamLocator {
         }
     }
 
-    /// Whether a running counter leaps as only that of a sender that was started anew does. Numbered beams that do not
-    /// follow are another stream's.
+    /// Whether a running counter leaps as only that of a sender that was started anew does.
+    /// Numbered beams that do not follow are another stream's.
     pub fn begins_anew(&self, number: i64) -> bool {
         self.running
             .is_some_and(|last| number < last.number - BACK_MAX)
     }
 
-    /// Whether the radar has stood still for a turn or more although it counts on: what it saw before is another sweep.
+    /// Whether the radar has stood still for a turn or more although it counts on: what it saw
+    /// before is another sweep.
     pub fn was_paused(&self, beam: &RawBeam, number: i64) -> bool {
         let Some(last) = self.last else {
             return false;
@@ -146,7 +150,8 @@ impl BeamLocator {
         let step_ns = turn_ns / i64::from(self.beams.max(1));
         let longest_ns = turn_ns.saturating_add(steps.saturating_mul(step_ns));
         let paused = |now_ns: i64, then_ns: i64| now_ns.saturating_sub(then_ns) > longest_ns;
-        // A host that was busy sees it in the arrivals alone, a clock that was set in the stamps alone.
+        // A host that was busy sees it in the arrivals alone, a clock that was set in the stamps
+        // alone.
         let by_device = beam.device_ns.zip(last.device_ns);
         by_device.is_none_or(|(now, then)| paused(now, then))
             && paused(beam.arrival_ns, last.arrival_ns)

@@ -35,8 +35,8 @@ fn beam(index: i64) -> RawBeam {
     }
 }
 
-/// The same of a radar with a running counter that counts clockwise. It has turned a little before, since its sense
-/// must be known.
+/// The same of a radar with a running counter that counts clockwise. It has turned a little
+/// before, since its sense must be known.
 fn running(index: i64) -> RawBeam {
     let mut beam = beam(index);
     beam.position = BeamPosition::Running(index as u16);

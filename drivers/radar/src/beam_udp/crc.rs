@@ -1,4 +1,5 @@
-//! CRC-32C (Castagnoli), as in iSCSI (RFC 3720, B.4) and SCTP. Twenty lines are less than a dependency.
+//! CRC-32C (Castagnoli), as in iSCSI (RFC 3720, B.4) and SCTP. Twenty lines are less than a
+//! dependency.
 
 /// The polynomial 0x1EDC6F41, its bits reversed.
 const POLYNOMIAL: u32 = 0x82f6_3b78;

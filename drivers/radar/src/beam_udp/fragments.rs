@@ -5,7 +5,8 @@ use crate::{BeamLayout, BeamPosition, RawBeam, Sender};
 
 /// Beams of one sender that are being joined at a time: datagrams of one beam may be reordered.
 const OF_ONE_SENDER: usize = 2;
-/// Beams of all senders that are being joined: what one sender leaves incomplete takes no room from another.
+/// Beams of all senders that are being joined: what one sender leaves incomplete takes no room
+/// from another.
 const BEAMS: usize = 8;
 
 /// What the fragments of a beam have in common.
@@ -46,7 +47,8 @@ impl FragmentJoiner {
         }
     }
 
-    /// Takes a datagram with its checksum; gives the beam that it completes, with returns above `keep_power`.
+    /// Takes a datagram with its checksum; gives the beam that it completes, with returns above
+    /// `keep_power`.
     pub fn push(
         &mut self,
         packet: &Packet<'_>,
@@ -93,8 +95,8 @@ impl FragmentJoiner {
         Some(&partial.beam)
     }
 
-    /// The index for a new beam: a free one, as long as its sender has no more than its share; or that of an older beam,
-    /// which is given up.
+    /// The index for a new beam: a free one, as long as its sender has no more than its share; or
+    /// that of an older beam, which is given up.
     fn free(&mut self, new: &BeamKey) -> usize {
         let of_sender = |beam: &PartialBeam| beam.key.is_some_and(|key| key.sender == new.sender);
         let all = self.beams.iter().enumerate();

@@ -30,7 +30,8 @@ pub(crate) struct Listening {
 }
 
 impl Listening {
-    /// On an address with port; where that is a group, it is joined on an interface (0.0.0.0: the kernel chooses).
+    /// On an address with port; where that is a group, it is joined on an interface (0.0.0.0: the
+    /// kernel chooses).
     pub fn new(
         address: SocketAddr,
         interface: Ipv4Addr,
@@ -99,7 +100,8 @@ struct Received {
     /// Last datagram and last beam, or since when there is none, ns.
     datagram_ns: i64,
     beam_ns: i64,
-    /// Whether a beam came since the link was judged last: an open socket alone is no sign of a radar.
+    /// Whether a beam came since the link was judged last: an open socket alone is no sign of a
+    /// radar.
     has_beam: bool,
 }
 
@@ -254,12 +256,13 @@ impl BeamUdpSocket {
         self.link = Link::Down(text);
     }
 
-    /// Joins the group anew as long as nothing comes: an interface that is unplugged loses its groups, and the socket gets
-    /// no error.
+    /// Joins the group anew as long as nothing comes: an interface that is unplugged loses its
+    /// groups, and the socket gets no error.
     fn join_again(&mut self, now_ns: i64) {
         let is_silent = matches!(self.link, Link::Down(_));
         if is_silent && self.listening.group.is_some() && self.backoff.is_due(now_ns) {
-            // First: where the new interface has the old one's number, the kernel takes both memberships for one.
+            // First: where the new interface has the old one's number, the kernel takes both
+            // memberships for one.
             self.socket = None;
             // As long as the interface is away this fails, and is reported when it is tried again.
             self.socket = self.open_socket().ok().map(|(socket, _)| socket);

@@ -14,7 +14,8 @@ use std::sync::Arc;
 const CONNECT_NS: i64 = 3_000_000_000;
 /// Between signs of life to the radar, ns (Navtech's Colossus).
 const KEEP_ALIVE_NS: i64 = 5_000_000_000;
-/// A radar that is silent for this many times `radar.silence_s` is connected anew: a cut cable gives no error.
+/// A radar that is silent for this many times `radar.silence_s` is connected anew: a cut cable
+/// gives no error.
 const SILENCES: i64 = 3;
 /// Bytes that are read at once: ten beams.
 const READ_BYTES: usize = 64 << 10;
@@ -157,7 +158,8 @@ impl NavtechClient {
         }
     }
 
-    /// Takes what has come and sends what is due; gives the reason for which the connection must be given up.
+    /// Takes what has come and sends what is due; gives the reason for which the connection must
+    /// be given up.
     fn serve(&mut self, now_ns: i64, sink: &mut dyn BeamSink) -> Result<(), String> {
         let Connection::Open {
             socket,

@@ -1,7 +1,8 @@
 //! The configuration that a Navtech sends on connecting.
 //!
-//! Source: IASDK (MIT): the fixed part in its C++ header `Configuration` and the Python examples; the protobuf tail
-//! (`ConfigurationData`) from the message in its network tests, of which we read four fields.
+//! Source: IASDK (MIT): the fixed part in its C++ header `Configuration` and the Python examples;
+//! the protobuf tail (`ConfigurationData`) from the message in its network tests, of which we read
+//! four fields.
 
 use crate::bytes::Bytes;
 
@@ -47,7 +48,8 @@ pub struct Details {
 }
 
 impl Configuration {
-    /// Reads a message's body; `None` where the fixed part is short or senseless. A tail that cannot be read is left.
+    /// Reads a message's body; `None` where the fixed part is short or senseless. A tail that
+    /// cannot be read is left.
     pub fn decode(payload: &[u8]) -> Option<Self> {
         let mut bytes = Bytes(payload);
         let configuration = Self {
@@ -203,7 +205,8 @@ mod tests {
     use crate::navtech::frame::{FrameParser, kind};
     use proptest::prelude::*;
 
-    /// IASDK (MIT), network unit tests, `real_data` of `GivenAColossusMessage`: what a CTS350 sent.
+    /// IASDK (MIT), network unit tests, `real_data` of `GivenAColossusMessage`: what a CTS350
+    /// sent.
     const VENDOR_REAL_DATA: &str = "
         000103030707 0F0F1F1F3F3F7F7FFEFE 010A00000187 019006D80B2815E00FA0 06403F8000000000 0000 0A6508001206
         435453333530 1A2438423746423737392D363545442D343032382D393136312D 374339433635323035343237 250000FA

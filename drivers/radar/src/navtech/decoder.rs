@@ -161,8 +161,8 @@ impl State {
         }
     }
 
-    /// In a connection a radar changes its configuration rarely, and one wrong message would make all beams wrong that
-    /// follow: another one counts when it comes twice.
+    /// In a connection a radar changes its configuration rarely, and one wrong message would make
+    /// all beams wrong that follow: another one counts when it comes twice.
     fn configure(&mut self, configuration: Configuration) {
         let is_other = self
             .configuration
@@ -261,7 +261,8 @@ mod tests {
             (azimuths, decoder.configurations(), decoder.doubts())
         };
         assert_eq!(come(&message(400, 1.0)), (Some(400), 1, 0));
-        // Another number of beams, another gain: neither changes the configuration in force, and the answer is the radar's.
+        // Another number of beams, another gain: neither changes the configuration in force, and
+        // the answer is the radar's.
         assert_eq!(come(&message(900, 1.0)), (Some(400), 1, 1));
         assert_eq!(come(&message(400, 1.5)), (Some(400), 1, 2));
         assert_eq!(come(&message(400, 1.0)), (Some(400), 2, 2));

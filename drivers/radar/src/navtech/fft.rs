@@ -1,7 +1,7 @@
 //! One beam of a Navtech.
 //!
-//! Source: IASDK (MIT), `FFT_data` and `High_precision_FFT_data` in C++ and Python; the scale of 16 bits from its
-//! `FFT_types.h`.
+//! Source: IASDK (MIT), `FFT_data` and `High_precision_FFT_data` in C++ and Python; the scale of
+//! 16 bits from its `FFT_types.h`.
 
 use crate::Echo;
 use crate::bytes::Bytes;
@@ -10,8 +10,8 @@ use crate::bytes::Bytes;
 pub const DATA_OFFSET: u16 = 14;
 /// Most plausible bins: a Navtech has up to 11,000 (500 m at 0.044 m).
 pub const BINS_MAX: usize = 16_384;
-/// One step of 16 bits in the unit of 8 bits, 0.5 dB. By the vendor's documentation: fixed point with 8 binary places, whose full
-/// scale of 141.5 stands for 96.5 dB.
+/// One step of 16 bits in the unit of 8 bits, 0.5 dB. By the vendor's documentation: fixed point
+/// with 8 binary places, whose full scale of 141.5 stands for 96.5 dB.
 pub const STEP_16: f32 = 2.0 / 256.0 * 96.5 / 141.5;
 
 /// A beam's powers.
@@ -109,7 +109,8 @@ impl Bins<'_> {
     }
 }
 
-/// Bins that are compared at once: most of them are noise, and the compiler compares this many in one instruction or two.
+/// Bins that are compared at once: most of them are noise, and the compiler compares this many in
+/// one instruction or two.
 const LANES: usize = 32;
 
 fn above_8(powers: &[u8], keep_power: f32, echoes: &mut Vec<Echo>) {

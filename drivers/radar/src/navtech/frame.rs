@@ -53,7 +53,8 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// Appends the message's bytes. A payload over [`PAYLOAD_MAX`] is written all the same; readers refuse it.
+    /// Appends the message's bytes. A payload over [`PAYLOAD_MAX`] is written all the same;
+    /// readers refuse it.
     pub fn encode(&self, out: &mut Vec<u8>) {
         out.extend_from_slice(&SIGNATURE);
         out.extend_from_slice(&[self.version, self.kind]);
@@ -85,8 +86,8 @@ pub struct FrameFaults {
     pub cut: u64,
 }
 
-/// Takes pieces of the stream, gives messages. Where one does not begin with the signature, it searches the next that does,
-/// byte by byte.
+/// Takes pieces of the stream, gives messages. Where one does not begin with the signature, it
+/// searches the next that does, byte by byte.
 #[derive(Debug, Default)]
 pub struct FrameParser {
     buffer: Vec<u8>,
@@ -116,7 +117,8 @@ impl FrameParser {
             } else if length > PAYLOAD_MAX {
                 self.faults.oversize += 1;
             } else {
-                // What has come already shows it: a wrong length must not swallow a second of beams first.
+                // What has come already shows it: a wrong length must not swallow a second of
+                // beams first.
                 let payload = header.0.get(..length);
                 let Some(next) = find_signature(payload.unwrap_or(header.0)) else {
                     payload?;
@@ -174,7 +176,8 @@ impl FrameParser {
     }
 }
 
-/// Where a message begins inside another one's body. Its last byte is sought first: it is rare in powers.
+/// Where a message begins inside another one's body. Its last byte is sought first: it is rare in
+/// powers.
 fn find_signature(payload: &[u8]) -> Option<usize> {
     // The fast way out of most bodies.
     if !payload.contains(&0xfe) {
@@ -196,7 +199,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// IASDK, network unit tests, `header_only` of `GivenAColossusMessage`: a configuration of two bytes.
+    /// IASDK, network unit tests, `header_only` of `GivenAColossusMessage`: a configuration of two
+    /// bytes.
     const VENDOR_HEADER_ONLY: [u8; 24] = [
         0x00, 0x01, 0x03, 0x03, 0x07, 0x07, 0x0F, 0x0F, 0x1F, 0x1F, 0x3F, 0x3F, 0x7F, 0x7F, 0xFE,
         0xFE, 1, 10, 0, 0, 0, 2, 0xCA, 0xFE,
@@ -206,7 +210,8 @@ mod tests {
         0x00, 0x01, 0x03, 0x03, 0x09, 0x09, 0x0F, 0x0F, 0x1F, 0x1F, 0x6F, 0x6F, 0x8F, 0x8F, 0xFE,
         0xFE, 10, 0, 0, 0, 11, b'+', b'+', b'M', b'e', b's', b's', b'a', b'g', b'e', b'+', b'+',
     ];
-    /// IASDK, pythonexamples/ReadOneSingleAzimuthOfFFTData.py, `start_fft_data`: version 0 before anything was heard.
+    /// IASDK, pythonexamples/ReadOneSingleAzimuthOfFFTData.py, `start_fft_data`: version 0 before
+    /// anything was heard.
     const VENDOR_START_FFT: [u8; 22] = *b"\x00\x01\x03\x03\x07\x07\x0f\x0f\x1f\x1f\x3f\x3f\x7f\x7f\xfe\xfe\x00\x15\x00\x00\x00\x00";
 
     fn all(parser: &mut FrameParser) -> Vec<(u8, Vec<u8>)> {
@@ -297,7 +302,8 @@ mod tests {
     }
 
     proptest! {
-        /// However the stream is cut, and whatever junk stands between: every message comes out once.
+        /// However the stream is cut, and whatever junk stands between: every message comes out
+        /// once.
         #[test]
         fn cuts_and_junk_do_not_matter(
             messages in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..60)), 1..8),

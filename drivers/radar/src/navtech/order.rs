@@ -1,15 +1,16 @@
 //! Which byte of an azimuth's stamp comes first.
 //!
-//! In the vendor's C++ and Python it is the lowest, in its C# and wiki the highest. The epoch is no help: a radar without a time
-//! server counts from its own start. Successive stamps are: in the right order they rise by fractions of a second, in the
-//! wrong one they leap.
+//! In the vendor's C++ and Python it is the lowest, in its C# and wiki the highest. The epoch is
+//! no help: a radar without a time server counts from its own start. Successive stamps are: in the
+//! right order they rise by fractions of a second, in the wrong one they leap.
 
 use crate::bytes::Bytes;
 use randt_config::ByteOrder;
 
 /// Stamps in a row that must follow each other before the order counts as found.
 const ROW: u32 = 16;
-/// Longest plausible step from one beam to the next, ns: a radar turns in 0.25 s, and a beam or two may be lost.
+/// Longest plausible step from one beam to the next, ns: a radar turns in 0.25 s, and a beam or
+/// two may be lost.
 const STEP_MAX_NS: i64 = 1_000_000_000;
 
 /// An order of bytes.
@@ -88,8 +89,8 @@ impl Stamps {
         }
     }
 
-    /// A beam's time, ns of the radar's clock; `None` as long as stamps do not follow each other: then only the time of arrival
-    /// is known.
+    /// A beam's time, ns of the radar's clock; `None` as long as stamps do not follow each other:
+    /// then only the time of arrival is known.
     pub fn read(&mut self, time: [u8; 8]) -> Option<i64> {
         if self.chosen.is_none() {
             self.little.push(Order::Little.decode(time));

@@ -1,4 +1,5 @@
-//! A radar among other senders. Expected of each: the radar's own sweeps, contested where others sent meanwhile.
+//! A radar among other senders. Expected of each: the radar's own sweeps, contested where others
+//! sent meanwhile.
 
 use super::*;
 use crate::Echo;
@@ -151,7 +152,8 @@ fn of_two_whole_senders_the_first_is_taken_and_doubted_until_it_is_alone() {
     assert_eq!(streams.taken(), Some(radar(0).sender));
 }
 
-/// The address is copied too: which copy is the radar's cannot be known, but the sweep is contested.
+/// The address is copied too: which copy is the radar's cannot be known, but the sweep is
+/// contested.
 #[test]
 fn copies_that_differ_contest_the_sweep() {
     for lead_ns in [0, 100_000, TURN_NS, 2 * TURN_NS] {
@@ -258,7 +260,8 @@ fn what_does_not_turn_is_no_radar() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(40))]
-    /// Other senders of any kind and number, at another address: the radar's sweeps are the same as without them.
+    /// Other senders of any kind and number, at another address: the radar's sweeps are the same
+    /// as without them.
     #[test]
     fn no_other_sender_reaches_the_radars_sweeps(
         others in prop::collection::vec((1..400_u16, any::<u32>(), 0..BEAMS * 20, any::<u32>(), 3..1024_u16), 0..400),

@@ -1,4 +1,5 @@
-//! The journal as a file: opened by one mapper, appended to, cut back, quarantined, written anew; never deleted.
+//! The journal as a file: opened by one mapper, appended to, cut back, quarantined, written anew;
+//! never deleted.
 
 use super::tail::Tail;
 use super::{
@@ -23,20 +24,22 @@ pub struct Opened {
     pub contents: Contents,
     /// What was cut off its end.
     pub cut: Option<Damage>,
-    /// Where a file that is no journal, or one damaged in the middle, was moved, and why. Of the latter the part before
-    /// the damage goes on.
+    /// Where a file that is no journal, or one damaged in the middle, was moved, and why. Of the
+    /// latter the part before the damage goes on.
     pub quarantined: Option<(PathBuf, String)>,
 }
 
 /// The file that a mapper writes to, alone meanwhile.
 ///
-/// A caller that appends a keyframe before it pushes it never has a map with one that the journal lacks.
+/// A caller that appends a keyframe before it pushes it never has a map with one that the journal
+/// lacks.
 #[derive(Debug)]
 pub struct JournalFile {
     path: PathBuf,
     tail: Tail<File>,
     count: Count,
-    /// What the snapshots have; of those from before it was opened nothing, because they may be of another form.
+    /// What the snapshots have; of those from before it was opened nothing, because they may be of
+    /// another form.
     known: Known,
     /// As [`Self::end`], of the newest keyframe that is on the disk.
     on_disk: u64,
@@ -81,7 +84,8 @@ impl JournalFile {
         Self::open_by(path, config, |path| Ok(Arc::new(fs::read(path)?)))
     }
 
-    /// The same, with another way to read a file. Its bytes must stay what they are: the file only grows.
+    /// The same, with another way to read a file. Its bytes must stay what they are: the file only
+    /// grows.
     pub fn open_by(
         path: impl Into<PathBuf>,
         config: &Config,
@@ -172,8 +176,8 @@ impl JournalFile {
         self.count.in_snapshot = self.count.in_snapshot.min(mapper.taken() as u64);
     }
 
-    /// Whether the mapper has taken enough keyframes since the last snapshot that the next restart would take too long
-    /// without another.
+    /// Whether the mapper has taken enough keyframes since the last snapshot that the next restart
+    /// would take too long without another.
     pub fn is_snapshot_due(&self, mapper: &Mapper) -> bool {
         is_snapshot_due(self.count.keyframes, self.after_snapshot(mapper))
     }
@@ -227,7 +231,8 @@ impl JournalFile {
         self.tail.good()
     }
 
-    /// Writes the journal anew: its keyframes and one snapshot of the mapper, which has taken all of them.
+    /// Writes the journal anew: its keyframes and one snapshot of the mapper, which has taken all
+    /// of them.
     pub fn compact(&mut self, mapper: &Mapper) -> Result<(), Error> {
         self.check()?;
         let bytes = compacted(&self.read()?, mapper)?;
@@ -293,8 +298,8 @@ fn lock(path: &Path) -> Result<File, Error> {
     }
 }
 
-/// Gives a file another name, the first that is free. Where the disk can, it keeps the old one until that is written
-/// anew: a kill in between loses nothing.
+/// Gives a file another name, the first that is free. Where the disk can, it keeps the old one
+/// until that is written anew: a kill in between loses nothing.
 fn quarantine(path: &Path) -> Result<PathBuf, Error> {
     let names = (1..).map(|n: u64| named(path, &format!(".aside-{n}")));
     let mut free = names.filter(|name| !name.exists());

@@ -1,4 +1,5 @@
-//! A keyframe as few bytes: the beams that there are, the points by what is new in each. Nothing is rounded.
+//! A keyframe as few bytes: the beams that there are, the points by what is new in each. Nothing
+//! is rounded.
 
 use super::pack::{Column, Packer, Unpacker};
 use randt_messages::{
@@ -98,7 +99,8 @@ pub(super) fn unpack(bytes: &[u8], out: &mut Message<Keyframe>) -> Option<()> {
     unpacker.0.is_empty().then_some(())
 }
 
-/// Reads the numbers in front of the beams over a head, which keeps its beams; gives how many points there are.
+/// Reads the numbers in front of the beams over a head, which keeps its beams; gives how many
+/// points there are.
 pub(super) fn unpack_numbers(
     unpacker: &mut Unpacker<'_>,
     head: &mut KeyframeHead,

@@ -1,4 +1,5 @@
-//! Numbers as few bytes: whole ones by their size, floats by how far they are from what is expected.
+//! Numbers as few bytes: whole ones by their size, floats by how far they are from what is
+//! expected.
 
 /// Appends numbers.
 pub(super) struct Packer<'a>(pub &'a mut Vec<u8>);
@@ -82,7 +83,8 @@ impl<'a> Unpacker<'a> {
 
 /// A column of floats, each expected to be the last one or to go on as the last two did.
 ///
-/// Returns of one beam lie on a line, a few range bins apart: what is left is rounding, a byte instead of four.
+/// Returns of one beam lie on a line, a few range bins apart: what is left is rounding, a byte
+/// instead of four.
 #[derive(Default)]
 pub(super) struct Column {
     last: f32,

@@ -4,9 +4,11 @@ use super::pack::Unpacker;
 
 /// Bytes before the payload: kind, length, checksum of both and of the payload; least byte first.
 const HEAD_BYTES: usize = 12;
-/// A larger record is damage: a snapshot of 200,000 keyframes; the largest keyframe has one megabyte.
+/// A larger record is damage: a snapshot of 200,000 keyframes; the largest keyframe has one
+/// megabyte.
 const PAYLOAD_BYTES_MAX: u32 = 1 << 26;
-/// Offsets behind a damage that are tried for a whole record; bytes made for it could ask for any number.
+/// Offsets behind a damage that are tried for a whole record; bytes made for it could ask for any
+/// number.
 const TRIES_MAX: usize = 64;
 
 /// What a record holds.

@@ -1,4 +1,5 @@
-//! The growing end of a file: what is appended is there whole or not at all, as far as the disk allows.
+//! The growing end of a file: what is appended is there whole or not at all, as far as the disk
+//! allows.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -51,8 +52,8 @@ impl<S: Storage> Tail<S> {
         self.good
     }
 
-    /// Whether what is on the disk is no longer known: cutting back or a sync has failed. After a failed sync the kernel
-    /// may have forgotten the bytes and would call the next one a success.
+    /// Whether what is on the disk is no longer known: cutting back or a sync has failed. After a
+    /// failed sync the kernel may have forgotten the bytes and would call the next one a success.
     pub fn is_unsure(&self) -> bool {
         self.is_unsure
     }

@@ -12,7 +12,8 @@ pub(super) const GATE: f64 = 16.3;
 const MEDIAN: f64 = 2.366;
 /// Pairs of loops that the claimed covariances are worth when the noise is learned from the data.
 const CLAIM_PAIRS: f64 = 5.0;
-/// The noise may be three times what the edges claim; beyond, most loops are false and no measure of the noise.
+/// The noise may be three times what the edges claim; beyond, most loops are false and no measure
+/// of the noise.
 const NOISE_MAX: f64 = 9.0;
 
 /// Odometry by the node that it leads to; of several edges the one from nearest.
@@ -58,9 +59,9 @@ impl<'a> OdometryChain<'a> {
     }
 }
 
-/// Indices of the loops in each cluster, in order of arrival, and the variance of their errors relative to what the
-/// edges claim. Loops go from the earlier node to the later one and come
-/// in the order of the later.
+/// Indices of the loops in each cluster, in order of arrival, and the variance of their errors
+/// relative to what the edges claim. Loops go from the earlier node to the later one and come in
+/// the order of the later.
 pub(super) fn clusters(chain: &OdometryChain<'_>, loops: &[Edge]) -> (Vec<Vec<usize>>, f64) {
     // For every loop the loops before it that are near, with the chi2 of the cycle.
     let near: Vec<Vec<(usize, f64)>> = (0..loops.len())
@@ -91,7 +92,8 @@ pub(super) fn clusters(chain: &OdometryChain<'_>, loops: &[Edge]) -> (Vec<Vec<us
     (clusters, gate / GATE)
 }
 
-/// Variance of short cycles relative to what the edges claim, by the median cycle of every loop with its nearest neighbour: false loops are the tail that a median ignores.
+/// Variance of short cycles relative to what the edges claim, by the median cycle of every loop
+/// with its nearest neighbour: false loops are the tail that a median ignores.
 fn noise(loops: &[Edge], near: &[Vec<(usize, f64)>]) -> f64 {
     let nearest = near.iter().enumerate().filter_map(|(b, near)| {
         let apart = |a: usize| {

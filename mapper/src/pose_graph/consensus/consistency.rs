@@ -1,8 +1,9 @@
-//! Consistency of all loops: truncated least squares, and clusters that were turned away tried against those that hold.
+//! Consistency of all loops: truncated least squares, and clusters that were turned away tried
+//! against those that hold.
 //!
-//! A false cluster that came first, where nothing contradicted it yet, turns the true ones away that come after. What
-//! the whole drive says of either is the truncated least squares: odometry's chi2, and for every loop its own, at
-//! most the gate's.
+//! A false cluster that came first, where nothing contradicted it yet, turns the true ones away
+//! that come after. What the whole drive says of either is the truncated least squares: odometry's
+//! chi2, and for every loop its own, at most the gate's.
 
 use super::super::Error;
 use super::super::edge::Edge;
@@ -12,7 +13,8 @@ use super::super::system::System;
 use super::clusters::GATE;
 use randt_geometry::{Pose2, elementary::ln};
 
-/// For the estimate to bend to a cluster that is tried, and to converge with it; only the sum of squares counts.
+/// For the estimate to bend to a cluster that is tried, and to converge with it; only the sum of
+/// squares counts.
 const EFFORT: Effort = Effort {
     step: 1e-3,
     factorisations_max: 12,
@@ -42,7 +44,8 @@ pub(super) struct Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// Tries the clusters of which no loop is on, and takes those with which the whole fits better.
+    /// Tries the clusters of which no loop is on, and takes those with which the whole fits
+    /// better.
     pub fn reinstate(
         &self,
         clusters: &[Vec<usize>],
@@ -65,7 +68,8 @@ impl Problem<'_> {
         Ok(result)
     }
 
-    /// Believes a cluster in full and doubts every other loop; a result where the whole fits better so.
+    /// Believes a cluster in full and doubts every other loop; a result where the whole fits
+    /// better so.
     fn with_cluster(
         &self,
         cluster: &[usize],
@@ -80,7 +84,8 @@ impl Problem<'_> {
             .chain(believed)
             .collect();
         solve(&mut None, &mut poses, &terms, EFFORT)?;
-        // Converging gains little more than the cluster itself: what is far worse already need not converge.
+        // Converging gains little more than the cluster itself: what is far worse already need not
+        // converge.
         if self.cost(&poses) > result.cost + self.gate * cluster.len() as f64 {
             return Ok(None);
         }
@@ -109,8 +114,8 @@ impl Problem<'_> {
         Ok(ConsensusResult { poses, on, cost })
     }
 
-    /// Minus twice the log likelihood, but for a constant, with the variance that fits the loops that are on; what is
-    /// off is an outlier, whose price does not depend on that variance.
+    /// Minus twice the log likelihood, but for a constant, with the variance that fits the loops
+    /// that are on; what is off is an outlier, whose price does not depend on that variance.
     pub fn deviance(&self, result: &ConsensusResult) -> f64 {
         let off = result.on.iter().filter(|on| !**on).count() as f64;
         let freedom = DOF * (result.on.len() as f64 - off + 1.0);

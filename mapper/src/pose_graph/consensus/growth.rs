@@ -1,4 +1,5 @@
-//! The drive once more from its beginning: every cluster of loops is held against what was known when it arrived.
+//! The drive once more from its beginning: every cluster of loops is held against what was known
+//! when it arrived.
 
 use super::super::Error;
 use super::super::covariance;
@@ -11,7 +12,8 @@ use super::uncertain::Uncertain;
 use crate::index::KeyframeIdx;
 use randt_geometry::Pose2;
 
-/// Before loops are held against it: a step of a decimetre leaves a centimetre, and that decides nothing.
+/// Before loops are held against it: a step of a decimetre leaves a centimetre, and that decides
+/// nothing.
 const EFFORT: Effort = Effort {
     step: 0.1,
     factorisations_max: 3,
@@ -27,7 +29,8 @@ const CLAIM_COUNT: f64 = 2.0;
 pub(super) enum Noise {
     /// Known beforehand.
     Fixed(f64),
-    /// As claimed at first, then as the innovations show: long drift may be worse than short cycles show.
+    /// As claimed at first, then as the innovations show: long drift may be worse than short
+    /// cycles show.
     Learned { sum: f64, count: f64 },
 }
 
@@ -135,7 +138,8 @@ fn innovation(edge: &Edge, grown: &[Pose2], system: &mut System) -> Result<Optio
     }
 }
 
-/// Moves the component that a loop leads to, where the loop has it: from any heading the solver would take long.
+/// Moves the component that a loop leads to, where the loop has it: from any heading the solver
+/// would take long.
 fn align(grown: &mut [Pose2], edge: &Edge, system: &System) {
     let there = grown[edge.from.0].compose(&edge.measured);
     let moved = there.compose(&grown[edge.to.0].inverse());

@@ -1,14 +1,16 @@
 //! Which loops may connect components of the drive whose odometry is separate.
 //!
-//! Within a component odometry contradicts a false loop; between components only other loops do. Two components are
-//! connected where more than half of the loops between them agree; else all of them are excluded.
+//! Within a component odometry contradicts a false loop; between components only other loops do.
+//! Two components are connected where more than half of the loops between them agree; else all of
+//! them are excluded.
 
 use super::super::components::components;
 use super::super::edge::Edge;
 use super::clusters::{GATE, OdometryChain};
 use std::collections::BTreeMap;
 
-/// Loops of a pair of components that all others are compared with: of a majority's loops some are among these.
+/// Loops of a pair of components that all others are compared with: of a majority's loops some are
+/// among these.
 const REPRESENTATIVES_MAX: usize = 25;
 
 /// What a loop may do in the consensus.
@@ -73,7 +75,8 @@ mod tests {
     use super::*;
     use randt_geometry::Pose2;
 
-    /// Two laps whose odometry breaks off between them, with loops from one to the other as they were or turned.
+    /// Two laps whose odometry breaks off between them, with loops from one to the other as they
+    /// were or turned.
     fn memberships_of(turned: impl Iterator<Item = (usize, f64)>) -> Vec<Membership> {
         let graph = drifting(79);
         let odometry: Vec<Edge> = graph

@@ -8,7 +8,8 @@ use randt_geometry::Pose2;
 /// Nodes of the drives: four laps of forty steps.
 const STEPS: usize = 160;
 
-/// A false cluster: ten steps of the last lap laid a corner ahead of where they were, each loop agreeing with the others.
+/// A false cluster: ten steps of the last lap laid a corner ahead of where they were, each loop
+/// agreeing with the others.
 fn false_cluster() -> impl Iterator<Item = Edge> {
     let wrong = square(10).compose(&square(0).inverse());
     (0..10).map(move |k| {

@@ -44,7 +44,8 @@ impl Uncertain {
         }
     }
 
-    /// How far a measurement is from it, with both their covariances: chi2 of three degrees of freedom.
+    /// How far a measurement is from it, with both their covariances: chi2 of three degrees of
+    /// freedom.
     pub fn disagreement(&self, edge: &Edge) -> f64 {
         let error = error(edge, &self.pose);
         let weighed =

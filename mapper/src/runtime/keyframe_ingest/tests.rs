@@ -1,4 +1,5 @@
-//! A journal that grows, is opened again, and odometry that is away, has forgotten or is another one.
+//! A journal that grows, is opened again, and odometry that is away, has forgotten or is another
+//! one.
 
 use super::super::keyframe_sequence::REFUSALS_MAX;
 use super::*;

@@ -3,8 +3,8 @@
 use super::ImuMeasurement;
 use crate::wrong_content::WrongContent;
 
-/// A device without its port: commands in, answers and measurements out. Switched on it is idle: it streams only what
-/// it was configured to.
+/// A device without its port: commands in, answers and measurements out. Switched on it is idle:
+/// it streams only what it was configured to.
 pub(super) trait Device: Send {
     /// Takes what the host sent; gives the answers.
     fn take(&mut self, bytes: &[u8]) -> Vec<u8>;
@@ -19,7 +19,8 @@ pub(super) trait Device: Send {
     fn oversize(&self) -> &'static [u8];
 }
 
-/// Whether a device that measures every `interval_ns` and was asked for one every `asked_ns` sends this one.
+/// Whether a device that measures every `interval_ns` and was asked for one every `asked_ns` sends
+/// this one.
 pub(super) fn is_asked_for(measurement: &ImuMeasurement, interval_ns: i64, asked_ns: i64) -> bool {
     let every = (asked_ns as f64 / interval_ns as f64 + 0.5) as u64;
     measurement.number.is_multiple_of(every.max(1))

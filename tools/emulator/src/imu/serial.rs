@@ -1,7 +1,7 @@
 //! A serial IMU on a pseudo-terminal.
 //!
-//! Responsible for the port's faults: bytes that are wrong, late, missing or too many, and a port that goes and comes
-//! back under another name. Not responsible for the protocol's bytes.
+//! Responsible for the port's faults: bytes that are wrong, late, missing or too many, and a port
+//! that goes and comes back under another name. Not responsible for the protocol's bytes.
 
 use super::device::Device;
 use super::mip::MipDevice;
@@ -16,8 +16,8 @@ use std::time::{Duration, Instant};
 
 /// A device answers within this time.
 const ANSWER: Duration = Duration::from_millis(2);
-/// Fifty bytes, a message, take this time at 921,600 baud: an emulator that was kept from sending does not send all that
-/// it is late with at once, which no port's buffer would hold.
+/// Fifty bytes, a message, take this time at 921,600 baud: an emulator that was kept from sending
+/// does not send all that it is late with at once, which no port's buffer would hold.
 const ON_THE_WIRE: Duration = Duration::from_micros(500);
 /// One of this many messages is corrupted.
 const CORRUPTED_EVERY: u64 = 10;

@@ -55,7 +55,8 @@ impl Terminal {
 
     /// What the host sent.
     pub(super) fn read(&mut self) -> Vec<u8> {
-        // A host that had the port for itself unlocks it by closing it, unless it is open elsewhere too: here it is.
+        // A host that had the port for itself unlocks it by closing it, unless it is open
+        // elsewhere too: here it is.
         let _ = ioctl_tiocnxcl(&self.host);
         let mut bytes = vec![0; 1024];
         let count = self.device.read(&mut bytes).unwrap_or_default();

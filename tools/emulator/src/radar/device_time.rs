@@ -13,8 +13,8 @@ pub(crate) struct DeviceTime {
 }
 
 impl DeviceTime {
-    /// The radar's time at a time since 1970; `fast`: its clock is just now too fast; `resets`: how often it has begun
-    /// anew at 0.
+    /// The radar's time at a time since 1970; `fast`: its clock is just now too fast; `resets`:
+    /// how often it has begun anew at 0.
     pub fn device_ns(&mut self, unix_ns: i64, fast: bool, resets: usize) -> i64 {
         let passed_ns = unix_ns - self.last_ns.replace(unix_ns).unwrap_or(unix_ns);
         if fast {

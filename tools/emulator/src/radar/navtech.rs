@@ -30,7 +30,8 @@ pub struct NavtechServer {
 }
 
 impl NavtechServer {
-    /// Listens. Powers have 8 or 16 bits; stamps have an order of bytes that clients must find out.
+    /// Listens. Powers have 8 or 16 bits; stamps have an order of bytes that clients must find
+    /// out.
     pub fn new(address: SocketAddr, sixteen: bool, order: Order) -> Result<Self, Error> {
         Ok(Self {
             server: Server::new(address)?,
@@ -59,7 +60,8 @@ impl NavtechServer {
         play(&mut self, recording, pace, faults, seed, ends)
     }
 
-    /// Sends the radar's configuration, where that is new: with a log's first sweep, or when it shows farther bins.
+    /// Sends the radar's configuration, where that is new: with a log's first sweep, or when it
+    /// shows farther bins.
     fn configure(&mut self, turn: &Turn) {
         let configuration = configuration(turn, self.sixteen);
         self.body.clear();

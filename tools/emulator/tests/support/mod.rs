@@ -20,7 +20,8 @@ pub const TURN_NS: i64 = 200_000_000;
 const BEGIN_NS: i64 = 7_000_000_000;
 const BIN_M: f32 = 0.0161;
 
-/// Sweep `number` of a radar that turns counter-clockwise, or clockwise, its returns all different.
+/// Sweep `number` of a radar that turns counter-clockwise, or clockwise, its returns all
+/// different.
 pub fn scan(number: usize, clockwise: bool) -> Message<RadarScan> {
     let mut message = Message::<RadarScan>::default();
     let step_ns = TURN_NS / BEAMS as i64;

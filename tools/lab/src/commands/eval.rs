@@ -27,7 +27,8 @@ pub struct Arguments {
     /// Judge the accepted loops of a run by its report.json
     #[arg(long, value_name = "REPORT")]
     loops: Option<PathBuf>,
-    /// Count the metres that were wrong under good trust, by a run's report.json; EST is its odometry.tum
+    /// Count the metres that were wrong under good trust, by a run's report.json; EST is its
+    /// odometry.tum
     #[arg(long, value_name = "REPORT")]
     trust: Option<PathBuf>,
     /// A loop is false when it is off by more, m (a Navtech's: 2)
@@ -38,8 +39,8 @@ pub struct Arguments {
     json: bool,
 }
 
-/// The figures under the names that other programs read; null where one is not defined. The fields are the keys of
-/// the JSON object, which is flat.
+/// The figures under the names that other programs read; null where one is not defined. The fields
+/// are the keys of the JSON object, which is flat.
 #[derive(Debug, Serialize)]
 struct Figures {
     ate_rmse_m: Option<f64>,

@@ -1,7 +1,8 @@
-//! `randt-lab graph`: solves a pose graph of others' making, as it is or with false loops among the true ones.
+//! `randt-lab graph`: solves a pose graph of others' making, as it is or with false loops among
+//! the true ones.
 //!
-//! Responsible for what is printed. The graph and what is false in it are made by `problem` and `false_loops`; the
-//! solver is the mapper's.
+//! Responsible for what is printed. The graph and what is false in it are made by `problem` and
+//! `false_loops`; the solver is the mapper's.
 
 mod false_loops;
 mod problem;
@@ -21,18 +22,19 @@ use std::time::Instant;
 
 /// Arguments of `randt-lab graph`.
 ///
-/// Poses are forgotten but for the first: the start is odometry alone (edges from one id to the next). Without false
-/// loops every edge is believed, as the published optima do.
+/// Poses are forgotten but for the first: the start is odometry alone (edges from one id to the
+/// next). Without false loops every edge is believed, as the published optima do.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A planar pose graph in g2o's format (VERTEX_SE2, EDGE_SE2)
     #[arg(value_name = "FILE.g2o")]
     file: PathBuf,
-    /// Add false loops, percent of the loops that the file has: random pairs of nodes, random relative poses
+    /// Add false loops, percent of the loops that the file has: random pairs of nodes, random
+    /// relative poses
     #[arg(long, value_name = "P", value_parser = clap::value_parser!(u32).range(1..=200), conflicts_with = "false_groups")]
     false_loops: Option<u32>,
-    /// Add G groups of N false loops that agree with each other: a part of the map shifted, or (every second one)
-    /// turned by half a turn
+    /// Add G groups of N false loops that agree with each other: a part of the map shifted, or
+    /// (every second one) turned by half a turn
     #[arg(long, value_name = "G,N", value_parser = false_loops::group_sizes)]
     false_groups: Option<(usize, usize)>,
     /// Seed of the false loops
@@ -130,7 +132,8 @@ fn trial(
     })
 }
 
-/// Root mean square of the positions' differences after rigid alignment, m; every component by itself.
+/// Root mean square of the positions' differences after rigid alignment, m; every component by
+/// itself.
 fn ate_m(graph: &PoseGraph, clean: &PoseGraph) -> anyhow::Result<f64> {
     let trajectory = |graph: &PoseGraph| {
         let mut trajectory = Trajectory::unstamped();

@@ -1,7 +1,7 @@
 //! `randt-lab imu`: examines an IMU recording.
 //!
-//! Responsible for what is printed. What the recording shows is found by `examination`, with the filters that
-//! run on the robot.
+//! Responsible for what is printed. What the recording shows is found by `examination`, with the
+//! filters that run on the robot.
 
 mod columns;
 mod examination;
@@ -22,13 +22,13 @@ use std::path::PathBuf;
 
 /// Arguments of `randt-lab imu`.
 ///
-/// The recording is read once, sample by sample, as a robot would: a bias is used from the moment a standstill has
-/// shown it; only the time before the first one is computed afterwards, with the bias that it showed. Biases and axes
-/// are those of the IMU itself.
+/// The recording is read once, sample by sample, as a robot would: a bias is used from the moment
+/// a standstill has shown it; only the time before the first one is computed afterwards, with the
+/// bias that it showed. Biases and axes are those of the IMU itself.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A ROS bag, one of our logs, or CSV with a header (stamp, rate and acceleration about x, y, z; units in the names,
-    /// SI where there are none; commas, semicolons or tabs)
+    /// A ROS bag, one of our logs, or CSV with a header (stamp, rate and acceleration about x, y,
+    /// z; units in the names, SI where there are none; commas, semicolons or tabs)
     file: PathBuf,
     /// IMU topic of a bag; if not given, the one with the most messages
     #[arg(long, value_name = "NAME")]

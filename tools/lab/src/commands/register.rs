@@ -29,7 +29,8 @@ pub struct Arguments {
     options: InputOptions,
 }
 
-/// The result: B's `base_link` in A's, both at the ends of their sweeps, de-skewed by the speed that the pair shows.
+/// The result: B's `base_link` in A's, both at the ends of their sweeps, de-skewed by the speed
+/// that the pair shows.
 #[derive(Debug, Serialize)]
 struct Registration {
     x_m: f64,

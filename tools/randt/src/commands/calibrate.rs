@@ -1,6 +1,7 @@
 //! `randt calibrate`: time offset and mounting of the radar, from a drive (docs/calibrate.md).
 //!
-//! Responsible for arguments and for what is printed and written. The estimates are `randt_calibration`'s.
+//! Responsible for arguments and for what is printed and written. The estimates are
+//! `randt_calibration`'s.
 
 mod extrinsics;
 mod path;
@@ -27,7 +28,8 @@ pub struct Arguments {
 enum What {
     /// How late the radar's stamps are against the gyro's
     Time(time::Arguments),
-    /// Where the radar sits in base_link: its yaw from straights, its position from turns on the spot
+    /// Where the radar sits in base_link: its yaw from straights, its position from turns on the
+    /// spot
     Extrinsics(extrinsics::Arguments),
 }
 

@@ -29,7 +29,8 @@ pub struct Arguments {
     /// Remove what dead stages left behind; while others live, only what nobody living holds
     #[arg(long)]
     clean: bool,
-    /// With --clean: also what stages would go on from (checkpoints, the last keyframes, counts of starts)
+    /// With --clean: also what stages would go on from (checkpoints, the last keyframes, counts of
+    /// starts)
     #[arg(long, requires = "clean")]
     state: bool,
     #[command(flatten)]
@@ -53,7 +54,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         // Nothing in it is opened: anybody may have made it.
         return print_findings(&title(&domain), &[finding]);
     }
-    // Root.s process reads and cleans with the rights of the domain's owner, who may have put links in it.
+    // Root.s process reads and cleans with the rights of the domain's owner, who may have put
+    // links in it.
     let owner = Identity::of_way_to(&domain.folder())?;
     owner.run(|| examine(domain, &arguments))
 }

@@ -32,11 +32,12 @@ struct Common {
     /// From the beginning again when it is at its end, until Ctrl-C
     #[arg(long = "loop")]
     endless: bool,
-    /// When it begins, seconds since 1970; the log's first stamp comes half a second later. Two emulators with the same
-    /// second are on one clock; if not given, now
+    /// When it begins, seconds since 1970; the log's first stamp comes half a second later. Two
+    /// emulators with the same second are on one clock; if not given, now
     #[arg(long, value_name = "UNIX_S", value_parser = seconds)]
     at: Option<f64>,
-    /// What goes wrong and when, in seconds since the beginning, such as silence@10+2; may be given again
+    /// What goes wrong and when, in seconds since the beginning, such as silence@10+2; may be
+    /// given again
     #[arg(long = "fault", value_name = "KIND@BEGIN+DURATION", long_help = fault_help())]
     faults: Vec<Fault>,
     /// Seed of what is random in the faults

@@ -15,7 +15,8 @@ use std::path::PathBuf;
 /// Arguments of `randt import`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or one of our logs
+    /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or
+    /// one of our logs
     input: PathBuf,
     /// The log to write; it gets this name when it is whole
     log: PathBuf,

@@ -25,7 +25,8 @@ pub struct Arguments {
 enum Action {
     /// Summarise a log: topics, rates, span, metadata; exit code 3 where something is missing
     Info(info::Arguments),
-    /// Read every byte and every checksum; exit code 3 where something is damaged or was not recorded
+    /// Read every byte and every checksum; exit code 3 where something is damaged or was not
+    /// recorded
     Check(check::Arguments),
     /// Make a whole log of one that was cut: by a power cut, a kill, a half copy
     Recover(recover::Arguments),
@@ -46,7 +47,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     }
 }
 
-/// Writes a log anew with the messages that are wanted; gives how many there are and the file's size.
+/// Writes a log anew with the messages that are wanted; gives how many there are and the file's
+/// size.
 fn write_copy<R: Read + Seek>(
     reader: &mut LogReader<R>,
     to: &Path,

@@ -1,4 +1,5 @@
-//! `randt mission`: drives of a robot, each with map, logs, configuration and report; one file for each action.
+//! `randt mission`: drives of a robot, each with map, logs, configuration and report; one file for
+//! each action.
 
 mod boot;
 mod copy;
@@ -33,7 +34,8 @@ pub struct Arguments {
 enum Action {
     /// Begin a new mission with an empty map; the one before is stopped
     New(new::Arguments),
-    /// End the mission: the pipeline stops, the report is written, and the next start begins a new one
+    /// End the mission: the pipeline stops, the report is written, and the next start begins a new
+    /// one
     Stop(stop::Arguments),
     /// List the missions
     List(list::Arguments),
@@ -41,7 +43,8 @@ enum Action {
     Export(export::Arguments),
     /// Decide at the robot's start whether the last mission goes on (systemd calls this)
     Boot(boot::Arguments),
-    /// Make whole logs of those that a power cut left, and records that cannot be read anew (systemd calls this)
+    /// Make whole logs of those that a power cut left, and records that cannot be read anew
+    /// (systemd calls this)
     Recover,
 }
 

@@ -1,4 +1,5 @@
-//! `randt plot`: pictures of what is in a log, without any viewer. Nothing is computed that the log does not hold.
+//! `randt plot`: pictures of what is in a log, without any viewer. Nothing is computed that the
+//! log does not hold.
 
 mod charts;
 mod path;

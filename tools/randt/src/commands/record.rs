@@ -10,7 +10,8 @@ use std::process::Command;
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub struct Arguments {
-    /// Options of randt-recorder: --out DIR, --prefix NAME, --set KEY=VALUE ...; --help lists them all
+    /// Options of randt-recorder: --out DIR, --prefix NAME, --set KEY=VALUE ...; --help lists them
+    /// all
     #[arg(
         value_name = "OPTIONS",
         trailing_var_arg = true,

@@ -20,7 +20,8 @@ use std::time::Instant;
 /// Arguments of `randt run`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or one of our logs
+    /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or
+    /// one of our logs
     #[arg(value_name = "INPUT")]
     input: PathBuf,
     /// Folder for the trajectories, the map, the picture and report.json
@@ -32,7 +33,8 @@ pub struct Arguments {
     /// Do not close loops: the map is odometry's
     #[arg(long)]
     no_loops: bool,
-    /// Compare with the poses that were published when this log was recorded; ends with 1 where one is another
+    /// Compare with the poses that were published when this log was recorded; ends with 1 where
+    /// one is another
     #[arg(long)]
     compare: bool,
     #[command(flatten)]

@@ -45,7 +45,8 @@ pub struct Arguments {
     /// How late the radar's stamps are against the gyro's and the truth's, ms
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = lateness, allow_hyphen_values = true)]
     radar_late: f64,
-    /// A drive for `randt calibrate`: the robot stops often and turns on the spot, to the left and to the right by turns
+    /// A drive for `randt calibrate`: the robot stops often and turns on the spot, to the left and
+    /// to the right by turns
     #[arg(long)]
     turns: bool,
     /// Overwrite files that exist

@@ -18,7 +18,8 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 use watch::Watch;
 
-/// How often what has come is taken: well before a buffer is full, however seldom the screen is drawn.
+/// How often what has come is taken: well before a buffer is full, however seldom the screen is
+/// drawn.
 const POLL_PERIOD: Duration = Duration::from_millis(100);
 /// A single look takes this time: four or five words of every stage's health.
 const ONCE: Duration = Duration::from_millis(2200);
@@ -76,7 +77,8 @@ fn live(mut watch: Watch, interval: Duration) -> anyhow::Result<Outcome> {
         std::io::stdout().is_terminal(),
         "standard output is no terminal; --once prints a table"
     );
-    // Before the terminal is taken: without the right to look there is a line that names the reason.
+    // Before the terminal is taken: without the right to look there is a line that names the
+    // reason.
     let mut snapshot = watch.refresh()?;
     let mut screen = Screen::open()?;
     let mut next = Instant::now() + interval;
@@ -87,7 +89,8 @@ fn live(mut watch: Watch, interval: Duration) -> anyhow::Result<Outcome> {
                 // What was wrong for a moment is not seen at the next look.
                 Err(error) => snapshot.notes = vec![format!("{error:#}")],
             }
-            // From now, not from when it was due: a process that was stopped has nothing to make up for.
+            // From now, not from when it was due: a process that was stopped has nothing to make
+            // up for.
             next = Instant::now() + interval;
         }
         screen.draw(&snapshot)?;

@@ -49,7 +49,8 @@ fn drivers(no_imu: bool) -> &'static [&'static str] {
 /// Arguments of `randt up`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// Play this recording to the pipeline instead of starting the drivers of the radar and the IMU
+    /// Play this recording to the pipeline instead of starting the drivers of the radar and the
+    /// IMU
     #[arg(long, value_name = "LOG")]
     play: Option<PathBuf>,
     /// Start neither: drivers of your own publish

@@ -17,7 +17,8 @@ pub const FILE: &str = "mission.json";
 pub struct Record {
     /// Version of the program that began it.
     pub randt: String,
-    /// Its number among the robot's missions, from 1 on; 0 where an older version began it. Dates may be wrong, this is not.
+    /// Its number among the robot's missions, from 1 on; 0 where an older version began it. Dates
+    /// may be wrong, this is not.
     #[serde(default)]
     pub number: u64,
     /// When it began, ns since 1970 of the system's clock.

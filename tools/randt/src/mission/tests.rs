@@ -5,7 +5,8 @@ use crate::date::BootTime;
 
 const MINUTE_NS: i64 = 60_000_000_000;
 
-/// A time after the last sign of life, by a date that is known or not; in a boot, at a time after its beginning.
+/// A time after the last sign of life, by a date that is known or not; in a boot, at a time after
+/// its beginning.
 fn after(mission: &Mission, ns: i64, is_date_known: bool, boot: (&str, i64)) -> Now {
     Now {
         date_ns: mission.last_sign_ns() + ns,
@@ -45,7 +46,8 @@ fn a_date_without_a_source_gives_no_age() {
     let folder = tempfile::tempdir().unwrap();
     let mission = begun(folder.path(), ("one", MINUTE_NS));
     let rebooted = ("two", 20_000_000_000);
-    // 1970; a second after the last sign, where the date comes from a file; a battery's clock that was reset.
+    // 1970; a second after the last sign, where the date comes from a file; a battery's clock that
+    // was reset.
     let years_ns = mission.last_sign_ns();
     for (ns, is_date_known) in [(-years_ns, false), (1, false), (-MINUTE_NS, true)] {
         let now = after(&mission, ns, is_date_known, rebooted);

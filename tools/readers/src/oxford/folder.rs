@@ -18,7 +18,8 @@ pub(crate) struct OxfordFolder {
 }
 
 impl OxfordFolder {
-    /// Opens the data set's folder (with `radar/` in it) or the folder of the images; `None` for a folder without images.
+    /// Opens the data set's folder (with `radar/` in it) or the folder of the images; `None` for a
+    /// folder without images.
     pub fn open(path: &Path, options: &Options) -> Result<Option<Self>, Error> {
         let inner = path.join("radar");
         let (folder, base) = if inner.is_dir() {

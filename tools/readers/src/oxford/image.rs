@@ -87,7 +87,8 @@ impl PolarImage {
         })
     }
 
-    /// A grey photograph of the right depth is no sweep: its first bytes make no sense as times and angles.
+    /// A grey photograph of the right depth is no sweep: its first bytes make no sense as times
+    /// and angles.
     fn check(&self) -> Result<(), String> {
         let mut first_us = None;
         for (index, row) in self.rows().enumerate().filter(|(_, row)| row.valid) {

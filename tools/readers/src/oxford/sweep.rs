@@ -50,7 +50,8 @@ pub(super) fn build(
         if let Some(beam) = sweep.beams.get_mut(index) {
             *beam = Beam {
                 stamp_ns: rotation.ns(*counts as f64),
-                // The encoder counts clockwise; azimuths in our messages are counter-clockwise, as REP-103 has them.
+                // The encoder counts clockwise; azimuths in our messages are counter-clockwise, as
+                // REP-103 has them.
                 azimuth_rad: wrap_f32(-f64::from(row.encoder) * rad_per_count),
                 first_return: message.items.len() as u32,
             };

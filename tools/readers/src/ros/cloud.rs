@@ -1,4 +1,5 @@
-//! `sensor_msgs/PointCloud2`, as found: fields by name, offset and datatype, any step, either byte order.
+//! `sensor_msgs/PointCloud2`, as found: fields by name, offset and datatype, any step, either byte
+//! order.
 
 use super::wire::{Encoding, Malformed, RosHeader, Wire};
 
@@ -29,7 +30,8 @@ const INTENSITY_NAMES: [&str; 6] = [
     "rcs",
 ];
 
-/// Most points in a message: ten times a sweep's most returns and then some. A larger count is damage.
+/// Most points in a message: ten times a sweep's most returns and then some. A larger count is
+/// damage.
 const MAX_POINTS: usize = 1 << 22;
 
 /// `sensor_msgs/PointField` datatypes 1 to 8.

@@ -1,4 +1,5 @@
-//! What a bag of any format gives: serialised messages of named channels, in the order of recording.
+//! What a bag of any format gives: serialised messages of named channels, in the order of
+//! recording.
 
 use super::wire::Encoding;
 use crate::{Error, counters::Counters};

@@ -211,7 +211,8 @@ impl RosSource {
         }
     }
 
-    /// A publisher that leaves the stamp at zero is stamped on arrival; false where no measurement has the stamp.
+    /// A publisher that leaves the stamp at zero is stamped on arrival; false where no measurement
+    /// has the stamp.
     fn stamp(&mut self, decoded: &mut Decoded, arrival_ns: i64) -> bool {
         let header = match decoded {
             Decoded::Cloud(cloud) => &mut cloud.header,

@@ -59,7 +59,8 @@ impl Tree {
         }
     }
 
-    /// A sensor's pose in the base frame: translation m and rotation; `None` without a static chain.
+    /// A sensor's pose in the base frame: translation m and rotation; `None` without a static
+    /// chain.
     pub fn in_base(&self, frame: &str) -> Option<([f64; 3], Quaternion)> {
         let mut frame = frame.trim_start_matches('/');
         let mut translation = [0.0; 3];

@@ -1,7 +1,7 @@
 //! A cursor over a serialised ROS message, ROS 1 or CDR (ROS 2).
 //!
-//! The two differ in alignment, byte order, the terminating zero of strings and the sequence number of
-//! the header; all four live here, so that each message type has one decoder.
+//! The two differ in alignment, byte order, the terminating zero of strings and the sequence
+//! number of the header; all four live here, so that each message type has one decoder.
 
 /// How a message is serialised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,7 +45,8 @@ impl<'a> Wire<'a> {
             big_endian: false,
         };
         if encoding == Encoding::Cdr {
-            // Representation identifiers 0 and 1 are plain CDR; others (XCDR2, parameter lists) are not ROS 2's.
+            // Representation identifiers 0 and 1 are plain CDR; others (XCDR2, parameter lists)
+            // are not ROS 2's.
             let kind = wire.array::<4>()?;
             wire.big_endian = match kind {
                 [0, 0, ..] => true,

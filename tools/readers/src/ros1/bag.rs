@@ -154,7 +154,8 @@ impl Bag {
         }
     }
 
-    /// Reads from `at` and keeps static transforms: of one chunk, or of all, counting every message.
+    /// Reads from `at` and keeps static transforms: of one chunk, or of all, counting every
+    /// message.
     fn collect(&mut self, at: u64, only_chunk: Option<u64>) -> Result<(), Error> {
         self.seek(at);
         // The reading proper will count the damage.

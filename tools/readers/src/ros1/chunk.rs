@@ -3,8 +3,8 @@
 use super::record::Fields;
 use std::io::{BufReader, Read, Take};
 
-/// Largest plausible decompressed chunk, bytes. rosbag writes 768 KiB, or one message where that is more;
-/// the largest in common recordings, a raw camera image, is about 30 MB.
+/// Largest plausible decompressed chunk, bytes. rosbag writes 768 KiB, or one message where that
+/// is more; the largest in common recordings, a raw camera image, is about 30 MB.
 const CHUNK_MAX: u64 = 256 << 20;
 
 /// Longest header of a chunk record: three short fields.
@@ -38,7 +38,8 @@ impl ChunkHeader {
         (size <= CHUNK_MAX).then_some(Self { compression, size })
     }
 
-    /// Appends the chunk's content to `out`; what came before a damage is there also when it fails.
+    /// Appends the chunk's content to `out`; what came before a damage is there also when it
+    /// fails.
     pub fn decompress(
         self,
         stored: Take<&mut impl Read>,

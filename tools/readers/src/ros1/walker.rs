@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 
 /// First bytes of a bag of format 2.0.
 pub(crate) const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
-/// Longest data of a record outside chunks that is kept: a connection's header with its message definition.
+/// Longest data of a record outside chunks that is kept: a connection's header with its message
+/// definition.
 const DATA_MAX: u64 = 1 << 20;
 /// Bytes searched at a time for the next chunk.
 const WINDOW: usize = 1 << 16;
@@ -78,7 +79,8 @@ impl Walker {
         }
     }
 
-    /// Declares what lies at `at` damaged and goes on with the next chunk that begins at or after `from`.
+    /// Declares what lies at `at` damaged and goes on with the next chunk that begins at or after
+    /// `from`.
     pub fn damage(&mut self, at: u64, from: u64, what: String) -> Result<Step, Error> {
         let resumed = self.find_chunk(from)?;
         self.at = resumed;

@@ -1,4 +1,5 @@
-//! A ROS bag in MCAP as a recording: CDR (ROS 2) or, as converters write it, ROS 1's serialisation.
+//! A ROS bag in MCAP as a recording: CDR (ROS 2) or, as converters write it, ROS 1's
+//! serialisation.
 
 use crate::ros::{Channel, Encoding, Kind, Raw, Recording};
 use crate::summary::Summary;

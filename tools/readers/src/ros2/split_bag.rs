@@ -92,7 +92,8 @@ impl Recording for SplitBag {
     }
 }
 
-/// The files of a bag's folder in the order of recording; rosbag2 numbers them `NAME_0`, `NAME_1`, ...
+/// The files of a bag's folder in the order of recording; rosbag2 numbers them `NAME_0`, `NAME_1`,
+/// ...
 pub(crate) fn bag_files(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {

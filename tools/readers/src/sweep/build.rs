@@ -156,7 +156,8 @@ impl Turn {
             }
         };
         let step = 2.0 * PI / count as f64;
-        // The sweep's own phase against the grid, in steps: a turntable need not stop where it began.
+        // The sweep's own phase against the grid, in steps: a turntable need not stop where it
+        // began.
         let (_, phase) = resultant(angles.iter().map(|angle| angle * count as f64));
         let phase = phase / (2.0 * PI);
         let mut slots: Vec<BeamSlot> = (0..count)
@@ -200,7 +201,8 @@ pub(crate) fn wrap_f32(azimuth_rad: f64) -> f32 {
     }
 }
 
-/// Leaves the strongest returns where there are more than a message holds; order and ties as they stand.
+/// Leaves the strongest returns where there are more than a message holds; order and ties as they
+/// stand.
 fn keep_strongest(polar: &mut Polar, counters: &mut Counters) {
     let count = polar.points.len();
     let Some(over) = count.checked_sub(MAX_RETURNS).filter(|over| *over > 0) else {

@@ -9,8 +9,8 @@ use randt_messages::{MAX_BEAMS, SensorKind};
 const PERIOD_FALLBACK_S: f64 = 0.2;
 /// Shortest and longest plausible turn, s.
 const PERIOD_LIMITS_S: (f64, f64) = (0.005, 60.0);
-/// Mean resultant length from which azimuths (or ranges) lie on a grid: 1 exactly on it, about 0 at random.
-/// 0.8 allows a jitter of a tenth of a step.
+/// Mean resultant length from which azimuths (or ranges) lie on a grid: 1 exactly on it, about 0
+/// at random. 0.8 allows a jitter of a tenth of a step.
 const ON_GRID: f64 = 0.8;
 /// Share of steps in one direction from which beams count as ordered.
 const ORDERED: f64 = 0.9;
@@ -210,8 +210,9 @@ pub(super) fn ahead(a_rad: f64, b_rad: f64, clockwise: bool) -> f64 {
     if angle < 0.0 { angle + 2.0 * PI } else { angle }
 }
 
-/// Azimuth of the first beam. It lies behind the last beam of every sweep and not behind the first:
-/// beams without a return leave several starts, of which a seam of atan2 (-pi) is the likeliest.
+/// Azimuth of the first beam. It lies behind the last beam of every sweep and not behind the
+/// first: beams without a return leave several starts, of which a seam of atan2 (-pi) is the
+/// likeliest.
 fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Option<f64> {
     let sense = if clockwise { -1.0 } else { 1.0 };
     let mut ends = clusters
@@ -288,7 +289,8 @@ fn bins(sweeps: &[Polar], clusters: &[Vec<Cluster>]) -> Bins {
     let Some(mut resolution_m) = quantile(&steps, 0.1) else {
         return Bins::default();
     };
-    // Least squares over short steps, then over long ones, whose bin numbers the short ones made sure.
+    // Least squares over short steps, then over long ones, whose bin numbers the short ones made
+    // sure.
     for longest in [4.0, 16.0, 64.0, 256.0] {
         let (mut product, mut square) = (0.0, 0.0);
         for step in &steps {
@@ -308,7 +310,8 @@ fn bins(sweeps: &[Polar], clusters: &[Vec<Cluster>]) -> Bins {
     if length < ON_GRID {
         return Bins::default();
     }
-    // A quarter of a bin to either side of 0 and of a half stays on its side whatever the rounding.
+    // A quarter of a bin to either side of 0 and of a half stays on its side whatever the
+    // rounding.
     let offset = phase / (2.0 * PI);
     let offset = if offset < -0.25 { offset + 1.0 } else { offset };
     Bins {

@@ -36,8 +36,8 @@ pub(super) struct Cluster {
 }
 
 impl Polar {
-    /// Converts a cloud; `mirrored` for a radar that hangs upside down. Also gives the number of points
-    /// at range zero: they have no direction and are left out.
+    /// Converts a cloud; `mirrored` for a radar that hangs upside down. Also gives the number of
+    /// points at range zero: they have no direction and are left out.
     pub fn from_cloud(cloud: &Cloud, mirrored: bool) -> (Self, u32) {
         let mut polar = Self {
             stamp_ns: cloud.header.stamp_ns,
@@ -68,8 +68,8 @@ pub(super) fn clusters(points: &[PolarPoint]) -> Vec<Cluster> {
     let mut clusters: Vec<Cluster> = Vec::new();
     let mut start = 0;
     while let Some(first) = points.get(start) {
-        // Far points fix the direction best (f32 coordinates round by the same length near and far),
-        // so the mean is weighted by range.
+        // Far points fix the direction best (f32 coordinates round by the same length near and
+        // far), so the mean is weighted by range.
         let (mut sum, mut weight) = (0.0, 0.0);
         let mut end = start;
         while let Some(point) = points.get(end) {

@@ -11,7 +11,8 @@ use randt_messages::{MAX_BEAMS, MAX_RETURNS, Message, RadarScan};
 
 const PERIOD_NS: i64 = 250_000_000;
 
-/// Sweeps of a radar with `beams` beams from `start` on; each beam has a return with probability `share`.
+/// Sweeps of a radar with `beams` beams from `start` on; each beam has a return with probability
+/// `share`.
 struct Radar {
     beams: u32,
     start_rad: f64,

@@ -48,7 +48,8 @@ impl Random {
     }
 }
 
-/// A small recording: a room seen by a turning radar, an IMU, a mounting. `sweeps` of about 500 returns.
+/// A small recording: a room seen by a turning radar, an IMU, a mounting. `sweeps` of about 500
+/// returns.
 pub fn recording(style: Style, layout: &CloudLayout, sweeps: usize) -> Vec<TestMessage> {
     let start_ns = 1_700_000_000_000_000_000;
     let mut random = Random(42);

@@ -11,7 +11,8 @@ use std::time::Instant;
 /// What the library called back with.
 #[derive(Clone, Debug)]
 pub(in crate::phidget) enum Event {
-    /// The device is there; it was asked for its interval, and this is what it has, ms, and what was wrong.
+    /// The device is there; it was asked for its interval, and this is what it has, ms, and what
+    /// was wrong.
     Attach { interval_ms: u32, complaint: String },
     /// It is gone.
     Detach,
@@ -47,7 +48,8 @@ impl Shared {
 }
 
 pub(super) unsafe extern "C" fn attached(handle: Handle, context: *mut c_void) {
-    // SAFETY: the context is a channel's `Shared`, which is never freed; the handle is the channel's, attached.
+    // SAFETY: the context is a channel's `Shared`, which is never freed; the handle is the
+    // channel's, attached.
     let Some(shared) = (unsafe { context.cast::<Shared>().as_ref() }) else {
         return;
     };
@@ -73,7 +75,8 @@ pub(super) unsafe extern "C" fn failed(
     code: c_int,
     text: *const c_char,
 ) {
-    // SAFETY: the context is a channel's `Shared`, which is never freed; the text ends with a zero.
+    // SAFETY: the context is a channel's `Shared`, which is never freed; the text ends with a
+    // zero.
     if let Some(shared) = unsafe { context.cast::<Shared>().as_ref() } {
         let text = unsafe { text_from(text) };
         shared.send(Event::Error(format!("{text} (event {code})")));
@@ -88,7 +91,8 @@ pub(super) unsafe extern "C" fn measured(
     _field_gauss: *const f64,
     timestamp_ms: f64,
 ) {
-    // SAFETY: the context is a channel's `Shared`, which is never freed; vectors are three numbers long.
+    // SAFETY: the context is a channel's `Shared`, which is never freed; vectors are three numbers
+    // long.
     let (shared, acceleration_g, rate_deg_s) = unsafe {
         (
             context.cast::<Shared>().as_ref(),

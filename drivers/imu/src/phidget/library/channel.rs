@@ -60,7 +60,8 @@ pub(in crate::phidget) struct Channel {
 }
 
 impl Channel {
-    /// Opens the first Spatial, or that with a serial number, on USB or at a server. It may attach at any time later.
+    /// Opens the first Spatial, or that with a serial number, on USB or at a server. It may attach
+    /// at any time later.
     pub(in crate::phidget) fn open(
         library: Library,
         serial_number: Option<i32>,
@@ -90,7 +91,8 @@ impl Channel {
             busy: Arc::default(),
         };
         let check = |code| symbols.check(code);
-        // SAFETY: the handle is written by `create` and used for nothing but its own channel; the context is never freed.
+        // SAFETY: the handle is written by `create` and used for nothing but its own channel; the
+        // context is never freed.
         unsafe {
             check((symbols.create)(&mut channel.handle))?;
             let (handle, context) = (channel.handle, std::ptr::from_ref(Box::leak(shared)));
@@ -112,8 +114,8 @@ impl Channel {
         Ok(channel)
     }
 
-    /// Begins anew with what does not send: a server is connected anew, a USB device opened anew. That may take the
-    /// library long, so it is done in a thread.
+    /// Begins anew with what does not send: a server is connected anew, a USB device opened anew.
+    /// That may take the library long, so it is done in a thread.
     pub(in crate::phidget) fn renew(&self) {
         if self.busy.swap(true, Relaxed) {
             return;

@@ -19,7 +19,8 @@ macro_rules! symbols {
         impl Symbols {
             /// All of a library.
             pub(super) fn load(library: &libloading::Library) -> Result<Self, libloading::Error> {
-                // SAFETY: the types are those by which the vendor's Python package calls them; the library is never unloaded.
+                // SAFETY: the types are those by which the vendor's Python package calls them; the
+                // library is never unloaded.
                 unsafe { Ok(Self { $( $name: *library.get($symbol)? ),+ }) }
             }
         }

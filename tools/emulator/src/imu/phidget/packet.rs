@@ -1,7 +1,7 @@
 //! Packets of the Phidget network protocol: a header of 16 bytes, little-endian, and a JSON text.
 //!
-//! magic u32, length of the text u32, flags u16, number of the request u16, number of the request that is answered u16,
-//! type u8, subtype u8.
+//! magic u32, length of the text u32, flags u16, number of the request u16, number of the request
+//! that is answered u16, type u8, subtype u8.
 
 /// "PHI0", backwards.
 const MAGIC: u32 = 0x5048_4930;

@@ -7,10 +7,12 @@ use randt_mapper::KeyframeIdx;
 use randt_mapper::pose_graph::{Edge, PoseGraph};
 use randt_simulator::Random;
 
-/// A loop is false when it is off by more than this, m and rad: what a grid to navigate by does not forgive.
+/// A loop is false when it is off by more than this, m and rad: what a grid to navigate by does
+/// not forgive.
 const FALSE_M: f64 = 0.5;
 const FALSE_RAD: f64 = 5.0 * PI / 180.0;
-/// A group's runs lie on each other within this, m and rad, as a place that looks like another does.
+/// A group's runs lie on each other within this, m and rad, as a place that looks like another
+/// does.
 const GROUP_OFFSET_M: f64 = 1.0;
 const GROUP_OFFSET_RAD: f64 = 0.2;
 /// Draws per loop or group: in a map of one place there may be none that is false.
@@ -52,7 +54,8 @@ pub(super) fn group_sizes(text: &str) -> Result<(usize, usize), String> {
 }
 
 impl FalseLoops {
-    /// Draws loops that are false in a graph that is solved. Each claims the information of some true loop.
+    /// Draws loops that are false in a graph that is solved. Each claims the information of some
+    /// true loop.
     pub fn draw(&self, clean: &PoseGraph, seed: u64) -> anyhow::Result<Vec<Edge>> {
         ensure!(
             !clean.loops().is_empty(),

@@ -17,7 +17,8 @@ pub(super) struct Problem {
 }
 
 impl Problem {
-    /// Nodes in the order of their ids. The first edge from an id to the next is odometry, every other one a loop.
+    /// Nodes in the order of their ids. The first edge from an id to the next is odometry, every
+    /// other one a loop.
     pub fn new(file: &g2o::Graph) -> anyhow::Result<Self> {
         let vertices: BTreeMap<u64, Pose2> = file.vertices.iter().copied().collect();
         // A file may leave its vertices out, but not some of them.

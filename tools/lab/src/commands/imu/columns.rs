@@ -1,4 +1,5 @@
-//! Which columns of an IMU table hold stamp, rate and specific force: by the header's names and units.
+//! Which columns of an IMU table hold stamp, rate and specific force: by the header's names and
+//! units.
 
 use std::f64::consts::PI;
 

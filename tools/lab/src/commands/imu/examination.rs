@@ -1,7 +1,7 @@
 //! What an IMU recording shows, sample by sample, as a robot would learn it.
 //!
-//! One pass. Only the time before the first standstill profits from what comes later: its attitude is computed
-//! once the bias is known.
+//! One pass. Only the time before the first standstill profits from what comes later: its attitude
+//! is computed once the bias is known.
 
 use super::sample::Sample;
 use nalgebra::Vector3;
@@ -21,8 +21,8 @@ pub struct Span {
     pub end_s: f64,
 }
 
-/// The state of an examination. Its fields are the filters that run on the robot, and the running sums and lists of the
-/// single pass over the samples.
+/// The state of an examination. Its fields are the filters that run on the robot, and the running
+/// sums and lists of the single pass over the samples.
 #[derive(Debug)]
 pub struct Examination {
     attitude: AttitudeFilter,
@@ -233,7 +233,8 @@ impl Examination {
         self.turned_rad
     }
 
-    /// Attitude as TUM rows: stamp s, position (zero), quaternion x y z w of the IMU in a level frame.
+    /// Attitude as TUM rows: stamp s, position (zero), quaternion x y z w of the IMU in a level
+    /// frame.
     pub fn trajectory(&self) -> Option<&str> {
         self.trajectory.as_deref()
     }

@@ -1,4 +1,5 @@
-//! An IMU recording as a table: rows of text whose cells stand between commas, semicolons or tabs, quoted or not.
+//! An IMU recording as a table: rows of text whose cells stand between commas, semicolons or tabs,
+//! quoted or not.
 //!
 //! Responsible for rows and numbers. Which column holds what is found by `columns`.
 
@@ -13,7 +14,8 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek};
 use std::path::Path;
 
-/// Longest row. A file without line ends, or a quote that is never closed, must not fill the memory.
+/// Longest row. A file without line ends, or a quote that is never closed, must not fill the
+/// memory.
 const ROW_MAX: u64 = 64 * 1024;
 /// The one that the header has most of stands between the cells.
 const DELIMITERS: [u8; 3] = *b",;\t";
@@ -265,7 +267,8 @@ mod tests {
             acceleration_m_s2: Vector3::new(4.0, 5.0, 6.0),
         };
         for text in [
-            // Spreadsheets quote what holds the character that stands between cells, and double a quote inside.
+            // Spreadsheets quote what holds the character that stands between cells, and double a
+            // quote inside.
             "\u{feff}\"stamp, s\",\"note \"\"a\"\", b\",wx,wy,wz,ax,ay,az\n\"1.5\",\"stands; \"\"still\"\", then turns\",1.25,2,3,4,5,6\n",
             "stamp [s];wx;wy;wz;\"ax\";ay;az\r\n1.5;1.25;2;3;4;5;6\r\n",
             // Where the decimal sign is a comma.

@@ -15,7 +15,8 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     recording: Recording,
-    /// Write the section [robot] for --robot: the radar's position as found here, the IMU's as it was
+    /// Write the section [robot] for --robot: the radar's position as found here, the IMU's as it
+    /// was
     #[arg(long, value_name = "ROBOT.toml")]
     write: Option<PathBuf>,
     /// Overwrite a file that exists

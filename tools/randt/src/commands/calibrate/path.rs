@@ -13,16 +13,18 @@ use randt_odometry::{Odometry, Sink};
 use randt_readers::Event;
 use std::collections::BTreeMap;
 
-/// Accelerations that the motion model allows, m/s^2 and rad/s^2: looser than a pipeline's, whose path is calm, but
-/// follows late.
+/// Accelerations that the motion model allows, m/s^2 and rad/s^2: looser than a pipeline's, whose
+/// path is calm, but follows late.
 const LOOSE_ACCELERATION_M_S2: f64 = 3.0;
 const LOOSE_ANGULAR_ACCELERATION_RAD_S2: f64 = 2.0;
-/// Noise of a gyro that does not count for the yaw, rad/s per square root of Hz: it de-skews the sweeps and shows where to
-/// begin to search, and the scan decides.
+/// Noise of a gyro that does not count for the yaw, rad/s per square root of Hz: it de-skews the
+/// sweeps and shows where to begin to search, and the scan decides.
 const LOOSE_GYRO_NOISE: f64 = 0.05;
-/// Largest cells, m: a calibration drive stays near its walls (a sensor that sees less has its own least).
+/// Largest cells, m: a calibration drive stays near its walls (a sensor that sees less has its own
+/// least).
 const CELL_SIZE_MAX_M: f64 = 0.5;
-/// Least share of gravity along the robot's vertical (25 degrees): slopes are less, an IMU on its side is more.
+/// Least share of gravity along the robot's vertical (25 degrees): slopes are less, an IMU on its
+/// side is more.
 const UPRIGHT_MIN: f64 = 0.9;
 
 /// What is asked of odometry.
@@ -196,8 +198,8 @@ impl YawRateEstimator {
         });
     }
 
-    /// The rates, if the IMU sits upright on the robot: what a drive accelerates it brakes again, so that the mean
-    /// force is gravity's.
+    /// The rates, if the IMU sits upright on the robot: what a drive accelerates it brakes again,
+    /// so that the mean force is gravity's.
     fn rates(self, log: &std::path::Path) -> anyhow::Result<Vec<YawRate>> {
         let up = self.force.try_normalize(1e-9);
         if up.is_some_and(|up| up.z < UPRIGHT_MIN) {
@@ -210,7 +212,8 @@ impl YawRateEstimator {
     }
 }
 
-/// Each scan's pose when it left the window; the last scans of a frame, which never did, by their live pose.
+/// Each scan's pose when it left the window; the last scans of a frame, which never did, by their
+/// live pose.
 fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
     let settled: BTreeMap<(u64, i64), [f64; 3]> = states
         .iter()

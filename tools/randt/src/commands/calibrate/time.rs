@@ -24,8 +24,9 @@ const SETTLED_S: f64 = 1e-4;
 
 /// Estimates and prints.
 ///
-/// Odometry without the gyro cannot be misled by its stamps, but lags where a turn begins. So its offset is a first
-/// guess, with which the gyro takes the turn out of the sweeps; what odometry finds then gives the next.
+/// Odometry without the gyro cannot be misled by its stamps, but lags where a turn begins. So its
+/// offset is a first guess, with which the gyro takes the turn out of the sweeps; what odometry
+/// finds then gives the next.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let recording = &arguments.recording;
     let log = recording.log.display();

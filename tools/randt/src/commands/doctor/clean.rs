@@ -1,4 +1,5 @@
-//! `randt doctor --clean`: takes away what dead stages left: everything when no stage lives, else what nobody living holds.
+//! `randt doctor --clean`: takes away what dead stages left: everything when no stage lives, else
+//! what nobody living holds.
 
 use super::processes::Process;
 use super::snapshot::{DomainSnapshot, program};

@@ -11,7 +11,8 @@ use std::path::Path;
 
 const ABOUT: &str = "isolation";
 
-/// All stages are in this domain and see the same files. `by_default`: the run folder was not named.
+/// All stages are in this domain and see the same files. `by_default`: the run folder was not
+/// named.
 pub fn check(snapshot: &DomainSnapshot, by_default: bool) -> Vec<Finding> {
     let shared_memory = fs::metadata("/dev/shm").ok().map(|found| found.dev());
     let mut found = Vec::new();
@@ -93,8 +94,8 @@ fn lost(snapshot: &DomainSnapshot, process: &Process) -> Option<Finding> {
     })
 }
 
-/// Without --run a stage takes /run/randt or the folder of its user's session, or where neither is there yet the other
-/// folder.
+/// Without --run a stage takes /run/randt or the folder of its user's session, or where neither is
+/// there yet the other folder.
 fn both_folders(snapshot: &DomainSnapshot) -> Option<Finding> {
     let other = Domain::shared_run(snapshot.user).join(snapshot.domain.prefix());
     let both = snapshot.domain.folder() != other && Path::new(&other).is_dir();

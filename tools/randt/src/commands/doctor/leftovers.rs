@@ -9,7 +9,8 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::time::Duration;
 
-/// What a stage that starts or ends has made and not yet opened is looked at again after this time.
+/// What a stage that starts or ends has made and not yet opened is looked at again after this
+/// time.
 const AGAIN: Duration = Duration::from_millis(200);
 /// Nobody keeps this open; it stays until the domain is cleaned, and is 16 bytes long.
 const SHARED_BY_ALL: &str = ".global_mgmt";

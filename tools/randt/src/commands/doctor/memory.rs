@@ -1,4 +1,5 @@
-//! Whether there is memory for every topic and for what outlives a stage. Where it runs out a store is a stage's end.
+//! Whether there is memory for every topic and for what outlives a stage. Where it runs out a
+//! store is a stage's end.
 
 use super::finding::Finding;
 use super::snapshot::DomainSnapshot;

@@ -1,4 +1,5 @@
-//! Whose the domain is, and what others may do in it. All stages must be one user's: shared memory is.
+//! Whose the domain is, and what others may do in it. All stages must be one user's: shared memory
+//! is.
 
 use super::finding::Finding;
 use super::snapshot::DomainSnapshot;

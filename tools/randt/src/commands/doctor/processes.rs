@@ -70,8 +70,8 @@ impl Process {
                 .map(|found| found.dev()),
             open: BTreeSet::new(),
         };
-        // Another user's, or one that systemd keeps in a user namespace of its own (PrivateUsers), lists its files to
-        // nobody or shows none of them: its command line is all that is known.
+        // Another user's, or one that systemd keeps in a user namespace of its own (PrivateUsers),
+        // lists its files to nobody or shows none of them: its command line is all that is known.
         let may_look = fs::read_link(proc.join("exe")).is_ok();
         match fs::read_dir(proc.join("fd")) {
             Ok(files) if may_look => files.flatten().for_each(|file| process.add(&file.path())),

@@ -15,7 +15,8 @@ use std::time::Duration;
 /// Arguments of `randt doctor sensors`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// How long to read them, s; turn the robot meanwhile to see whether radar and gyro turn the same way
+    /// How long to read them, s; turn the robot meanwhile to see whether radar and gyro turn the
+    /// same way
     #[arg(long, value_name = "S", default_value = "5", value_parser = clap::value_parser!(u32).range(2..=3600))]
     seconds: u32,
     /// Do not check the IMU

@@ -1,4 +1,5 @@
-//! Whether the memory that stages share is still there: one that goes on in removed memory reaches nobody.
+//! Whether the memory that stages share is still there: one that goes on in removed memory reaches
+//! nobody.
 
 use super::finding::Finding;
 use super::snapshot::{DomainSnapshot, program};

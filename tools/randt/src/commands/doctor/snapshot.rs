@@ -1,4 +1,5 @@
-//! What the checks look at: the domain, its register, and every process that may have to do with it.
+//! What the checks look at: the domain, its register, and every process that may have to do with
+//! it.
 
 use super::processes::{self, FileId, Process};
 use crate::identity::Identity;
@@ -12,7 +13,8 @@ pub struct DomainSnapshot {
     pub domain: Domain,
     /// The user that this process is.
     pub user: u32,
-    /// Owner of the domain's folder, or of the run folder where that hides it; none where it is not there.
+    /// Owner of the domain's folder, or of the run folder where that hides it; none where it is
+    /// not there.
     pub owner: Option<u32>,
     /// All stages that ever ran in it, with whether they live.
     pub register: Vec<(Entry, bool)>,

@@ -18,7 +18,8 @@ pub struct Arguments {
     /// The radar's protocol
     #[arg(long)]
     proto: Protocol,
-    /// navtech: where to listen, if not 127.0.0.1:6317; beam-udp: where to send, if not 127.0.0.1:6320, a group too
+    /// navtech: where to listen, if not 127.0.0.1:6317; beam-udp: where to send, if not
+    /// 127.0.0.1:6320, a group too
     #[arg(long, value_name = "IP:PORT")]
     address: Option<SocketAddr>,
     /// beam-udp: how values are written

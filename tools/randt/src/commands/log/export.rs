@@ -27,8 +27,8 @@ pub struct Arguments {
     /// The same as --to foxglove
     #[arg(long, conflicts_with = "to")]
     foxglove: bool,
-    /// What is written: a folder for csv, tum and ros2, a file for ros1 and foxglove; if not given, named after the log,
-    /// beside it
+    /// What is written: a folder for csv, tum and ros2, a file for ros1 and foxglove; if not
+    /// given, named after the log, beside it
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
     /// csv: also the items of messages (returns, points, cells), in files of their own
@@ -50,7 +50,8 @@ enum Format {
     Ros1,
     /// A ROS 2 bag in MCAP, as a folder: the same
     Ros2,
-    /// An MCAP for Foxglove and Lichtblick: every cloud, NDT cells, pose graph, loops, grid, pose and transforms
+    /// An MCAP for Foxglove and Lichtblick: every cloud, NDT cells, pose graph, loops, grid, pose
+    /// and transforms
     Foxglove,
 }
 

@@ -19,7 +19,8 @@ pub struct Arguments {
     domain: DomainArguments,
 }
 
-/// Goes on with the last mission where it was interrupted a short while ago, else begins a new one.
+/// Goes on with the last mission where it was interrupted a short while ago, else begins a new
+/// one.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let domain = arguments.domain.domain()?;
     let _lock = missions.lock()?;

@@ -1,7 +1,7 @@
 //! Copying a mission out of a folder that somebody else may change meanwhile.
 //!
-//! Every file is opened below a folder that is open already, no link is followed, and what has been
-//! opened is inspected: a plain file of the mission's owner is copied and nothing else is.
+//! Every file is opened below a folder that is open already, no link is followed, and what has
+//! been opened is inspected: a plain file of the mission's owner is copied and nothing else is.
 
 use crate::identity::Identity;
 use crate::output::warn;
@@ -44,8 +44,8 @@ enum Found {
     Other(&'static str),
 }
 
-/// Copies a folder into another one that is there. `reader`: with whose rights it is read; it is written with those in
-/// force.
+/// Copies a folder into another one that is there. `reader`: with whose rights it is read; it is
+/// written with those in force.
 pub fn copy(reader: Identity, from: &Path, to: &Path) -> anyhow::Result<Copied> {
     let context = || format!("{}: cannot be read", from.display());
     let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;

@@ -24,7 +24,8 @@ pub struct Arguments {
     out: PathBuf,
 }
 
-/// Copies it under a temporary name, repairs the copy, writes its report, and renames it: whole or not at all.
+/// Copies it under a temporary name, repairs the copy, writes its report, and renames it: whole or
+/// not at all.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mission = match &arguments.name {
         Some(name) => missions.get(name)?,
@@ -83,7 +84,8 @@ fn fill(mission: &Mission, reader: Identity, part: &Path) -> anyhow::Result<(Cop
     copy.repair()?;
     recover::mark_cut_logs(&copy)?;
     recover::repair_logs(&copy)?;
-    // One that was stopped has its report: nothing that was known then is there to make a better one.
+    // One that was stopped has its report: nothing that was known then is there to make a better
+    // one.
     if !copy.has_report() {
         let state = copy.kept_state();
         match report::write(&copy, &mission.name(), state.as_deref(), &part.join(REPORT)) {

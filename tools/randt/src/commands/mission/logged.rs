@@ -1,8 +1,9 @@
-//! What a mission's logs hold: every scan's state, what was not recorded, and the scans that odometry has not computed.
+//! What a mission's logs hold: every scan's state, what was not recorded, and the scans that
+//! odometry has not computed.
 //!
-//! Odometry goes on from where it ended, with what the logs have after that. Where its state is gone, because memory was
-//! lost with the power, it computes the scans since the last boot anew: the map takes what comes of that where odometry
-//! makes its last keyframe once more, bit for bit.
+//! Odometry goes on from where it ended, with what the logs have after that. Where its state is
+//! gone, because memory was lost with the power, it computes the scans since the last boot anew:
+//! the map takes what comes of that where odometry makes its last keyframe once more, bit for bit.
 
 use crate::output::warn;
 use crate::recovered_drive::RecoveredDrive;
@@ -99,7 +100,8 @@ impl Logged {
         let mut reader = LogReader::open(file)?;
         while let Some(entry) = reader.next_entry()? {
             if let Some(state) = entry.decode::<OdometryStateTopic>()? {
-                // Sent again by odometry that came back, and recorded again by the recorder that did: it counts once.
+                // Sent again by odometry that came back, and recorded again by the recorder that
+                // did: it counts once.
                 self.results.state(state.head.as_ref());
             } else if let Some(missing) = entry.decode::<LogDropTopic>()? {
                 self.not_recorded += missing.head.count;

@@ -16,7 +16,8 @@ pub struct Arguments {
     domain: DomainArguments,
 }
 
-/// Ends the current mission, begins another, and starts the pipeline again where it ran under systemd.
+/// Ends the current mission, begins another, and starts the pipeline again where it ran under
+/// systemd.
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let name = arguments.name.as_deref();
     let domain = arguments.domain.domain()?;

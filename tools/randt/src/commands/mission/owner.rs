@@ -16,8 +16,8 @@ pub fn owns(mission: &Mission, domain: &Domain) -> bool {
     owner.is_ok_and(|owner| owner == mission.name())
 }
 
-/// Gives the run folder to a mission. What stages of another one left there would make this one go on where that was: it
-/// is taken away, into the other one's folder where it has no report yet.
+/// Gives the run folder to a mission. What stages of another one left there would make this one go
+/// on where that was: it is taken away, into the other one's folder where it has no report yet.
 pub fn hand_to(mission: &Mission, missions: &Missions, domain: &Domain) -> anyhow::Result<()> {
     if owns(mission, domain) {
         return Ok(());

@@ -1,6 +1,8 @@
-//! `randt mission recover`: whole logs of those that were cut, and records of missions that cannot be read.
+//! `randt mission recover`: whole logs of those that were cut, and records of missions that cannot
+//! be read.
 //!
-//! A cut log is renamed before the recorder begins, and repaired while the pipeline runs: that takes seconds.
+//! A cut log is renamed before the recorder begins, and repaired while the pipeline runs: that
+//! takes seconds.
 
 use crate::commands::log::recover as log;
 use crate::exit::Outcome;

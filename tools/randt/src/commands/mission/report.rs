@@ -1,4 +1,5 @@
-//! A mission's report: what `randt run` leaves, made of what the stages left behind and of the logs.
+//! A mission's report: what `randt run` leaves, made of what the stages left behind and of the
+//! logs.
 
 use super::logged::Logged;
 use crate::finish_drive::{Drive, finish_drive};
@@ -16,8 +17,8 @@ use randt_messages::OdometryState;
 use randt_odometry::runtime::CheckpointStore;
 use std::path::Path;
 
-/// Writes it into a folder; gives whether data were lost. `name`: what it is called there, also while it is being copied;
-/// `state`: where odometry's last state is, if that is known.
+/// Writes it into a folder; gives whether data were lost. `name`: what it is called there, also
+/// while it is being copied; `state`: where odometry's last state is, if that is known.
 pub fn write(
     mission: &Mission,
     name: &str,

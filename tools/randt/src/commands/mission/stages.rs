@@ -17,7 +17,8 @@ const LONG_END_MAX: Duration = Duration::from_secs(40);
 const ASK_EVERY: Duration = Duration::from_millis(500);
 const POLL_PERIOD: Duration = Duration::from_millis(10);
 
-/// Ends them; gives whether systemd has to start them again. An error names what still writes into the mission.
+/// Ends them; gives whether systemd has to start them again. An error names what still writes into
+/// the mission.
 pub fn stop(mission: &Mission, domain: &Domain) -> anyhow::Result<bool> {
     let is_under_systemd = target::stop()?;
     if !is_under_systemd && owner::owns(mission, domain) {
@@ -73,8 +74,8 @@ fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
     let mut asked: Option<Instant> = None;
     while is_there() {
         if asked.is_none_or(|asked| asked.elapsed() > ASK_EVERY) {
-            // A stopped one gets no signal until it goes on. That comes first, because iceoryx2 remembers only the
-            // last signal.
+            // A stopped one gets no signal until it goes on. That comes first, because iceoryx2
+            // remembers only the last signal.
             let _ = kill_process(pid, Signal::CONT);
             if let Err(error) = kill_process(pid, Signal::TERM)
                 && is_there()

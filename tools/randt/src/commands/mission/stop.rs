@@ -30,7 +30,8 @@ pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome
     end(missions, mission, &domain)
 }
 
-/// Ends a mission whose stages have ended: whole logs, report, its record. One that has nothing to report is no failure.
+/// Ends a mission whose stages have ended: whole logs, report, its record. One that has nothing to
+/// report is no failure.
 pub fn end(missions: &Missions, mut mission: Mission, domain: &Domain) -> anyhow::Result<Outcome> {
     if mission.record.stopped_ns.is_some() {
         return Ok(Outcome::Good);

@@ -22,7 +22,8 @@ pub fn stop() -> anyhow::Result<bool> {
         })
         .is_ok_and(|status| status.success());
     if runs {
-        // Stages are part of the target, so that they stop with it; this waits for the last of them.
+        // Stages are part of the target, so that they stop with it; this waits for the last of
+        // them.
         systemctl(&["stop", UNIT, "randt-*.service"])?;
     }
     Ok(runs)

@@ -5,7 +5,8 @@ use randt_readers::{Event, Source};
 use randt_stage::{Domain, Error, Publisher, Stage, WakeReason};
 use std::time::{Duration, Instant};
 
-/// A log that begins again does so after this pause, so that odometry opens a new frame: the robot has jumped.
+/// A log that begins again does so after this pause, so that odometry opens a new frame: the robot
+/// has jumped.
 const PAUSE_NS: i64 = 2_000_000_000;
 
 /// Publishes as drivers do: each event when its stamp is due, with the log's own stamps.
@@ -78,7 +79,8 @@ impl Player {
         self.shift_ns = i64::MAX;
     }
 
-    /// The log is at its end. With `stay` what was sent last stays in reach until the end is asked for.
+    /// The log is at its end. With `stay` what was sent last stays in reach until the end is asked
+    /// for.
     pub fn finish(&mut self, stay: bool) -> anyhow::Result<()> {
         self.ports()?.stage.finished()?;
         while stay && self.wait(None)? != WakeReason::Stop {
@@ -97,8 +99,8 @@ impl Player {
         Ok(self.ports.insert(ports))
     }
 
-    /// Sleeps for a time, or without end. Where the shared memory is gone the player goes on in new memory, at the same
-    /// event.
+    /// Sleeps for a time, or without end. Where the shared memory is gone the player goes on in
+    /// new memory, at the same event.
     fn wait(&mut self, pause: Option<Duration>) -> anyhow::Result<WakeReason> {
         match self.ports()?.stage.wait(&[], pause) {
             Err(error @ Error::MemoryGone { .. }) => {

@@ -1,5 +1,5 @@
-//! The drive from above, in the style of a run's `plot.svg`: the path as it was known live, and over it as the map has it
-//! at the end, with returns and loops.
+//! The drive from above, in the style of a run's `plot.svg`: the path as it was known live, and
+//! over it as the map has it at the end, with returns and loops.
 
 use super::Picture;
 use super::recording::{Recording, Sketch};
@@ -10,7 +10,8 @@ use randt_geometry::Pose2;
 use randt_messages::OdometryState;
 use std::collections::BTreeMap;
 
-/// Draws it; without a map the path is odometry's, and without odometry the truth's, where there is one.
+/// Draws it; without a map the path is odometry's, and without odometry the truth's, where there
+/// is one.
 pub fn draw(recording: &Recording, title: &str) -> anyhow::Result<Picture> {
     let truth = &recording.truth;
     if recording.states.is_empty() && truth.poses().is_empty() {
@@ -63,7 +64,8 @@ impl MapKeyframe<'_> {
     }
 }
 
-/// The keyframes that the newest graph has; all of them where odometry has them, when there is no graph.
+/// The keyframes that the newest graph has; all of them where odometry has them, when there is no
+/// graph.
 fn keyframes(recording: &Recording) -> Vec<MapKeyframe<'_>> {
     let has_graph = recording.graph.nodes().next().is_some();
     let keyframe = |(id, sketch): (&u64, _)| match recording.graph.node(*id) {

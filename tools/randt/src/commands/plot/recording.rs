@@ -28,8 +28,8 @@ pub struct Sketch {
     pub points: Vec<[f32; 2]>,
 }
 
-/// Everything, by the log's time: when it was published. Its fields are the series that the pictures draw, gathered in
-/// one pass.
+/// Everything, by the log's time: when it was published. Its fields are the series that the
+/// pictures draw, gathered in one pass.
 #[derive(Default)]
 pub struct Recording {
     /// Every state once, with the log's time, ns.

@@ -1,4 +1,5 @@
-//! The messages of each topic over time: how many a second, the longest pause, and what is missing.
+//! The messages of each topic over time: how many a second, the longest pause, and what is
+//! missing.
 
 use super::charts::{Panels, line};
 use super::recording::Recording;

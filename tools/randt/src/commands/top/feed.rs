@@ -25,8 +25,8 @@ impl<T: Topic> Default for Feed<T> {
 }
 
 impl<T: Topic> Feed<T> {
-    /// Opens the topic when a stage has it, and leaves it when none has any more, so that one of another build may have
-    /// it then.
+    /// Opens the topic when a stage has it, and leaves it when none has any more, so that one of
+    /// another build may have it then.
     pub fn follow(&mut self, observer: &Observer, living: &[Entry]) {
         let mut layouts = living
             .iter()

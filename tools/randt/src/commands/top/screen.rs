@@ -14,7 +14,8 @@ use std::time::Duration;
 
 /// From this width on robot and map stand beside each other.
 const WIDE: u16 = 110;
-/// Between two columns of a table, and the width of the topics with that: the longest name has 20 characters.
+/// Between two columns of a table, and the width of the topics with that: the longest name has 20
+/// characters.
 const TOPICS: (usize, u16) = (2, 46);
 const WIDE_TOPICS: (usize, u16) = (4, 54);
 const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);

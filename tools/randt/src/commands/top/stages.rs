@@ -25,7 +25,8 @@ impl Stages {
         self.health.insert(key, *health);
     }
 
-    /// The rows of the register. `now_ns`: of the domain's clock, where there is a connection to it.
+    /// The rows of the register. `now_ns`: of the domain's clock, where there is a connection to
+    /// it.
     pub fn rows(&mut self, register: &[(Entry, bool)], now_ns: Option<i64>) -> Vec<StageRow> {
         let epoch = |entry: &Entry| entry.started_ns.unsigned_abs();
         self.health.retain(|(name, of_epoch), _| {

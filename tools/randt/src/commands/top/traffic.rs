@@ -1,6 +1,7 @@
 //! Rate, age and losses of every topic, from what the stages report of their ports.
 //!
-//! No topic has to be read for that: a reader of its own would take a slot and memory from the pipeline.
+//! No topic has to be read for that: a reader of its own would take a slot and memory from the
+//! pipeline.
 
 use super::snapshot::TopicRow;
 use randt_messages::{PortHealth, StageHealth, StageHealthTopic, Topic, health::text_of};
@@ -119,8 +120,8 @@ impl Port {
         }
     }
 
-    /// Messages over the time that they took: counting them over the time between two reports of the stage would be off
-    /// by one either way.
+    /// Messages over the time that they took: counting them over the time between two reports of
+    /// the stage would be off by one either way.
     fn rate_hz(&self, now_ns: i64) -> f64 {
         let (Some(first), Some(last)) = (self.counts.front(), self.counts.back()) else {
             return 0.0;

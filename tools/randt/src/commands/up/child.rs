@@ -16,7 +16,8 @@ use std::time::{Duration, Instant};
 /// A stage that ends by itself this often in a row, each time this soon, lacks something.
 const FAILURES_MAX: u32 = 5;
 const SOON: Duration = Duration::from_secs(3);
-/// Between two such ends, so that what it waits for can come about; after more of them twice as long each time ...
+/// Between two such ends, so that what it waits for can come about; after more of them twice as
+/// long each time ...
 const BACK_OFF: Duration = Duration::from_millis(100);
 /// ... up to this: a stage whose memory or disk is there again is back within it.
 const BACK_OFF_MAX: Duration = Duration::from_secs(5);
@@ -32,7 +33,8 @@ const FAULTS: [i32; 5] = [4, 6, 7, 8, 11];
 const ASK_EVERY: Duration = Duration::from_millis(500);
 const POLL_PERIOD: Duration = Duration::from_millis(5);
 
-/// A program that is kept running by a thread of its own: a dead stage is back before anybody has noticed.
+/// A program that is kept running by a thread of its own: a dead stage is back before anybody has
+/// noticed.
 pub struct Child {
     name: String,
     shared: Arc<Shared>,
@@ -50,7 +52,8 @@ struct Shared {
 /// What is wrong with a program.
 #[derive(Clone, Debug, Default)]
 struct Trouble {
-    /// Starts that failed where several did in a row, and ends after which it was not started again.
+    /// Starts that failed where several did in a row, and ends after which it was not started
+    /// again.
     failures: u64,
     /// The last words of the first of them.
     why: String,
@@ -97,7 +100,8 @@ impl Child {
         self.shared.trouble().is_misconfigured
     }
 
-    /// How often it failed by itself, where that was again and again, with the first case; what it had to do then is lost.
+    /// How often it failed by itself, where that was again and again, with the first case; what it
+    /// had to do then is lost.
     pub fn failures(&self) -> (u64, String) {
         let trouble = self.shared.trouble();
         (
@@ -132,8 +136,8 @@ impl Child {
                     let _ = kill_process(pid, Signal::KILL);
                     self.shared.change(|trouble| trouble.was_killed = true);
                 } else {
-                    // A stopped one gets no signal until it goes on. That comes first, because iceoryx2 remembers
-                    // only the last signal.
+                    // A stopped one gets no signal until it goes on. That comes first, because
+                    // iceoryx2 remembers only the last signal.
                     let _ = kill_process(pid, Signal::CONT);
                     let _ = kill_process(pid, Signal::TERM);
                 }
@@ -169,8 +173,8 @@ impl Shared {
     }
 }
 
-/// Starts a program again and again until it is to stop. One that fails in a row is tried less and less often, and never
-/// given up: what it lacks may come back, and the others go on meanwhile.
+/// Starts a program again and again until it is to stop. One that fails in a row is tried less and
+/// less often, and never given up: what it lacks may come back, and the others go on meanwhile.
 fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
     let mut failures = 0;
     let mut has_run = false;
@@ -206,7 +210,8 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
                 program.path.display()
             ),
         };
-        // One that has run by these options will run by them again, when what it was refused for is there again.
+        // One that has run by these options will run by them again, when what it was refused for
+        // is there again.
         let is_over = program.once || (is_refused && !has_run);
         if is_over || failures >= FAILURES_MAX {
             let is_first = failures <= FAILURES_MAX;

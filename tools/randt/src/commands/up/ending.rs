@@ -33,8 +33,8 @@ pub struct Ending<'a> {
 }
 
 impl Ending<'_> {
-    /// Odometry's checkpoint, the ring of keyframes and the mapper's journal together are the whole drive. What of them is
-    /// not there any more is counted, and the rest is written.
+    /// Odometry's checkpoint, the ring of keyframes and the mapper's journal together are the
+    /// whole drive. What of them is not there any more is counted, and the rest is written.
     pub fn finish(
         &self,
         mut processes: Processes,
@@ -82,7 +82,8 @@ impl Ending<'_> {
         }
     }
 
-    /// A second pass over the log gives the truth, which the stages never see, and what its reader counts.
+    /// A second pass over the log gives the truth, which the stages never see, and what its reader
+    /// counts.
     fn read_log(&self, results: &mut Results, counters: &mut Counters) -> Input {
         let Some(path) = self.log else {
             return input("live", "live", self.use_imu);

@@ -1,4 +1,5 @@
-//! The map's journal, held open while the drive runs: it is there also where somebody removes its folder meanwhile.
+//! The map's journal, held open while the drive runs: it is there also where somebody removes its
+//! folder meanwhile.
 
 use crate::earlier::JOURNAL;
 use crate::output::warn;
@@ -23,7 +24,8 @@ impl HeldJournal {
         Ok(Self { path, file })
     }
 
-    /// Writes it again where it was removed. What a mapper that came back has begun in its place is kept beside it.
+    /// Writes it again where it was removed. What a mapper that came back has begun in its place
+    /// is kept beside it.
     pub fn put_back(mut self) -> anyhow::Result<()> {
         let is_removed = self.file.metadata().is_ok_and(|found| found.nlink() == 0);
         if !is_removed {

@@ -12,7 +12,8 @@ use std::path::Path;
 /// What stands in for the drivers.
 pub const PLAY: &str = "play";
 
-/// All stages but those at the beginning of the data's way, the last one first: each writes to those before it.
+/// All stages but those at the beginning of the data's way, the last one first: each writes to
+/// those before it.
 pub fn stages(
     arguments: &Arguments,
     domain: &Domain,

@@ -25,7 +25,8 @@ const POLL_PERIOD: Duration = Duration::from_millis(100);
 const QUIET: Duration = Duration::from_secs(2);
 /// A stage that does not run after this time will not: a start takes a few hundredths of a second.
 const START_MAX: Duration = Duration::from_secs(10);
-/// Stages that all fail for this long will not come back. What they lack may: memory that others fill for a moment.
+/// Stages that all fail for this long will not come back. What they lack may: memory that others
+/// fill for a moment.
 const ALL_FAIL_MAX: Duration = Duration::from_secs(30);
 /// Between two attempts to see the pipeline again.
 const REOPEN_EVERY: Duration = Duration::from_secs(1);
@@ -61,7 +62,8 @@ pub struct Processes {
 }
 
 impl Processes {
-    /// Starts all stages; comes back when those that compute run. Where one of them does not come up nothing is begun.
+    /// Starts all stages; comes back when those that compute run. Where one of them does not come
+    /// up nothing is begun.
     pub fn start(
         arguments: &Arguments,
         domain: &Domain,
@@ -106,7 +108,8 @@ impl Processes {
         self.children.insert(0, child);
     }
 
-    /// Waits until every stage reports that it runs. Recorder and view may fail: nobody waits for them.
+    /// Waits until every stage reports that it runs. Recorder and view may fail: nobody waits for
+    /// them.
     fn wait_until_running(&mut self) -> anyhow::Result<()> {
         let give_up = Instant::now() + START_MAX;
         loop {
@@ -173,8 +176,8 @@ impl Processes {
         }
     }
 
-    /// Sleeps until something comes, and takes it. A pipeline that cannot be seen, because something has happened to its
-    /// memory, is entered again: the stages go on meanwhile.
+    /// Sleeps until something comes, and takes it. A pipeline that cannot be seen, because
+    /// something has happened to its memory, is entered again: the stages go on meanwhile.
     fn wait(&mut self) -> WakeReason {
         // A terminal that was closed; Ctrl-C before the first stage was there.
         if job::interrupted() {

@@ -1,4 +1,5 @@
-//! What the sensors send, seen for some seconds: by way of a driver that runs, else by one of our own.
+//! What the sensors send, seen for some seconds: by way of a driver that runs, else by one of our
+//! own.
 
 use super::turning::Panorama;
 use crate::commands::doctor::finding::Finding;
@@ -41,7 +42,8 @@ impl<T> Default for Seen<T> {
 }
 
 impl<T> Seen<T> {
-    /// Whether it is reached; `come` is the text about what comes from where, `fix` what helps where nothing does.
+    /// Whether it is reached; `come` is the text about what comes from where, `fix` what helps
+    /// where nothing does.
     pub fn reached(&self, about: &'static str, come: &str, fix: &str) -> Finding {
         let way = match self.through_driver {
             true => format!("randt-{about} runs: "),

@@ -10,9 +10,11 @@ use randt_messages::ImuSample;
 const ABOUT: &str = "radar";
 /// The rate may be off by this share of the sensor file's.
 const RATE_TOLERANCE: f64 = 0.1;
-/// A sweep is published within this time after its end, ns: the last beams' way, and a moment of a busy machine.
+/// A sweep is published within this time after its end, ns: the last beams' way, and a moment of a
+/// busy machine.
 const DELAY_MAX_NS: i64 = 200_000_000;
-/// A sweep ends half a beam after its last beam was measured, which may be on its way then: 0.5 ms of an iSDR-C's.
+/// A sweep ends half a beam after its last beam was measured, which may be on its way then: 0.5 ms
+/// of an iSDR-C's.
 const EARLY_MAX_NS: i64 = 2_000_000;
 
 /// What it shows by itself.

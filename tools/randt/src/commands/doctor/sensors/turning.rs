@@ -1,20 +1,23 @@
-//! Whether radar and gyro turn the same way: a robot whose radar is read in a mirror drives into walls.
+//! Whether radar and gyro turn the same way: a robot whose radar is read in a mirror drives into
+//! walls.
 //!
-//! Responsible for the radar's own turn from sweep to sweep, coarse but sure of its sign. Not responsible for exact
-//! motion: odometry is.
+//! Responsible for the radar's own turn from sweep to sweep, coarse but sure of its sign. Not
+//! responsible for exact motion: odometry is.
 
 use randt_messages::{MessageRef, RadarScan};
 
 /// Sectors of a sweep: of two degrees, about a beam's width.
 const SECTORS: usize = 180;
-/// A turn from one sweep to the next is looked for up to this many sectors: 60 degrees in a fifth of a second.
+/// A turn from one sweep to the next is looked for up to this many sectors: 60 degrees in a fifth
+/// of a second.
 const TURN_MAX: i32 = 30;
 /// The robot must have turned this far in all before there is an answer, rad: 20 degrees.
 const TURN_MIN_RAD: f64 = 0.35;
 /// The shares of the gyro's turn within which the radar's agrees.
 const AGREES: std::ops::Range<f64> = 0.5..1.5;
 
-/// What a sweep looks like all around: mean of the logarithm of range by sector, its own mean removed.
+/// What a sweep looks like all around: mean of the logarithm of range by sector, its own mean
+/// removed.
 #[derive(Clone, Debug)]
 pub struct Panorama {
     /// The sweep's end.
@@ -61,7 +64,8 @@ impl Panorama {
         }
     }
 
-    /// How far the radar has turned since another sweep, counter-clockwise, rad: the turn at which both look alike.
+    /// How far the radar has turned since another sweep, counter-clockwise, rad: the turn at which
+    /// both look alike.
     fn turn_since(&self, other: &Self) -> f64 {
         // What stands still moves clockwise in the view of a radar that turns counter-clockwise.
         let likeness = |turn: i32| -> f32 {

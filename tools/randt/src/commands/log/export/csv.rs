@@ -8,7 +8,8 @@ use std::fs::File;
 use std::io::{BufWriter, Read, Seek, Write};
 use std::path::Path;
 
-/// Writes `TOPIC.csv` and, with `items`, `TOPIC.items.csv` into a folder. Topics that are not ours are left out.
+/// Writes `TOPIC.csv` and, with `items`, `TOPIC.items.csv` into a folder. Topics that are not ours
+/// are left out.
 pub fn export<R: Read + Seek>(
     reader: &mut LogReader<R>,
     folder: &Path,

@@ -1,5 +1,5 @@
-//! An MCAP in Foxglove's well-known schemas alone, for viewers that know nothing of ours: also what the recorder leaves
-//! out because it follows from the rest.
+//! An MCAP in Foxglove's well-known schemas alone, for viewers that know nothing of ours: also
+//! what the recorder leaves out because it follows from the rest.
 
 mod cells;
 mod pace;

@@ -104,7 +104,8 @@ impl Cell {
 }
 
 impl Column {
-    /// The value in a head's or item's bytes, as it reads back; empty where the bytes end before it.
+    /// The value in a head's or item's bytes, as it reads back; empty where the bytes end before
+    /// it.
     pub fn text(&self, bytes: &[u8]) -> String {
         let field = bytes.get(self.offset..self.offset + self.cell.size());
         let text = field.and_then(|field| match &self.cell {

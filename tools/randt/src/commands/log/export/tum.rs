@@ -9,8 +9,8 @@ use randt_messages::{Correction, MapperCorrection, OdometryStateTopic, TruthPose
 use std::io::{Read, Seek};
 use std::path::Path;
 
-/// Writes `odometry.tum`, the live pose in `odom`; `map.tum`, the same in `map` as it was known then; and `truth.tum`
-/// where the log has the truth.
+/// Writes `odometry.tum`, the live pose in `odom`; `map.tum`, the same in `map` as it was known
+/// then; and `truth.tum` where the log has the truth.
 pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, folder: &Path) -> anyhow::Result<String> {
     let mut odometry = Trajectory::stamped();
     let mut map = Trajectory::stamped();

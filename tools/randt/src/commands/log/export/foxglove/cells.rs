@@ -61,7 +61,8 @@ impl Cells {
         self.grid.refresh();
     }
 
-    /// A submap begins at its root, which may lie some keyframes back; where the log does not reach so far, at its first.
+    /// A submap begins at its root, which may lie some keyframes back; where the log does not
+    /// reach so far, at its first.
     fn begin(&mut self, root: u64) {
         self.scans.retain(|scan| scan.id >= root);
         self.grid.clear();

@@ -2,8 +2,8 @@
 
 /// As often as this ...
 const PERIOD_NS: i64 = 2_000_000_000;
-/// ... or as seldom as it takes no more than this before compression: whole graphs and grids would otherwise take the
-/// square of a drive's length.
+/// ... or as seldom as it takes no more than this before compression: whole graphs and grids would
+/// otherwise take the square of a drive's length.
 const BYTES_PER_SECOND: i64 = 500_000;
 
 /// The pace of one view.
@@ -24,7 +24,8 @@ impl Pace {
         self.has_changed
     }
 
-    /// Whether it is to be shown now, being so large. A clock that jumps back is no reason to wait.
+    /// Whether it is to be shown now, being so large. A clock that jumps back is no reason to
+    /// wait.
     pub fn is_due(&mut self, now_ns: i64, bytes: usize) -> bool {
         let bytes = i64::try_from(bytes).unwrap_or(i64::MAX);
         let pause_ns = bytes.saturating_mul(1_000_000_000) / BYTES_PER_SECOND;

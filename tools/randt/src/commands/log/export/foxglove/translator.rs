@@ -1,4 +1,5 @@
-//! Our messages as viewers', in the order in which they come: which view each goes to, and how often.
+//! Our messages as viewers', in the order in which they come: which view each goes to, and how
+//! often.
 
 use super::cells::Cells;
 use super::pace::Pace;
@@ -21,7 +22,8 @@ pub struct View {
     pub channel: fn(&str) -> Channel,
     /// The topic of ours that it is made of.
     pub from: &'static str,
-    /// What a log without that one does not show, for the warning; a log may well have none of the others.
+    /// What a log without that one does not show, for the warning; a log may well have none of the
+    /// others.
     pub what: Option<&'static str>,
 }
 
@@ -139,7 +141,8 @@ impl Translator {
         }
     }
 
-    /// The mounting is written once before there are poses: clouds have a frame from the beginning.
+    /// The mounting is written once before there are poses: clouds have a frame from the
+    /// beginning.
     fn begin(&mut self, stamp_ns: i64, out: &mut Out<'_>) {
         if !self.has_begun {
             self.has_begun = true;
