@@ -83,7 +83,7 @@ fn a_drive_that_had_not_heard_of_the_map_is_not_mixed_into_it() {
     // Longer than odometry listens; it has keyframes of its own by then.
     std::thread::sleep(Duration::from_secs(4));
     pipeline.mapper(&journal);
-    let quarantined = folder.path().join("old.journal.aside-1");
+    let quarantined = folder.path().join("old.journal.quarantined-1");
     until("the old map quarantined", || quarantined.is_file());
     until("a new map", || keyframes(&journal).len() >= 5);
     assert_eq!(

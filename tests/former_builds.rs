@@ -107,7 +107,7 @@ fn a_map_of_before_is_gone_on_with() {
     pipeline.kill_all();
     assert_eq!(keyframes(&journal), expected);
     let files = ["errors", "map.journal", "map.journal.lock"];
-    assert_eq!(names(folder.path()), files, "nothing is set aside");
+    assert_eq!(names(folder.path()), files, "nothing is quarantined");
 }
 
 #[test]
@@ -129,9 +129,9 @@ fn odometrys_state_of_before_is_set_apart_with_words_and_its_pose_is_kept() {
         said().contains("begins frame 1 at the last pose")
     });
     let said = said();
-    assert!(said.contains("odometry.state.aside"), "{said}");
+    assert!(said.contains("odometry.state.quarantined"), "{said}");
     pipeline.kill_all();
-    let kept = fs::read(state.join("odometry.state.aside")).unwrap();
+    let kept = fs::read(state.join("odometry.state.quarantined")).unwrap();
     assert_eq!(kept, version[64..]);
 }
 

@@ -1,5 +1,5 @@
-//! What of the pipeline can be reached from elsewhere: docs/security.md lists it, and this is all
-//! of it.
+//! Every socket of the pipeline that can be reached from elsewhere stands in docs/security.md, and
+//! there is no other.
 
 use crate::support::pipeline::{Pipeline, until};
 use crate::support::stages::program;

@@ -44,7 +44,7 @@ pub struct StandstillBias {
 /// A window is still where rate and specific force hardly vary, the mean rate of its halves
 /// agrees, and it lies within what a bias can be: around zero at first, around the owner's
 /// estimate after [`Self::expect_bias`]. The last one keeps a slow and even turn from passing for
-/// a bias.
+/// a bias. Its fields are limits, the running sums of a block and the blocks of the window.
 #[derive(Clone, Debug)]
 pub struct Standstill {
     block_ns: i64,

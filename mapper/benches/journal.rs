@@ -1,9 +1,9 @@
 //! `cargo bench -p randt-mapper --bench journal`: how soon a mapper is back, and what its journal
 //! takes.
 //!
-//! Prints machine, data, median and worst. The keyframes are odometry's on simulated drives. `--
-//! LAPS FILE` drives so many laps through the building instead (1,380 sweeps, 300 keyframes each)
-//! and leaves their journal in a file.
+//! Prints machine, data, median and worst. The keyframes are odometry's on simulated drives.
+//! `-- LAPS FILE` drives that many laps through the building instead (1,380 sweeps, 300 keyframes
+//! each) and leaves their journal in a file.
 #![allow(
     clippy::unwrap_used,
     reason = "a benchmark says by panicking what is wrong"

@@ -174,7 +174,7 @@ impl LoopVerification {
         let pose = registration.submap_from_query;
         closure.older_from_newer = pose;
         closure.information = registration.information;
-        let range_m = DIVERGENCE_RANGE_SHARE * self.config.sight_m();
+        let range_m = DIVERGENCE_RANGE_SHARE * self.config.range_used_m();
         let grid = self.submaps.grid(older, keyframes);
         closure.scores = Scores {
             forward: Some(registration.forward),

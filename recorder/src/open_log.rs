@@ -119,7 +119,7 @@ impl OpenLog {
         self.times.begun_ns
     }
 
-    /// Adds a message and what viewers get of it; goes to the sink where a chunk is full.
+    /// Adds a message and its form for viewers; goes to the sink where a chunk is full.
     pub fn write(
         &mut self,
         raw: &Raw,

@@ -7,8 +7,8 @@ use randt_stage::{Domain, Stage};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Memory is looked at so often.
-const LOOK: Duration = Duration::from_millis(500);
+/// How often memory is sampled.
+const SAMPLE_PERIOD: Duration = Duration::from_millis(500);
 /// The first scans catch up with the stages' starts; processor time and bytes are counted after
 /// that.
 const WARM_UP: Duration = Duration::from_secs(3);
@@ -103,11 +103,11 @@ impl<'a> Stages<'a> {
         let (mut first, mut last) = (Vec::new(), Vec::new());
         let mut looked = begin;
         while play.ended().is_none() {
-            stage.wait(&[&states_in], Some(LOOK)).unwrap();
+            stage.wait(&[&states_in], Some(SAMPLE_PERIOD)).unwrap();
             while let Some(state) = states_in.receive().unwrap() {
                 states.push(*state.message().head);
             }
-            if looked.elapsed() < LOOK {
+            if looked.elapsed() < SAMPLE_PERIOD {
                 continue;
             }
             looked = Instant::now();

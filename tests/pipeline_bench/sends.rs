@@ -7,7 +7,7 @@ use crate::support::stages::RunFolder;
 use std::path::Path;
 use std::time::Duration;
 
-/// Each process is traced so long.
+/// How long each process is traced.
 const SPAN: Duration = Duration::from_secs(2);
 /// The histories are handed over before that.
 const BEFORE: Duration = Duration::from_secs(2);

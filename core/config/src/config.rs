@@ -97,7 +97,7 @@ impl Config {
 
     /// Farthest range whose returns are used, m: the environment's, or the sensor's where that is
     /// smaller.
-    pub fn sight_m(&self) -> f64 {
+    pub fn range_used_m(&self) -> f64 {
         self.filter.range_max_m.min(self.sensor.range_max_m)
     }
 }

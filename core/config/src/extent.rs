@@ -28,13 +28,13 @@ pub(crate) struct Product {
 impl Config {
     /// Farthest from the robot that a return of a sweep can lie once motion is removed, m.
     pub fn scan_extent_m(&self) -> f64 {
-        self.sight_m() + self.odometry.speed_max_m_s * self.sensor.period_s
+        self.range_used_m() + self.odometry.speed_max_m_s * self.sensor.period_s
     }
 
     /// Farthest from its root that a return of odometry's submaps can lie, m: a scan at the very
     /// edge still fits, and the speed may carry one interval beyond it.
     pub fn submap_extent_m(&self) -> f64 {
-        self.sight_m() + self.submap.radius_m + 2.0 * self.cell_size_m()
+        self.range_used_m() + self.submap.radius_m + 2.0 * self.cell_size_m()
     }
 
     /// Path to each side of the root of a mapper's submap, m.
@@ -44,7 +44,7 @@ impl Config {
 
     /// Farthest from its root that a return of a mapper's submap can lie, m.
     pub fn map_extent_m(&self) -> f64 {
-        self.sight_m() + self.map_reach_m()
+        self.range_used_m() + self.map_reach_m()
     }
 
     /// Everything whose size depends on more than one key.

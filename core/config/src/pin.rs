@@ -13,8 +13,8 @@ const ANY: &str = "any";
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DevicePin(pub Option<u32>);
 
-/// The address that datagrams must come from; without an address any, without a port from any port
-/// of it.
+/// The address that datagrams must come from; without an address any, without a port any port of
+/// that address.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SenderPin {
     /// The sender's address.

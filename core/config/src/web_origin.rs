@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn a_page_at_an_address_is_told_from_one_that_only_says_so() {
+    fn a_page_at_an_address_differs_from_one_that_only_claims_so() {
         let literal = Host::parse("10.0.0.5").unwrap();
         assert!(origin("http://10.0.0.5:8080").is_at_address_of(&literal));
         assert!(!origin("http://10.0.0.6:8080").is_at_address_of(&literal));

@@ -15,7 +15,8 @@
 //! |---|---|
 //! | integers, floats | as in memory; `usize` as `u64` |
 //! | `bool` | one byte, 0 or 1 |
-//! | array, matrix (by columns), tuple, struct of [`persist!`] | its values, in the order of the list |
+//! | array, matrix (by columns), tuple | its values in their order |
+//! | struct of [`persist!`] | its fields in the order of the list |
 //! | `Vec`, `VecDeque` | `u64` length, then its values |
 //! | `String` | `u64` length in bytes, then UTF-8 |
 //! | `Option` | `bool`, then the value where there is one |

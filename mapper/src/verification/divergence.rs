@@ -18,11 +18,11 @@ const RADIUS: i64 = 1;
 pub const APART: f64 = 50.0;
 
 /// The divergence between the cells of a query submap, moved by `pose`, and those of a map within
-/// `sight_m` of the pose.
-pub fn divergence(map: &Grid, query: &Grid, pose: &Pose2, sight_m: f64) -> f64 {
+/// `range_used_m` of the pose.
+pub fn divergence(map: &Grid, query: &Grid, pose: &Pose2, range_used_m: f64) -> f64 {
     let near = |cell: &Cell, x: f64, y: f64| {
         let (dx, dy) = (cell.mean[0] - x, cell.mean[1] - y);
-        dx * dx + dy * dy <= sight_m * sight_m
+        dx * dx + dy * dy <= range_used_m * range_used_m
     };
     let (mut both, mut own, mut other) = (0.0, 0.0, 0.0);
     let (mut trail_points, mut map_points) = (0.0, 0.0);

@@ -112,7 +112,7 @@ impl Registrar {
             scale: odometry.loss_scale,
             neighbours: odometry.neighbours as usize,
             weight: odometry.ndt_weight,
-            range_m: config.sight_m(),
+            range_m: config.range_used_m(),
             associations: Vec::new(),
             seen: Vec::new(),
         }

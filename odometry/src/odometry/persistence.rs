@@ -8,8 +8,8 @@ use randt_persist::{Error, Persist, Reader, StateIdentity, Writer, decode, encod
 const CODE: &str = env!("RANDT_CODE");
 
 impl Odometry {
-    /// Room that is enough for the state of every possible window, bytes; most states have a
-    /// hundredth of it.
+    /// Room that is enough for the state of every possible window, bytes; most states take a
+    /// hundredth.
     pub const STATE_BYTES_MAX: usize = 32 << 20;
 
     /// Writes the state into a buffer; gives the number of bytes in use. Nothing is allocated.

@@ -34,7 +34,7 @@ pub enum Error {
     /// Two trajectories of which only one has stamps.
     #[error(
         "the {stamped} has stamps (TUM) and the {unstamped} has none (KITTI): \
-         poses cannot be told to belong together; give both in one format"
+         poses cannot be matched; give both in one format"
     )]
     MixedFormats {
         /// `estimate` or `truth`.

@@ -3,7 +3,7 @@
 use crate::Colour;
 use std::ops::Range;
 
-/// Room above and below what is drawn, as a share of it.
+/// Room above and below what is drawn, as a share of the drawn height.
 const MARGIN: f64 = 0.06;
 /// Values beyond this many times the 99th percentile do not stretch the axis.
 const OUTLIER: f64 = 3.0;

@@ -14,7 +14,7 @@ const PATH_M: f64 = 10.0;
 /// The largest errors of a kind; translation and rotation each by itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Worst {
-    /// Metres; for a path, percent of it.
+    /// Metres; for a path, percent of its length.
     pub translation: f64,
     /// Degrees.
     pub rotation_deg: f64,

@@ -40,7 +40,7 @@ pub fn keep_drive(out: &Path) -> anyhow::Result<()> {
         );
     }
     keep(out, |name| {
-        let is_journal = name == JOURNAL || name.starts_with(&format!("{JOURNAL}.aside"));
+        let is_journal = name == JOURNAL || name.starts_with(&format!("{JOURNAL}.quarantined"));
         is_journal || RESULTS.contains(&name)
     })
 }
@@ -97,7 +97,12 @@ mod tests {
     fn every_earlier_drive_is_kept_whole_under_a_number_of_its_own() {
         let out = tempfile::tempdir().unwrap();
         let write = |text: &str| {
-            for name in ["map.pgm", "trajectory.tum", JOURNAL, "map.journal.aside-1"] {
+            for name in [
+                "map.pgm",
+                "trajectory.tum",
+                JOURNAL,
+                "map.journal.quarantined-1",
+            ] {
                 fs::write(out.path().join(name), text).unwrap();
             }
         };
@@ -108,7 +113,12 @@ mod tests {
         }
         for (number, text) in ["one", "two", "three"].into_iter().enumerate() {
             let before = out.path().join(format!("before-{}", number + 1));
-            for name in ["map.pgm", "trajectory.tum", JOURNAL, "map.journal.aside-1"] {
+            for name in [
+                "map.pgm",
+                "trajectory.tum",
+                JOURNAL,
+                "map.journal.quarantined-1",
+            ] {
                 assert_eq!(fs::read_to_string(before.join(name)).unwrap(), text);
             }
         }

@@ -104,7 +104,7 @@ fn count_quarantined(folder: &Path, counters: &mut Counters) {
     let found = fs::read_dir(folder).into_iter().flatten().flatten();
     let names = found.filter_map(|entry| entry.file_name().into_string().ok());
     let mut quarantined: Vec<String> = names
-        .filter(|name| name.starts_with(&format!("{JOURNAL}.aside")))
+        .filter(|name| name.starts_with(&format!("{JOURNAL}.quarantined")))
         .collect();
     quarantined.sort();
     if let Some(first) = quarantined.first() {

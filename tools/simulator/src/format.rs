@@ -22,7 +22,8 @@ impl World {
     /// let text = "wall concrete 0,0 9,0 9,6 0,6 0,0 windows 2..4\nroute 2,2 7,2 7,4 2,4";
     /// assert_eq!(World::parse("hall", text).unwrap().walls.len(), 6);
     /// let error = World::parse("hall", "wall marble 0,0 1,0").unwrap_err();
-    /// assert_eq!(error.to_string(), "line 1: \"marble\": expected one of concrete, plaster, wood, glass, metal");
+    /// let materials = "concrete, plaster, wood, glass, metal";
+    /// assert_eq!(error.to_string(), format!("line 1: \"marble\": expected one of {materials}"));
     /// ```
     pub fn parse(name: &str, text: &str) -> Result<Self, WorldError> {
         let mut world = Self {

@@ -35,7 +35,7 @@ const GROUND_ECHOES: u32 = 6;
 /// Step of the search for the ground: relief is smoother than that.
 const GROUND_STEP_M: f64 = 0.5;
 
-/// What a radar is like.
+/// What a radar is like. That many fields, because a sensor's data sheet has them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RadarProfile {
     /// Its kind.

@@ -22,7 +22,7 @@ pub(crate) struct Handshake {
     /// The same socket, for polling.
     watched: TcpStream,
     begin_ns: i64,
-    machine: MidHandshake<ServerHandshake<TcpStream, Judge>>,
+    machine: MidHandshake<ServerHandshake<TcpStream, RequestCheck>>,
 }
 
 /// The state of a handshake after a turn.
@@ -56,7 +56,7 @@ impl Handshake {
             .max_write_buffer_size(WAITING_MAX)
             .max_message_size(Some(MESSAGE_MAX))
             .max_frame_size(Some(MESSAGE_MAX));
-        let judge = Judge {
+        let check = RequestCheck {
             policy: Rc::clone(policy),
             own_name: Rc::clone(own_name),
         };
@@ -64,7 +64,7 @@ impl Handshake {
             address,
             watched,
             begin_ns: now_ns,
-            machine: ServerHandshake::start(stream, judge, Some(config)),
+            machine: ServerHandshake::start(stream, check, Some(config)),
         })
     }
 
@@ -102,12 +102,12 @@ impl Handshake {
 }
 
 /// Checks a request against the policy, and chooses the subprotocol.
-struct Judge {
+struct RequestCheck {
     policy: Rc<AccessPolicy>,
     own_name: Rc<str>,
 }
 
-impl Callback for Judge {
+impl Callback for RequestCheck {
     fn on_request(
         self,
         request: &Request,

@@ -2,7 +2,7 @@
 
 use randt_config::{Config, Origins, SelectionArguments};
 
-/// The configuration of a stage: how it is read, and what the stage makes of it.
+/// The configuration of a stage: how it is read, and which of its sections the stage uses.
 #[derive(Debug)]
 pub(crate) struct FollowedConfiguration {
     selection: SelectionArguments,

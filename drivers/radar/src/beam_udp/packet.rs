@@ -60,7 +60,7 @@ impl Format {
     }
 }
 
-/// One datagram: a beam, or a fragment of one.
+/// One datagram: a beam, or a fragment of one. Its fields are those of the protocol's header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet<'a> {
     /// How values are written.

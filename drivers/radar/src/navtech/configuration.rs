@@ -6,7 +6,7 @@
 
 use crate::bytes::Bytes;
 
-/// Plausible gains of the range: the vendor's is 1, and a calibration changes per cents of it.
+/// Plausible gains of the range: the vendor's is 1, and a calibration changes it by per cents.
 const GAINS: core::ops::RangeInclusive<f32> = 0.5..=2.0;
 /// Longest plausible offset of the range, m: a calibration's are below a few bins.
 const OFFSET_MAX_M: f32 = 50.0;

@@ -301,9 +301,9 @@ fn lock(path: &Path) -> Result<File, Error> {
 /// Gives a file another name, the first that is free. Where the disk can, it keeps the old one
 /// until that is written anew: a kill in between loses nothing.
 fn quarantine(path: &Path) -> Result<PathBuf, Error> {
-    let names = (1..).map(|n: u64| named(path, &format!(".aside-{n}")));
+    let names = (1..).map(|n: u64| named(path, &format!(".quarantined-{n}")));
     let mut free = names.filter(|name| !name.exists());
-    let quarantined = free.next().unwrap_or_else(|| named(path, ".aside"));
+    let quarantined = free.next().unwrap_or_else(|| named(path, ".quarantined"));
     fs::hard_link(path, &quarantined)
         .or_else(|_| fs::rename(path, &quarantined))
         .map_err(|cause| io_error(path, "quarantine", cause))?;

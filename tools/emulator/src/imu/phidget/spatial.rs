@@ -27,7 +27,7 @@ pub(super) fn device(serial_number: u32) -> String {
     )
 }
 
-/// An open channel of it.
+/// An open channel of the device.
 #[derive(Debug)]
 pub(super) struct Channel {
     id: u64,

@@ -41,7 +41,10 @@ impl HeldJournal {
             fs::create_dir_all(folder).with_context(context)?;
         }
         if self.path.exists() {
-            let free = (1..).map(|n| self.path.with_file_name(format!("{JOURNAL}.aside-{n}")));
+            let free = (1..).map(|n| {
+                self.path
+                    .with_file_name(format!("{JOURNAL}.quarantined-{n}"))
+            });
             let free = { free }.find(|path| !path.exists());
             let free = free.with_context(context)?;
             fs::rename(&self.path, free).with_context(context)?;
@@ -84,7 +87,7 @@ mod tests {
         fs::write(&path, b"another").unwrap();
         held.put_back().unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"one two");
-        let quarantined = out.join("map.journal.aside-1");
+        let quarantined = out.join("map.journal.quarantined-1");
         assert_eq!(fs::read(quarantined).unwrap(), b"another");
 
         let held = HeldJournal::open(&path).unwrap();

@@ -28,7 +28,7 @@ impl Cells {
     pub fn new(config: &Config) -> Self {
         let margin_m = config.submap.radius_m + 2.0 * config.cell_size_m();
         Self {
-            grid: Grid::new(config.sight_m() + margin_m, config.cell_rule()),
+            grid: Grid::new(config.range_used_m() + margin_m, config.cell_rule()),
             submap: None,
             root: Pose2::IDENTITY,
             scans: VecDeque::new(),
