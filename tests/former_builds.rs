@@ -92,9 +92,9 @@ fn a_map_of_before_is_gone_on_with() {
     let folder = tempfile::tempdir().unwrap();
     let journal = folder.path().join("map.journal");
     fs::copy(fixture("map.journal"), &journal).unwrap();
-    let expected: Vec<_> = (0..9).map(|id| (id, 0)).collect();
+    let expected: Vec<_> = (0..8).map(|id| (id, 0)).collect();
     assert_eq!(keyframes(&journal), expected);
-    let mut pipeline = Pipeline::new("former-map");
+    let mut pipeline = Pipeline::new("map");
     let path = journal.display().to_string();
     let errors = start(
         &mut pipeline,
@@ -103,7 +103,7 @@ fn a_map_of_before_is_gone_on_with() {
         &["--journal", &path],
     );
     let said = || fs::read_to_string(&errors).unwrap();
-    until("the map", || said().contains("9 keyframes"));
+    until("the map", || said().contains("8 keyframes"));
     pipeline.kill_all();
     assert_eq!(keyframes(&journal), expected);
     let files = ["errors", "map.journal", "map.journal.lock"];
@@ -113,7 +113,7 @@ fn a_map_of_before_is_gone_on_with() {
 #[test]
 fn odometrys_state_of_before_is_set_apart_with_words_and_its_pose_is_kept() {
     let folder = tempfile::tempdir().unwrap();
-    let mut pipeline = Pipeline::new("former-state");
+    let mut pipeline = Pipeline::new("state");
     let state = pipeline.domain().state();
     fs::create_dir_all(&state).unwrap();
     fs::copy(fixture("odometry.pose"), state.join("odometry.pose")).unwrap();

@@ -147,10 +147,6 @@ mod tests {
     use randt_messages::{Keyframe, Message};
     use randt_persist::variant_code;
 
-<<<<<<< HEAD
-    /// A change of what is saved raises the number in `FORM` and writes the new sum here: an older
-    /// snapshot would else be read as something that it is not.
-=======
     /// The bytes of a snapshot, written by hand.
     #[derive(Default)]
     struct Expected(Vec<u8>);
@@ -176,9 +172,8 @@ mod tests {
         }
     }
 
-    /// A change of what is saved raises the number in `FORM` and is written here: an older snapshot would else be read
-    /// as something that it is not.
->>>>>>> a0cb981 (mapper: the form of a snapshot, byte by byte)
+    /// A change of what is saved raises the number in `FORM` and is written here: an older
+    /// snapshot would else be read as something that it is not.
     #[test]
     fn form_three_is_as_it_was() {
         let mut mapper = Mapper::new(&Config::default());

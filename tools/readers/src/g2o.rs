@@ -10,7 +10,8 @@ use std::io::BufRead;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Vertices beyond this are a broken number, not a map: a year at one a second has a third of that.
+/// Vertices beyond this are a broken number, not a map: a year at one a second has a third of
+/// that.
 const ID_MAX: u64 = 100_000_000;
 /// Farther than a robot drives, m (a tenth of the earth's girth).
 const COORDINATE_MAX_M: f64 = 4e6;

@@ -7,8 +7,8 @@ use crate::counters::counters;
 const LATE_SHARE: u64 = 8;
 
 counters! {
-    /// Beams and sweeps, and what happened to them. That many fields, because each kind of loss and
-    /// doubt is reported by its own name.
+    /// Beams and sweeps, and what happened to them. That many fields, because each kind of loss
+    /// and doubt is reported by its own name.
     pub(super) struct Counters {
         sweeps: event "sweeps",
         partial: event "sweeps_partial",
