@@ -12,7 +12,7 @@ pub struct ComponentIdx(pub usize);
 
 /// A loop closure in the list of all that were registered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub struct CandidateIdx(pub usize);
+pub struct ClosureIdx(pub usize);
 
 impl ComponentIdx {
     /// The keyframe whose pose the component keeps.
@@ -35,4 +35,4 @@ macro_rules! saved_as_usize {
         }
     )+ };
 }
-saved_as_usize!(KeyframeIdx, CandidateIdx);
+saved_as_usize!(KeyframeIdx, ClosureIdx);

@@ -37,7 +37,7 @@ pub mod pose_graph;
 pub mod publication;
 mod verification;
 
-pub use index::{CandidateIdx, ComponentIdx, KeyframeIdx};
+pub use index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 pub use keyframe::{LazyObservation, MapKeyframe, Observation};
 pub use mapper::{Counters, Mapper, SECTIONS};
 pub use persistence::{Known, Recalled, Restored, SnapshotRejection, journal};

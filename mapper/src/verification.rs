@@ -17,7 +17,7 @@ pub(crate) use merge::ComponentMerger;
 pub use registration::{Registrar, Registration};
 pub use submap::{QuerySubmap, Submaps};
 
-use crate::index::{CandidateIdx, KeyframeIdx};
+use crate::index::{ClosureIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::place_recognition::{CandidateOrigin, LoopCandidate, NEAR_MAX_M};
 use crate::pose_graph::{KeyframeGraph, Prior, deviation};
@@ -71,7 +71,7 @@ impl LoopVerification {
     }
 
     /// Gives these closures, which left the graph, their status.
-    pub fn withdraw(&mut self, pruned: &[CandidateIdx]) {
+    pub fn withdraw(&mut self, pruned: &[ClosureIdx]) {
         for index in pruned {
             if let Some(closure) = self.closures.get_mut(index.0) {
                 closure.status = LoopStatus::Withdrawn;

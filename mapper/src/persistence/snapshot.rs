@@ -138,7 +138,7 @@ impl Mapper {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::index::{CandidateIdx, KeyframeIdx};
+    use crate::index::{ClosureIdx, KeyframeIdx};
     use crate::place_recognition::CandidateOrigin;
     use crate::verification::Scores;
     use nalgebra::Matrix3;
@@ -201,7 +201,7 @@ mod tests {
             status: LoopStatus::Withdrawn,
         };
         mapper.verification.restore(vec![closure, closure]);
-        let added = mapper.graph.add_closure(CandidateIdx(1), closure.edge());
+        let added = mapper.graph.add_closure(ClosureIdx(1), closure.edge());
         assert!(added.is_ok());
         let known = Known {
             closures: 1,

@@ -2,7 +2,7 @@
 
 use super::saved::{SavedGraph, SavedLoop};
 use super::{Edge, Error, Loop, LoopId, PoseGraph, Prior, position_sigma_m};
-use crate::index::{CandidateIdx, ComponentIdx, KeyframeIdx};
+use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::verification::LoopClosure;
 use nalgebra::Matrix3;
@@ -32,7 +32,7 @@ const INTRA_SUBMAP_SIGMA_MAX_M: f64 = 0.02;
 pub(crate) struct KeyframeGraph {
     graph: PoseGraph,
     /// Loops of the graph: name there, index of the closure.
-    closures: Vec<(LoopId, CandidateIdx)>,
+    closures: Vec<(LoopId, ClosureIdx)>,
     odometry_covariance_factor: f64,
     is_verified: bool,
     failures: u64,
@@ -91,7 +91,7 @@ impl KeyframeGraph {
     }
 
     /// Adds the loop of a closure.
-    pub fn add_closure(&mut self, closure: CandidateIdx, edge: Edge) -> Result<(), Error> {
+    pub fn add_closure(&mut self, closure: ClosureIdx, edge: Edge) -> Result<(), Error> {
         let id = self.graph.add_loop(edge)?;
         self.closures.push((id, closure));
         Ok(())
@@ -99,7 +99,7 @@ impl KeyframeGraph {
 
     /// Optimises; takes out loops that proved wrong and optimises again. Gives the closures of
     /// those.
-    pub fn optimise_and_prune(&mut self) -> Vec<CandidateIdx> {
+    pub fn optimize_and_prune(&mut self) -> Vec<ClosureIdx> {
         let mut pruned = Vec::new();
         loop {
             if self.graph.optimise().is_err() {
@@ -118,7 +118,7 @@ impl KeyframeGraph {
 
     /// Judges all loops anew, as if the drive were driven again: one that was let in while the map
     /// was uncertain can prove wrong by what came later. Then optimises and prunes.
-    pub fn recheck(&mut self) -> Vec<CandidateIdx> {
+    pub fn recheck(&mut self) -> Vec<ClosureIdx> {
         let mut pruned = Vec::new();
         if self.is_verified && !self.closures.is_empty() {
             if self.graph.recheck().is_err() {
@@ -126,12 +126,12 @@ impl KeyframeGraph {
             }
             self.prune(&mut pruned);
         }
-        pruned.extend(self.optimise_and_prune());
+        pruned.extend(self.optimize_and_prune());
         pruned
     }
 
     /// Takes out the loops that the graph has switched off.
-    fn prune(&mut self, pruned: &mut Vec<CandidateIdx>) {
+    fn prune(&mut self, pruned: &mut Vec<ClosureIdx>) {
         let loops = self.graph.loops().iter();
         let wrong: Vec<_> = loops
             .filter(|l| l.weight < WEIGHT_MIN)

@@ -5,7 +5,7 @@
 pub(super) enum Loss {
     /// The squared error with a fixed weight.
     Weighted(f64),
-    /// Dynamic covariance scaling (Agarwal et al. 2013): quadratic up to chi2 = `phi`, then
+    /// Dynamic covariance scaling, DCS (Agarwal et al. 2013): quadratic up to chi2 = `phi`, then
     /// bounded by 3 phi. Up to phi the weight is exactly 1: good loops give the optimum of the
     /// plain least squares.
     Scaled {

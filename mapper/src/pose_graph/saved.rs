@@ -1,7 +1,7 @@
 //! What a snapshot has of the graph; constraints of odometry follow from the keyframes.
 
 use super::{Loop, LoopId};
-use crate::index::CandidateIdx;
+use crate::index::ClosureIdx;
 use crate::verification::LoopClosure;
 use randt_geometry::{Pose2, elementary::PI};
 use randt_persist::{Error, Persist, Reader, Writer, persist};
@@ -59,7 +59,7 @@ fn pose_from_saved([x_m, y_m, yaw_rad]: [f64; 3]) -> Pose2 {
 #[derive(Debug, Default)]
 pub(crate) struct SavedLoop {
     pub id: u64,
-    pub closure: CandidateIdx,
+    pub closure: ClosureIdx,
     pub on: bool,
     /// chi2 and weight where they do not follow from the poses: after an optimisation without a
     /// result.
@@ -74,7 +74,7 @@ persist!(SavedLoop {
 
 impl SavedLoop {
     /// What is saved of a loop in an estimate.
-    pub fn new(found: &Loop, closure: CandidateIdx, poses: &[Pose2]) -> Self {
+    pub fn new(found: &Loop, closure: ClosureIdx, poses: &[Pose2]) -> Self {
         let bits = |l: &Loop| (l.chi2.to_bits(), l.weight.to_bits());
         let is_odd = bits(&found.weighed(poses)) != bits(found);
         Self {

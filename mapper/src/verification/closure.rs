@@ -1,4 +1,5 @@
-//! A loop closure: two keyframes of one spot, what was measured between them, and its status.
+//! A loop closure: two keyframes that may show one place, what was measured between them, and its
+//! status.
 
 use crate::index::KeyframeIdx;
 use crate::place_recognition::CandidateOrigin;
@@ -93,7 +94,7 @@ persist!(Scores {
     prior_sigma_m,
 });
 
-/// Two keyframes of one spot, registered and judged.
+/// Two keyframes that may show one place, registered and judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoopClosure {
     /// The older keyframe: the root of the submap.

@@ -6,7 +6,7 @@
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};
 use super::gates::{CHI2_MAX, is_tight};
-use crate::index::{CandidateIdx, KeyframeIdx};
+use crate::index::{ClosureIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::pose_graph::{KeyframeGraph, Prior};
 use nalgebra::Matrix3;
@@ -37,12 +37,12 @@ impl LoopVerification {
             }
             let prior = graph.prior(closure.older, closure.newer);
             if !self.config.loops.verify || prior.is_some_and(|prior| is_tight(&prior)) {
-                accepted.push(CandidateIdx(index));
+                accepted.push(ClosureIdx(index));
             } else if prior.is_some() {
                 let support = self.support(&closure, keyframes, graph);
                 if !support.is_empty() {
                     accepted.extend(support);
-                    accepted.push(CandidateIdx(index));
+                    accepted.push(ClosureIdx(index));
                 }
             }
         }
@@ -57,7 +57,7 @@ impl LoopVerification {
         closure: &LoopClosure,
         keyframes: &[MapKeyframe],
         graph: &mut KeyframeGraph,
-    ) -> Vec<CandidateIdx> {
+    ) -> Vec<ClosureIdx> {
         let step_m = self.config.keyframe.distance_m;
         let path_m = |i: KeyframeIdx| keyframes.get(i.0).map_or(0.0, |keyframe| keyframe.path_m);
         let here_m = path_m(closure.newer);
@@ -68,12 +68,12 @@ impl LoopVerification {
             .filter(|(_, other)| other.status == LoopStatus::Unconfirmed)
             .filter(|(_, other)| range_m.contains(&(here_m - path_m(other.newer))))
             .filter(|(_, other)| agree(other, closure, graph))
-            .map(|(index, _)| CandidateIdx(index))
+            .map(|(index, _)| ClosureIdx(index))
             .collect()
     }
 
     /// Puts closures into the graph and lets the map follow.
-    pub(super) fn accept(&mut self, accepted: &[CandidateIdx], graph: &mut KeyframeGraph) {
+    pub(super) fn accept(&mut self, accepted: &[ClosureIdx], graph: &mut KeyframeGraph) {
         if accepted.is_empty() {
             return;
         }
@@ -86,7 +86,7 @@ impl LoopVerification {
                 Err(_) => LoopStatus::Degenerate,
             };
         }
-        let pruned = graph.optimise_and_prune();
+        let pruned = graph.optimize_and_prune();
         self.withdraw(&pruned);
     }
 }

@@ -8,7 +8,7 @@
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};
 use super::gates::{is_alike, is_fixed};
-use crate::index::{CandidateIdx, ComponentIdx, KeyframeIdx};
+use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::place_recognition::CandidateOrigin;
 use crate::pose_graph::{KeyframeGraph, deviation};
@@ -334,7 +334,7 @@ impl LoopVerification {
         self.closures.extend(overlay.fits);
         let added = self.closures.iter().enumerate().skip(first);
         let loops = added.filter(|(_, closure)| closure.status == LoopStatus::Unconfirmed);
-        let loops: Vec<CandidateIdx> = loops.map(|(index, _)| CandidateIdx(index)).collect();
+        let loops: Vec<ClosureIdx> = loops.map(|(index, _)| ClosureIdx(index)).collect();
         self.accept(&loops, graph);
     }
 }

@@ -6,7 +6,8 @@ use crate::index::KeyframeIdx;
 
 /// Nodes to both sides within which two loops are of the same spot: a radar's reach in keyframes.
 pub(super) const NEAR_NODES: usize = 10;
-/// chi2 of three degrees of freedom that 1 in 1,000 exceeds.
+/// chi2 of three degrees of freedom that 1 in 1,000 exceeds, as for a candidate
+/// (`verification/gates.rs`).
 pub(super) const GATE: f64 = 16.3;
 /// Median of chi2 with three degrees of freedom.
 const MEDIAN: f64 = 2.366;
