@@ -129,10 +129,10 @@ mod tests {
 
     fn store(ids: &[u64]) -> KeyframeStore {
         let mut store = KeyframeStore::default();
-        for id in ids {
+        for (stamp_ns, id) in (30..).zip(ids) {
             let mut message = Message::<Keyframe>::default();
             message.head.id = *id;
-            message.head.header.stamp_ns = 10 * *id as i64;
+            message.head.header.stamp_ns = stamp_ns;
             assert!(store.is_next(&message.head));
             store.push(MapKeyframe::new(message.as_ref(), store.last()));
         }
