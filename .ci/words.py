@@ -93,7 +93,7 @@ PROSE = [
     (r"\b(?:set|sets|setting) (?:\w+ )?aside\b", "", "quarantine"),
     (r"\brealms?\b|\bjanitors?\b|\bharvest(?:s|ed|ing)?\b|\bspoilt\b|\bwellknown\b", "", "the vocabulary's word"),
     # A report of an earlier build, in quotes, has the former key.
-    (r"\bfounding\b|\bfates?\b", r"\"fates?\"", "initialization; status"),
+    (r"\bfounding\b|\bfates?\b", r"\"fates?\"|loops\.fates", "initialization; status"),
     # What a careless renaming leaves: a type's name where a verb stands.
     (r"^[/! ]*(?:.*\. )?(?:PortWaiter|Waitable) (?:for|until|while|when|as|at|in)\b", "", "waits, wakes"),
     (r"(?-i:\bDESIGN\b)", "", "a decision or invariant that ships: ARCHITECTURE.md, docs/decisions"),

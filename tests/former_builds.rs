@@ -103,7 +103,9 @@ fn a_map_of_before_is_gone_on_with() {
         &["--journal", &path],
     );
     let said = || fs::read_to_string(&errors).unwrap();
-    until("the map", || said().contains("8 keyframes"));
+    until("the map", || said().contains("has all of its 8 keyframes"));
+    let form = "snapshots have another form; its keyframes are taken anew";
+    assert!(said().contains(form), "{}", said());
     pipeline.kill_all();
     assert_eq!(keyframes(&journal), expected);
     let files = ["errors", "map.journal", "map.journal.lock"];

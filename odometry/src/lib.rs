@@ -13,7 +13,7 @@ mod initializer;
 mod keyframe_selector;
 mod odometry;
 mod odometry_frame;
-#[cfg(feature = "process")]
+#[cfg(feature = "runtime")]
 pub mod runtime;
 mod scan;
 mod sliding_window;

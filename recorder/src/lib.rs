@@ -10,14 +10,14 @@ mod disk;
 mod drops;
 mod metadata;
 mod open_log;
-#[cfg(feature = "process")]
+#[cfg(feature = "runtime")]
 mod position_store;
 mod positions;
-#[cfg(feature = "process")]
-pub mod process;
 mod queue;
 mod raw;
 mod recorder;
+#[cfg(feature = "runtime")]
+pub mod runtime;
 mod settings;
 mod sink;
 mod viewer;
@@ -30,7 +30,7 @@ pub use metadata::{
     CLOCK_METADATA, LAYOUTS_METADATA, MACHINE_METADATA, VERSIONS_METADATA, configuration_records,
     fields, machine_record,
 };
-#[cfg(feature = "process")]
+#[cfg(feature = "runtime")]
 pub use position_store::PositionStore;
 pub use positions::Positions;
 pub use queue::{BUDGET, Queue};

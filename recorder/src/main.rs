@@ -2,7 +2,7 @@
 
 use clap::Parser;
 use randt_config::Config;
-use randt_recorder::process::{Inputs, preamble};
+use randt_recorder::runtime::{Inputs, preamble};
 use randt_recorder::{
     BUDGET, Disk, PositionStore, Positions, Queue, Recorder, Settings, Viewer, Worker,
 };

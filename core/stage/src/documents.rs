@@ -23,7 +23,7 @@ const SHELLS: [(Shell, &str); 3] = [
     (Shell::Zsh, "zsh/vendor-completions"),
     (Shell::Fish, "fish/vendor_completions.d"),
 ];
-/// Commands are in section 1, stages in 8: `randt imu` and `randt-imu` are two pages.
+/// Commands are in section 1; stages, which are daemons, in 8.
 const COMMANDS: &str = "1";
 const DAEMONS: &str = "8";
 

@@ -205,18 +205,6 @@ impl Stage {
         checked
     }
 
-    /// Enters the pipeline anew under the same name, after [`Error::MemoryGone`]. Its ports have
-    /// to be opened again. For a process that cannot start again, because it knows more than it
-    /// has on disk.
-    pub fn renew(&mut self) -> Result<(), Error> {
-        self.ports.bus().memory_loss().set();
-        self.membership.leave();
-        let is_long_range = self.ports.is_long_range;
-        *self = Self::open(self.membership.name(), self.membership.domain())?;
-        self.ports.is_long_range = is_long_range;
-        Ok(())
-    }
-
     /// Reads the configuration again; returns whether the stage has to take one over. An error in
     /// a file is logged, and the configuration in force stays.
     fn reload(&mut self) -> bool {

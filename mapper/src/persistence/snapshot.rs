@@ -15,9 +15,9 @@ use randt_persist::{Error, Persist, Reader, StateIdentity, Writer, encode, persi
 /// First bytes of a snapshot.
 const MAGIC: [u8; 8] = *b"RANDTSNP";
 /// What a snapshot looks like: its number is to be raised with every change of what is saved,
-/// which a test notices. The build does not matter: another one's map is a map, and pushing
-/// thousands of keyframes anew takes minutes in which a robot that was updated has none. Forms 1
-/// and 2 had no magic.
+/// which a test notices. The build does not matter: another one's map is a map. Raise it seldom:
+/// pushing thousands of keyframes anew takes minutes in which a robot that was updated has no map.
+/// Forms 1 and 2 had no magic.
 const FORM: [u8; 16] = *b"mapper snapshot3";
 
 /// How much the snapshots of a journal have of what only grows.

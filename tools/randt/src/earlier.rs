@@ -40,9 +40,16 @@ pub fn keep_drive(out: &Path) -> anyhow::Result<()> {
         );
     }
     keep(out, |name| {
-        let is_journal = name == JOURNAL || name.starts_with(&format!("{JOURNAL}.quarantined"));
-        is_journal || RESULTS.contains(&name)
+        name == JOURNAL || is_quarantined_journal(name) || RESULTS.contains(&name)
     })
+}
+
+/// Whether a file is a journal that a mapper has quarantined.
+pub fn is_quarantined_journal(name: &str) -> bool {
+    // As builds up to 30a8848 named it.
+    let former = ".aside";
+    let suffix = name.strip_prefix(JOURNAL).unwrap_or_default();
+    suffix.starts_with(".quarantined") || suffix.starts_with(former)
 }
 
 fn keep(out: &Path, is_of_a_drive: impl Fn(&str) -> bool) -> anyhow::Result<()> {
@@ -92,6 +99,16 @@ fn first_free(out: &Path) -> anyhow::Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quarantined_journals_of_every_build_are_known() {
+        let former = "map.journal.aside-2";
+        assert!(is_quarantined_journal(former));
+        assert!(is_quarantined_journal("map.journal.quarantined-1"));
+        for other in [JOURNAL, "map.journal.lock", "map.yaml"] {
+            assert!(!is_quarantined_journal(other), "{other}");
+        }
+    }
 
     #[test]
     fn every_earlier_drive_is_kept_whole_under_a_number_of_its_own() {

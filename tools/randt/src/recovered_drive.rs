@@ -4,7 +4,7 @@
 //! Responsible for making one pipeline of them that goes on where the processes ended. What is
 //! missing is counted, and never an error: half a drive is better than none.
 
-use crate::earlier::JOURNAL;
+use crate::earlier::{JOURNAL, is_quarantined_journal};
 use crate::pipeline::Pipeline;
 use crate::plain_file;
 use crate::report::Counters;
@@ -103,9 +103,7 @@ fn read_journal(config: &Config, path: &Path, counters: &mut Counters) -> Mapper
 fn count_quarantined(folder: &Path, counters: &mut Counters) {
     let found = fs::read_dir(folder).into_iter().flatten().flatten();
     let names = found.filter_map(|entry| entry.file_name().into_string().ok());
-    let mut quarantined: Vec<String> = names
-        .filter(|name| name.starts_with(&format!("{JOURNAL}.quarantined")))
-        .collect();
+    let mut quarantined: Vec<String> = names.filter(|name| is_quarantined_journal(name)).collect();
     quarantined.sort();
     if let Some(first) = quarantined.first() {
         let first = format!("{first} holds keyframes that are not in the map");

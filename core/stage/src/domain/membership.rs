@@ -77,11 +77,6 @@ impl Membership {
         self.start = None;
     }
 
-    /// Lets another member take this name.
-    pub(crate) fn leave(&self) {
-        self.registry.leave();
-    }
-
     /// Registers that the stage has ended in order.
     pub(crate) fn mark_ended(&mut self) -> Result<(), Error> {
         self.registry.end()

@@ -122,12 +122,6 @@ impl Registry {
         self.write()
     }
 
-    /// Lets another one of the same name enter, in this process or in another.
-    pub(crate) fn leave(&self) {
-        // An error would mean that the lock is not held, which is the aim.
-        let _ = self.file.unlock();
-    }
-
     /// Registers how many files it has left because they were gone.
     pub(crate) fn set_left_files(&mut self, files: u64) -> Result<(), Error> {
         self.entry.left_files = files;

@@ -22,7 +22,7 @@ pub(crate) struct MemoryWatch {
     /// The node of this process.
     node: u128,
     /// Files that were gone before, and that this process has left for that reason
-    /// (`Stage::renew`).
+    /// (a player that opens its ports anew).
     left: BTreeSet<PathBuf>,
 }
 
