@@ -81,7 +81,7 @@ plain! {
         pub cells: u32,
         /// Cells of the scan with a close counterpart in the submap.
         pub inliers: u32,
-        /// Gauss-Newton iterations.
+        /// Gauss-Newton iterations; 0 without a solution.
         pub iterations: u32,
         /// Submap that the scan was registered to.
         pub submap_id: u64,

@@ -19,7 +19,8 @@ pub enum FrameStart {
     Damaged,
 }
 
-/// How a protocol frames what it sends: two sync bytes, a header with a length, data, a checksum.
+/// How a protocol frames what it sends: two sync bytes, a length (fixed or in a header), data, a
+/// checksum.
 pub trait Framing {
     /// The first two bytes.
     const SYNC: [u8; 2];

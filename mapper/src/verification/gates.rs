@@ -41,7 +41,8 @@ pub(super) fn judge(scores: &Scores, config: &Loops) -> Result<(), LoopStatus> {
     is_fixed(scores)
 }
 
-/// Whether the keyframes look like one, from both sides, where odometry has them.
+/// Whether the keyframes look like one, from both sides, where odometry has them. In the merging of
+/// components a refusal is a misfit.
 pub(super) fn is_alike(scores: &Scores, config: &Loops) -> Result<(), LoopStatus> {
     let fit = scores
         .forward
@@ -68,7 +69,8 @@ pub(super) fn is_alike(scores: &Scores, config: &Loops) -> Result<(), LoopStatus
     Ok(())
 }
 
-/// Whether a registration is fixed in every direction.
+/// Whether a registration is fixed in every direction. In the merging of components a refusal is a
+/// fit that makes no loop.
 pub(super) fn is_fixed(scores: &Scores) -> Result<(), LoopStatus> {
     let displaced_max = DISPLACED_MAX * scores.forward.unwrap_or(0.0);
     let is_certain = scores.sigma_m.is_some_and(|sigma| sigma <= SIGMA_MAX_M);

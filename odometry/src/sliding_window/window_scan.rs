@@ -40,7 +40,7 @@ pub struct WindowScan {
     pub deskew_velocity: Vector3<f64>,
     /// NDT cells of the points.
     pub cells: Vec<ScanCell>,
-    /// Their counterparts in the submap.
+    /// Their counterparts in the submap as of the last round, one entry a cell.
     pub associations: Vec<Association>,
     /// Their normal equations, as of the last solve.
     pub ndt: NormalEquations,

@@ -1,6 +1,6 @@
 //! The loops in `report.json`: every candidate, what it was judged by, and its status.
 
-use randt_mapper::{CandidateOrigin, KeyframeIdx, LoopClosure, Mapper};
+use randt_mapper::{CandidateOrigin, KeyframeIdx, LoopClosure, Mapper, Scores};
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -85,7 +85,17 @@ impl Loops {
 fn entry(mapper: &Mapper, closure: &LoopClosure) -> Entry {
     let keyframe = |index: KeyframeIdx| mapper.keyframes().get(index.0);
     let stamp_ns = |index| keyframe(index).map_or(0, |keyframe| keyframe.stamp_ns);
-    let scores = &closure.scores;
+    // Every score, so that the compiler refuses a report that lacks one.
+    let Scores {
+        forward,
+        backward,
+        flipped,
+        displaced,
+        divergence,
+        sigma_m,
+        chi2,
+        prior_sigma_m,
+    } = closure.scores;
     Entry {
         from_ns: stamp_ns(closure.older),
         to_ns: stamp_ns(closure.newer),
@@ -96,13 +106,13 @@ fn entry(mapper: &Mapper, closure: &LoopClosure) -> Entry {
             CandidateOrigin::Appearance { distance, .. } => Some(distance),
             CandidateOrigin::Proximity => None,
         },
-        forward: scores.forward,
-        backward: scores.backward,
-        flipped: scores.flipped,
-        displaced: scores.displaced,
-        divergence: scores.divergence,
-        sigma_m: scores.sigma_m,
-        chi2: scores.chi2.filter(|chi2| chi2.is_finite()),
-        prior_sigma_m: scores.prior_sigma_m,
+        forward,
+        backward,
+        flipped,
+        displaced,
+        divergence,
+        sigma_m,
+        chi2: chi2.filter(|chi2| chi2.is_finite()),
+        prior_sigma_m,
     }
 }
