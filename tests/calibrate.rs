@@ -58,9 +58,9 @@ type Figure = (&'static str, f64, f64, f64);
 fn errors(log: &Path) -> Vec<Figure> {
     let time = figures("time", log);
     let mounting = figures("extrinsics", log);
-    let (yaw, lever) = (&mounting["yaw"], &mounting["lever_arm"]);
+    let (yaw, lever_arm) = (&mounting["yaw"], &mounting["lever_arm"]);
     let number = |value: &Value| value.as_f64().unwrap();
-    for shown in [&time, yaw, lever] {
+    for shown in [&time, yaw, lever_arm] {
         let spans = shown["shown_by"]["spans_s"].as_array().unwrap();
         assert!(!spans.is_empty());
         assert!(
@@ -85,14 +85,14 @@ fn errors(log: &Path) -> Vec<Figure> {
         ),
         (
             "x, m",
-            error(&lever["x_m"], LEVER_ARM_M[0]),
-            number(&lever["x_sigma_m"]),
+            error(&lever_arm["x_m"], LEVER_ARM_M[0]),
+            number(&lever_arm["x_sigma_m"]),
             0.03,
         ),
         (
             "y, m",
-            error(&lever["y_m"], LEVER_ARM_M[1]),
-            number(&lever["y_sigma_m"]),
+            error(&lever_arm["y_m"], LEVER_ARM_M[1]),
+            number(&lever_arm["y_sigma_m"]),
             0.03,
         ),
     ]

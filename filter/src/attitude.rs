@@ -36,7 +36,7 @@ pub struct AttitudeFilter {
     clock: SampleClock,
     last_rate_rad_s: Vector3<f64>,
     /// Seconds of trusted gravity since the start or the last break.
-    settled_s: f64,
+    averaged_s: f64,
     attitude: Option<Quaternion>,
 }
 
@@ -44,7 +44,7 @@ persist!(AttitudeFilter {
     bias_rad_s,
     clock,
     last_rate_rad_s,
-    settled_s,
+    averaged_s,
     attitude,
 } kept {
     correction_time_s,
@@ -60,7 +60,7 @@ impl AttitudeFilter {
             bias_rad_s: Vector3::zeros(),
             clock: SampleClock::default(),
             last_rate_rad_s: Vector3::zeros(),
-            settled_s: 0.0,
+            averaged_s: 0.0,
             attitude: None,
         }
     }
@@ -95,7 +95,7 @@ impl AttitudeFilter {
         match pace {
             Pace::Ignored => return pace,
             Pace::Start => {
-                self.settled_s = 0.0;
+                self.averaged_s = 0.0;
                 let level = self.attitude.unwrap_or_default();
                 self.attitude = Some(self.corrected(level, acceleration_m_s2, 1.0));
             }
@@ -109,9 +109,9 @@ impl AttitudeFilter {
                     .multiply(&Quaternion::from_rotation_vector(turn));
                 let weight_s = dt_s * self.trust_in(acceleration_m_s2);
                 // At first a running mean of gravity, then an exponential one.
-                let memory_s = (self.settled_s + dt_s).min(self.correction_time_s);
+                let memory_s = (self.averaged_s + dt_s).min(self.correction_time_s);
                 let share = (weight_s / memory_s).min(1.0);
-                self.settled_s += weight_s;
+                self.averaged_s += weight_s;
                 self.attitude = Some(self.corrected(predicted, acceleration_m_s2, share));
             }
         }
@@ -137,8 +137,8 @@ impl AttitudeFilter {
     }
 
     /// Seconds of trusted gravity that the tilt rests on, since the start or the last break.
-    pub fn settled_s(&self) -> f64 {
-        self.settled_s
+    pub fn averaged_s(&self) -> f64 {
+        self.averaged_s
     }
 
     /// Samples that were ignored and breaks that were met.

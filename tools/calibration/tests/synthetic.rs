@@ -57,12 +57,12 @@ proptest! {
     fn a_mounting_is_found(x in -0.5..0.5f64, y in -0.5..0.5f64, yaw in -3.1..3.1f64) {
         let found = mounting(&drive(&full(), Pose2::new(x, y, yaw)));
         let heading = found.yaw.unwrap();
-        let lever = found.lever_arm.unwrap();
+        let lever_arm = found.lever_arm.unwrap();
         prop_assert!((heading.yaw_rad.value - yaw).abs() < 1e-3, "{heading:?}");
-        prop_assert!((lever.x_m.value - x).abs() < 2e-3, "{lever:?}");
-        prop_assert!((lever.y_m.value - y).abs() < 2e-3, "{lever:?}");
-        prop_assert!(lever.x_m.sigma < 0.01 && heading.yaw_rad.sigma < 0.01);
-        prop_assert!(!heading.spans.is_empty() && !lever.pivot.spans.is_empty());
+        prop_assert!((lever_arm.x_m.value - x).abs() < 2e-3, "{lever_arm:?}");
+        prop_assert!((lever_arm.y_m.value - y).abs() < 2e-3, "{lever_arm:?}");
+        prop_assert!(lever_arm.x_m.sigma < 0.01 && heading.yaw_rad.sigma < 0.01);
+        prop_assert!(!heading.spans.is_empty() && !lever_arm.pivot.spans.is_empty());
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The final pose of every scan: odometry's settled poses, carried into the map between the
+//! The final pose of every scan: odometry's retired poses, carried into the map between the
 //! keyframes as the graph has them.
 
 use randt_evaluation::Trajectory;
@@ -38,7 +38,7 @@ pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
 /// All scans between knots, that are in the order of their keys. The frame of a pose is the
 /// component of its knots; where its odometry frame has none, that frame.
 pub fn carry_into_map(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
-    let settled: BTreeMap<Key, Pose2> = states
+    let retired: BTreeMap<Key, Pose2> = states
         .iter()
         .filter(|state| state.retired_stamp_ns != 0)
         .map(|state| {
@@ -50,7 +50,7 @@ pub fn carry_into_map(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
     for state in states {
         let key = (state.odom_frame_id, state.header.stamp_ns);
         // The last scans of a frame never left the window: their live pose is all there is.
-        let odom = settled.get(&key).copied();
+        let odom = retired.get(&key).copied();
         let odom = odom.unwrap_or_else(|| Pose2::from_array(state.pose));
         let same = |knot: &&Knot| knot.key.0 == key.0;
         let after = knots.partition_point(|knot| knot.key <= key);

@@ -215,7 +215,7 @@ impl YawRateEstimator {
 /// Each scan's pose when it left the window; the last scans of a frame, which never did, by their
 /// live pose.
 fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
-    let settled: BTreeMap<(u64, i64), [f64; 3]> = states
+    let retired: BTreeMap<(u64, i64), [f64; 3]> = states
         .iter()
         .filter(|state| state.retired_stamp_ns != 0)
         .map(|state| {
@@ -230,7 +230,7 @@ fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
         RadarPose {
             stamp_ns: state.header.stamp_ns,
             frame: state.odom_frame_id,
-            pose: Pose2::from_array(settled.get(&key).copied().unwrap_or(state.pose)),
+            pose: Pose2::from_array(retired.get(&key).copied().unwrap_or(state.pose)),
             fixed: state.trust() == Trust::Good,
         }
     };
