@@ -1,17 +1,17 @@
 //! A simulated drive in memory, to be computed again and again.
 
 use crate::job;
-use anyhow::bail;
+use anyhow::ensure;
 use indicatif::ProgressBar;
 use randt_geometry::Quaternion;
 use randt_readers::{Counter, Error, Event, Extrinsics, InputInfo, Source};
-use randt_simulator::{Event as Simulated, Robot, Simulation, World};
+use randt_simulator::{Robot, Simulation, World};
 use std::slice::Iter;
 
 /// All events of a drive. Some 120 kB a sweep.
 pub struct Drive {
     info: InputInfo,
-    events: Vec<Simulated>,
+    events: Vec<Event>,
 }
 
 impl Drive {
@@ -30,12 +30,8 @@ impl Drive {
         };
         let mut events = Vec::new();
         for event in Simulation::new(world, robot, scans, seed) {
-            if job::interrupted() {
-                bail!("interrupted; nothing was written");
-            }
-            if matches!(event, Simulated::Scan(_)) {
-                bar.inc(1);
-            }
+            ensure!(!job::interrupted(), "interrupted; nothing was written");
+            bar.inc(u64::from(matches!(event, Event::Scan(_))));
             events.push(event);
         }
         bar.finish_and_clear();
@@ -54,7 +50,7 @@ impl Drive {
 /// The events that are still to come.
 struct Replay<'a> {
     info: &'a InputInfo,
-    events: Iter<'a, Simulated>,
+    events: Iter<'a, Event>,
 }
 
 impl Source for Replay<'_> {
@@ -63,11 +59,7 @@ impl Source for Replay<'_> {
     }
 
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
-        Ok(self.events.next().cloned().map(|event| match event {
-            Simulated::Scan(scan) => Event::Scan(scan),
-            Simulated::Imu(sample) => Event::Imu(sample),
-            Simulated::Truth(pose) => Event::Truth(pose),
-        }))
+        Ok(self.events.next().cloned())
     }
 
     fn counters(&self) -> Vec<Counter> {

@@ -28,5 +28,6 @@ pub use material::{Material, Response};
 pub use motion::{Drive, MotionProfile, MotionState};
 pub use radar::RadarProfile;
 pub use random::Random;
-pub use simulation::{Event, Robot, START_NS, Simulation};
+pub use randt_messages::Event;
+pub use simulation::{Robot, START_NS, Simulation};
 pub use world::{Wall, World};

@@ -109,7 +109,7 @@ impl AccessPolicy {
     }
 
     fn may_watch(&self, origin: &str, host: &Host) -> bool {
-        origin.parse::<WebOrigin>().is_ok_and(|origin| {
+        origin.parse().is_ok_and(|origin: WebOrigin| {
             self.origins.contains(&origin)
                 || origin.is_on_loopback()
                 || origin.is_at_address_of(host)
@@ -128,9 +128,8 @@ fn only<'a>(
     if values.next().is_some() {
         return Err(Refusal::Request(twice));
     }
-    let text = first.map(|value| value.to_str());
-    text.transpose()
-        .map_err(|_| Refusal::Request("a header that is not ASCII"))
+    let text = first.map(|value| value.to_str()).transpose();
+    text.map_err(|_| Refusal::Request("a header that is not ASCII"))
 }
 
 /// The beginning of a client's header, for the journal.

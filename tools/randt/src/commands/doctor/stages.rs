@@ -12,30 +12,24 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     let mut found = Vec::new();
     for (entry, lives) in &snapshot.register {
         let Entry { name, pid, .. } = entry;
+        let stage = program(name);
         if !lives && !entry.ended {
-            found.push(Finding::bad(
-                ABOUT,
-                format!(
-                    "{} has died as process {pid}, and nobody has started it again",
-                    program(name)
-                ),
-                start(entry),
-            ));
+            let text =
+                format!("{stage} has died as process {pid}, and nobody has started it again");
+            found.push(Finding::bad(ABOUT, text, start(entry)));
         }
         if *lives && Sample::read(*pid).is_some_and(|sample| sample.stopped) {
-            let text = format!("{} (process {pid}) is stopped by a signal", program(name));
+            let text = format!("{stage} (process {pid}) is stopped by a signal");
             found.push(Finding::warn(ABOUT, text, format!("kill -CONT {pid}")));
         }
     }
     if found.is_empty() {
         let names: Vec<&str> = snapshot.living().map(|entry| entry.name.as_str()).collect();
-        found.push(Finding::ok(
-            ABOUT,
-            match names.as_slice() {
-                [] => "none lives, none has died".to_owned(),
-                names => format!("{} live, none has died", names.join(", ")),
-            },
-        ));
+        let text = match names.as_slice() {
+            [] => "none lives, none has died".to_owned(),
+            names => format!("{} live, none has died", names.join(", ")),
+        };
+        found.push(Finding::ok(ABOUT, text));
     }
     found
 }
@@ -46,12 +40,9 @@ pub fn check_builds(snapshot: &DomainSnapshot) -> Vec<Finding> {
     let mut found = Vec::new();
     for entry in snapshot.living() {
         let Entry { name, pid, .. } = entry;
-        let stage = format!("{} (process {pid})", program(name));
-        let restart = format!(
-            "restart {} from this build: kill {pid}; {}",
-            program(name),
-            start(entry)
-        );
+        let (program, start) = (program(name), start(entry));
+        let stage = format!("{program} (process {pid})");
+        let restart = format!("restart {program} from this build: kill {pid}; {start}");
         if let Some((topic, theirs, ours)) = other_layout(entry) {
             let text = format!(
                 "{stage} has the layout {theirs} of {topic}, this build has {ours}: neither reads the other"
@@ -66,14 +57,11 @@ pub fn check_builds(snapshot: &DomainSnapshot) -> Vec<Finding> {
         }
     }
     if found.is_empty() {
-        let count = snapshot.living().count();
-        found.push(Finding::ok(
-            ABOUT,
-            match count {
-                0 => "no stage lives".to_owned(),
-                _ => "all living stages have this build's layouts".to_owned(),
-            },
-        ));
+        let text = match snapshot.living().next() {
+            None => "no stage lives",
+            Some(_) => "all living stages have this build's layouts",
+        };
+        found.push(Finding::ok(ABOUT, text));
     }
     found
 }
@@ -87,7 +75,6 @@ fn other_layout(entry: &Entry) -> Option<(&'static str, &str, &'static str)> {
 }
 
 fn replaced(snapshot: &DomainSnapshot, pid: u64) -> bool {
-    snapshot
-        .inside()
-        .any(|process| u64::from(process.pid) == pid && process.replaced)
+    let mut inside = snapshot.inside();
+    inside.any(|process| u64::from(process.pid) == pid && process.replaced)
 }

@@ -48,15 +48,10 @@ impl Traffic {
             ..PortHealth::default()
         };
         for port in health.ports().iter().chain([&own]) {
-            let key = (
-                text_of(&port.topic).to_owned(),
-                text_of(&health.name).to_owned(),
-                port.publishes == 1,
-            );
-            self.ports
-                .entry(key)
-                .or_default()
-                .push(header.epoch, header.stamp_ns, port);
+            let (topic, stage) = (text_of(&port.topic), text_of(&health.name));
+            let key = (topic.to_owned(), stage.to_owned(), port.publishes == 1);
+            let known = self.ports.entry(key).or_default();
+            known.push(header.epoch, header.stamp_ns, port);
         }
     }
 
@@ -78,10 +73,8 @@ impl Traffic {
             } else {
                 row.lost += port.lost;
             }
-            row.age_s = match (row.age_s, port.age_s(now_ns)) {
-                (Some(a), Some(b)) => Some(a.min(b)),
-                (a, b) => a.or(b),
-            };
+            let ages_s = [row.age_s, port.age_s(now_ns)].into_iter().flatten();
+            row.age_s = ages_s.min_by(f64::total_cmp);
         }
         let index = |row: &TopicRow| TOPICS.iter().position(|qos| qos.topic == row.name);
         rows.sort_by_key(|row| index(row).unwrap_or(usize::MAX));
@@ -103,11 +96,8 @@ impl Port {
             messages: port.messages,
             published_ns: port.last_published_ns,
         });
-        while self
-            .counts
-            .front()
-            .is_some_and(|count| reported_ns - count.reported_ns > WINDOW_NS)
-        {
+        let is_over = |count: &Count| reported_ns - count.reported_ns > WINDOW_NS;
+        while self.counts.front().is_some_and(is_over) {
             self.counts.pop_front();
         }
     }
@@ -138,13 +128,8 @@ impl Port {
         let span_ns = (last.published_ns - from_ns).max(1) as f64;
         let silence_ns = (known_ns - last.published_ns) as f64;
         // What is overdue has not come.
-        let overdue = silence_ns > 2.0 * span_ns / messages;
-        let all_ns = if overdue {
-            span_ns + silence_ns
-        } else {
-            span_ns
-        };
-        1e9 * messages / all_ns
+        let is_overdue = silence_ns > 2.0 * span_ns / messages;
+        1e9 * messages / (span_ns + if is_overdue { silence_ns } else { 0.0 })
     }
 
     fn age_s(&self, now_ns: i64) -> Option<f64> {
