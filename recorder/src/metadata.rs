@@ -93,10 +93,10 @@ mod tests {
     #[test]
     fn every_topic_of_the_bus_has_its_channel() {
         let known = channels();
-        for qos in randt_stage::TOPICS {
-            let channel = known.iter().find(|c| c.topic == qos.topic).unwrap();
-            assert_eq!(channel.type_name, qos.type_name);
-            assert_eq!(&channel_of(qos.topic), channel);
+        for topic in randt_messages::BUS_TOPICS {
+            let channel = known.iter().find(|c| c.topic == topic.name).unwrap();
+            assert_eq!(channel.type_name, topic.type_name);
+            assert_eq!(&channel_of(topic.name), channel);
         }
     }
 

@@ -48,6 +48,7 @@ impl OpenLog {
         let mut stream = LogStream::new(&name, options).map_err(io::Error::other)?;
         for (record, fields) in metadata {
             stream
+                .writer()
                 .write_metadata(record, fields)
                 .map_err(io::Error::other)?;
         }
@@ -158,21 +159,24 @@ impl OpenLog {
 
     fn put(&mut self, raw: &Raw) -> io::Result<()> {
         let channel = self.channel(raw.topic)?;
-        let written = self.stream.write_bytes(channel, raw.label, &raw.bytes);
+        let written = self
+            .stream
+            .writer()
+            .write_bytes(channel, raw.label, &raw.bytes);
         written.map_err(io::Error::other)
     }
 
     /// Ends the chunk and gives it to the sink.
     pub fn end_chunk(&mut self, now_ns: i64, sink: &mut impl Sink) -> io::Result<()> {
         self.times.chunk_ns = now_ns;
-        self.stream.flush().map_err(io::Error::other)?;
+        self.stream.writer().flush().map_err(io::Error::other)?;
         self.append(sink)
     }
 
     /// Ends the log with what is known only now.
     pub fn finish(mut self, metadata: Metadata, sink: &mut impl Sink) -> io::Result<()> {
         for (record, fields) in metadata {
-            let written = self.stream.write_metadata(record, fields);
+            let written = self.stream.writer().write_metadata(record, fields);
             written.map_err(io::Error::other)?;
         }
         let last = self.stream.finish().map_err(io::Error::other)?;
@@ -195,7 +199,7 @@ impl OpenLog {
         if let Some((_, id)) = self.channels.iter().find(|(name, _)| *name == topic) {
             return Ok(*id);
         }
-        let id = self.stream.declare(&channel_of(topic));
+        let id = self.stream.writer().declare(&channel_of(topic));
         let id = id.map_err(io::Error::other)?;
         self.channels.push((topic, id));
         Ok(id)

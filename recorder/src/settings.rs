@@ -20,7 +20,7 @@ impl Settings {
                 .map(str::to_owned)
                 .collect(),
             log: Options {
-                compression: Compression::Zstd,
+                compression: Some(Compression::Zstd),
                 level: record.zstd_level,
                 written_by: format!("randt-recorder {}", randt_version::VERSION),
                 ..Options::default()

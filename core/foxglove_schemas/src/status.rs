@@ -1,6 +1,6 @@
 //! How fresh and how good what is shown is: as text beside the robot, and as a line of a log.
 
-use crate::{BASE_LINK, MAP, pose_of, scene, timestamp};
+use crate::{BASE_LINK, MAP, pose_above, scene, timestamp};
 use foxglove::messages::{Color, Log, SceneEntity, SceneUpdate, TextPrimitive, log};
 
 /// Height of the letters, pixels.
@@ -26,10 +26,6 @@ pub fn text(stamp_ns: i64, words: &str, level: StatusLevel, knows_robot: bool) -
         StatusLevel::Doubtful => [0.9, 0.55, 0.0],
         StatusLevel::Bad => [0.95, 0.0, 0.0],
     };
-    let mut pose = pose_of([0.0; 3]);
-    if let Some(position) = &mut pose.position {
-        position.z = ABOVE_M;
-    }
     scene::update(SceneEntity {
         timestamp: timestamp(stamp_ns),
         frame_id: if knows_robot { BASE_LINK } else { MAP }.to_owned(),
@@ -37,7 +33,7 @@ pub fn text(stamp_ns: i64, words: &str, level: StatusLevel, knows_robot: bool) -
         // It goes with the robot between two of them.
         frame_locked: true,
         texts: vec![TextPrimitive {
-            pose: Some(pose),
+            pose: Some(pose_above([0.0; 3], ABOVE_M)),
             billboard: true,
             font_size: LETTERS,
             scale_invariant: true,

@@ -72,7 +72,7 @@ impl Refusal {
 impl AccessPolicy {
     /// The viewers' own programs, and what the configuration adds.
     pub fn new(origins: &WebOrigins, host_names: &HostNames) -> Self {
-        let viewers = VIEWERS.iter().filter_map(|origin| origin.parse().ok());
+        let viewers = VIEWERS.iter().filter_map(|origin| WebOrigin::parse(origin));
         Self {
             origins: viewers.chain(origins.0.iter().cloned()).collect(),
             host_names: host_names.0.clone(),
@@ -109,7 +109,7 @@ impl AccessPolicy {
     }
 
     fn may_watch(&self, origin: &str, host: &Host) -> bool {
-        origin.parse().is_ok_and(|origin: WebOrigin| {
+        WebOrigin::parse(origin).is_some_and(|origin| {
             self.origins.contains(&origin)
                 || origin.is_on_loopback()
                 || origin.is_at_address_of(host)

@@ -49,7 +49,7 @@ fn write_copy<R: Read + Seek>(
 ) -> anyhow::Result<String> {
     may_write(to, force)?;
     let options = Options {
-        compression: Compression::Zstd,
+        compression: Some(Compression::Zstd),
         // A reader that does not know the layout needs the name of its program.
         written_by: reader.written_by().to_owned(),
         ..Options::default()

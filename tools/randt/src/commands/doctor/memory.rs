@@ -4,7 +4,8 @@
 use super::finding::Finding;
 use super::snapshot::DomainSnapshot;
 use crate::units::bytes;
-use randt_stage::{KeyframeRing, TOPICS, leftovers};
+use randt_messages::BUS_TOPICS;
+use randt_stage::{KeyframeRing, bytes_in_use, leftovers};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
@@ -27,7 +28,10 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     used.retain(|file| file.path.starts_with(SHARED_MEMORY));
     // What this domain has already is there for it.
     let there = free + used.iter().map(|file| file.bytes).sum::<u64>();
-    let topics = |navtech| -> usize { TOPICS.iter().map(|qos| qos.bytes_in_use(navtech)).sum() };
+    let topics = |navtech| -> usize {
+        let in_use = BUS_TOPICS.iter().map(|topic| bytes_in_use(topic, navtech));
+        in_use.sum()
+    };
     let state = match on_shared_memory(snapshot) {
         true => STATE_BYTES,
         false => 0,

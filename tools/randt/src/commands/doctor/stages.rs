@@ -3,7 +3,8 @@
 use super::finding::Finding;
 use super::snapshot::{DomainSnapshot, program, start};
 use crate::process::Sample;
-use randt_stage::{Entry, TOPICS};
+use randt_messages::BUS_TOPICS;
+use randt_stage::Entry;
 use randt_version::VERSION;
 
 /// Every stage that has not ended in order lives, and is not stopped.
@@ -68,9 +69,9 @@ pub fn check_builds(snapshot: &DomainSnapshot) -> Vec<Finding> {
 
 /// A topic that a stage has in another layout than this build: name, its layout, ours.
 fn other_layout(entry: &Entry) -> Option<(&'static str, &str, &'static str)> {
-    TOPICS.iter().find_map(|qos| {
-        let theirs = entry.topics.get(qos.topic)?;
-        (theirs != qos.type_name).then_some((qos.topic, theirs.as_str(), qos.type_name))
+    BUS_TOPICS.iter().find_map(|topic| {
+        let theirs = entry.topics.get(topic.name)?;
+        (theirs != topic.type_name).then_some((topic.name, theirs.as_str(), topic.type_name))
     })
 }
 

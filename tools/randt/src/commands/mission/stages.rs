@@ -35,7 +35,7 @@ pub fn stop(mission: &Mission, domain: &Domain) -> anyhow::Result<bool> {
 }
 
 fn stop_by_signals(domain: &Domain) -> anyhow::Result<()> {
-    for name in FIRST.into_iter().chain(STAGES.map(|stage| stage.name)) {
+    for name in FIRST.into_iter().chain(STAGES) {
         if let Some(stage) = living(domain).into_iter().find(|stage| stage.name == name) {
             end(domain, &stage)?;
         }

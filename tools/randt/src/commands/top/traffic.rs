@@ -4,8 +4,9 @@
 //! pipeline.
 
 use super::snapshot::TopicRow;
-use randt_messages::{PortHealth, StageHealth, StageHealthTopic, Topic, health::text_of};
-use randt_stage::TOPICS;
+use randt_messages::{
+    BUS_TOPICS, PortHealth, StageHealth, StageHealthTopic, Topic, health::text_of,
+};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Rates are those of this time.
@@ -76,7 +77,7 @@ impl Traffic {
             let ages_s = [row.age_s, port.age_s(now_ns)].into_iter().flatten();
             row.age_s = ages_s.min_by(f64::total_cmp);
         }
-        let index = |row: &TopicRow| TOPICS.iter().position(|qos| qos.topic == row.name);
+        let index = |row: &TopicRow| BUS_TOPICS.iter().position(|topic| topic.name == row.name);
         rows.sort_by_key(|row| index(row).unwrap_or(usize::MAX));
         rows
     }
@@ -177,15 +178,15 @@ mod tests {
     #[test]
     fn every_registered_topic_that_a_stage_reads_is_a_row() {
         let mut health = word("recorder", 0, 1, false, 0);
-        health.port_count = TOPICS.len() as u32;
-        for (port, qos) in health.ports.iter_mut().zip(TOPICS) {
-            port.topic = fixed_text(qos.topic);
-            assert!(qos.topic.len() <= 20, "too wide for the table");
+        health.port_count = BUS_TOPICS.len() as u32;
+        for (port, topic) in health.ports.iter_mut().zip(BUS_TOPICS) {
+            port.topic = fixed_text(topic.name);
+            assert!(topic.name.len() <= 20, "too wide for the table");
         }
         let mut traffic = Traffic::default();
         traffic.push(&health);
         let rows = traffic.topics(0).into_iter().map(|row| row.name);
-        assert!(rows.eq(TOPICS.iter().map(|qos| qos.topic)));
+        assert!(rows.eq(BUS_TOPICS.iter().map(|topic| topic.name)));
     }
 
     #[test]

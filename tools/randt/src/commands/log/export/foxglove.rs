@@ -19,7 +19,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, out: &Path) -> anyhow::
     let config = recorded::configuration(reader.robot()?, reader.configuration())?;
     job::catch_interrupts();
     let options = Options {
-        compression: Compression::Zstd,
+        compression: Some(Compression::Zstd),
         // No profile: the file follows the schemas' conventions and no others.
         profile: "",
         ..log_options()

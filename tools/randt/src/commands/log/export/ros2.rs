@@ -15,7 +15,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, folder: &Path) -> anyho
     let file_name = format!("{}_0.mcap", name.to_string_lossy());
     let path = folder.join(&file_name);
     let options = Options {
-        compression: Compression::Zstd,
+        compression: Some(Compression::Zstd),
         profile: "ros2",
         ..Options::default()
     };
