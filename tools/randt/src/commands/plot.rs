@@ -30,7 +30,7 @@ pub struct Arguments {
 type Picture = Result<String, &'static str>;
 
 /// Panels of a chart from a recording.
-type Chart = fn(&Recording) -> Panels;
+type PanelsOf = fn(&Recording) -> Panels;
 
 /// Reads the log through, draws and lists what was drawn.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     prepare_folder(&out)?;
     let name = arguments.log.file_name().unwrap_or_default();
     let name = name.to_string_lossy();
-    let charts: [(&str, &str, Chart); 5] = [
+    let charts: [(&str, &str, PanelsOf); 5] = [
         ("motion.svg", "speed and yaw rate", charts::motion),
         ("quality.svg", "how well scans fit", charts::quality),
         ("latency.svg", "latency", charts::latency),
