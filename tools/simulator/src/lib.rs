@@ -18,6 +18,7 @@ mod random;
 mod route;
 mod shape;
 mod simulation;
+mod surface;
 mod world;
 
 pub use caster::{Caster, Hit};
@@ -29,4 +30,5 @@ pub use motion::{Drive, MotionProfile, MotionState};
 pub use radar::RadarProfile;
 pub use random::Random;
 pub use simulation::{Event, Robot, START_NS, Simulation};
+pub use surface::BeamSurface;
 pub use world::{Wall, World};
