@@ -130,8 +130,9 @@ pub fn ended_within(command: Command, time_max: Duration) -> Ended {
 
 /// Whether a command takes a whole core for seconds.
 fn computes(command: &Command) -> bool {
-    const COMMANDS: [&str; 7] = [
+    const COMMANDS: [&str; 8] = [
         "ablation",
+        "bench",
         "calibrate",
         "demo",
         "graph",
