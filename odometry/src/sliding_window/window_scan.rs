@@ -6,6 +6,7 @@ use crate::{
     gyro_integrator::{GyroIntegrator, GyroTerm},
     scan::Scan,
     tilt::Tilt,
+    tracking_status::TrackingStatus,
 };
 use nalgebra::{Matrix3, Vector3};
 use randt_config::Config;
@@ -44,6 +45,8 @@ pub struct WindowScan {
     pub associations: Vec<Association>,
     /// Their normal equations, as of the last solve.
     pub ndt: NormalEquations,
+    /// How it was judged when it was the newest one.
+    pub status: TrackingStatus,
 }
 
 // Poses of beams, points and associations are made anew before they are read again.
@@ -57,6 +60,7 @@ persist!(WindowScan {
     deskew_velocity,
     cells,
     ndt,
+    status,
 } kept {
     beams,
     points,

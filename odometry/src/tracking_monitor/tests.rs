@@ -1,7 +1,7 @@
 //! Trust in single solutions, in a bare corridor, and after a robot was carried elsewhere.
 
 use super::*;
-use crate::{Odometry, Sink};
+use crate::{Odometry, Sink, localizability::wall_information};
 use nalgebra::{Matrix3, Vector3};
 use randt_filter::ClusterFilter;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints};
@@ -161,7 +161,10 @@ fn solution(fit: f64, weakest: f64) -> Solution {
 /// Judges scans of these fits, the direction being strong.
 fn judged(fits: &[f64]) -> Vec<Trust> {
     let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
-    let judge = |(number, fit)| monitor.judge(&solution(fit, 9000.0), &scan(number), &config);
+    let judge = |(number, fit)| {
+        let solution = solution(fit, 9000.0);
+        monitor.judge(&solution, &scan(number), &config).trust()
+    };
     (0..).zip(fits.iter().copied()).map(judge).collect()
 }
 
@@ -205,7 +208,9 @@ fn a_weak_direction_is_known_by_cell_weight_and_slack() {
     let judge = |weakest: f64, change: fn(&mut Config)| {
         let mut config = Config::default();
         change(&mut config);
-        TrackingMonitor::default().judge(&solution(0.8, weakest), &scan(0), &config)
+        let mut monitor = TrackingMonitor::default();
+        let status = monitor.judge(&solution(0.8, weakest), &scan(0), &config);
+        status.trust()
     };
     // 5.6 x 6 x 200 x 0.8 / 6 = 896.
     assert_eq!(judge(905.0, |_| ()), Trust::Good);
@@ -229,7 +234,9 @@ fn a_sweep_of_two_senders_is_doubted_for_a_second() {
             let mut scan = scan(number);
             let sweep = &mut scan.message.head.sweep;
             sweep.contested = u64::from(number == 7);
-            monitor.judge(&solution(0.8, 9000.0), &scan, &config)
+            monitor
+                .judge(&solution(0.8, 9000.0), &scan, &config)
+                .trust()
         })
         .collect();
     let doubted = (0..).zip(&trust).filter(|(_, t)| **t == Trust::Degraded);
