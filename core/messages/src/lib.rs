@@ -32,6 +32,7 @@ mod radar;
 mod topic;
 mod topics;
 mod trust_reason;
+mod trust_text;
 mod truth;
 
 pub use checkpoint::{LastRecorded, PoseRecord};
@@ -54,6 +55,7 @@ pub use topics::{
     TopicVisitor, TruthPoseTopic, visit_bus_topics, visit_log_topics,
 };
 pub use trust_reason::TrustReason;
+pub use trust_text::TrustText;
 pub use truth::TruthPose;
 
 plain! {

@@ -121,6 +121,12 @@ impl OdometryState {
     pub fn localizability(&self) -> Localizability {
         Localizability::from_code(self.localizability)
     }
+
+    /// The direction that the scan does not see, where that is one.
+    pub fn weak_direction(&self) -> Option<f64> {
+        let is_partial = self.localizability() == Localizability::Partial;
+        is_partial.then_some(self.weak_direction_rad)
+    }
 }
 
 #[cfg(test)]

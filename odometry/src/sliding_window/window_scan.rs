@@ -18,7 +18,8 @@ use randt_persist::persist;
 /// fewer than 2,000.
 pub const CELLS: usize = 8192;
 
-/// A scan with its state. Reused, so that a step allocates nothing.
+/// A scan with its state. Its fields are what the steps that it goes through leave for each other.
+/// Reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct WindowScan {
     /// The filtered returns as they came.

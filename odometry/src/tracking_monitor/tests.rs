@@ -91,6 +91,14 @@ fn in_a_bare_corridor_the_grid_makes_the_information_and_trust_is_not_good() {
             "slack {slack}: {median} / m^2, {formula} in closed form"
         );
         assert_eq!(count(states, Trust::Good), 0, "slack {slack}");
+        let weak = states.iter().filter_map(|state| {
+            let in_corridor = state.weak_direction()? + state.pose[2];
+            Some(in_corridor.sin().abs() < 10_f64.to_radians().sin())
+        });
+        let weak: Vec<bool> = weak.collect();
+        let along = weak.iter().filter(|along| **along).count();
+        println!("weak in {}, along the corridor in {along}", weak.len());
+        assert!(along * 10 >= states.len() * 9, "slack {slack}");
     }
 }
 
@@ -242,6 +250,45 @@ fn a_sweep_of_two_senders_is_doubted_for_a_second() {
     let doubted = (0..).zip(&trust).filter(|(_, t)| **t == Trust::Degraded);
     let doubted: Vec<usize> = doubted.map(|(scan, _)| scan).collect();
     assert_eq!(doubted, Vec::from_iter(7..=11));
+}
+
+#[test]
+fn what_is_doubted_has_its_reasons_and_what_is_good_has_none() {
+    use TrustReason::{Contested, Fit, Held, Rate, Unsupported, Weak};
+    type Change = fn(&mut Solution, &mut WindowScan);
+    let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
+    let same: Change = |_, _| ();
+    let poor: Change = |solution, _| solution.fit = 0.2;
+    let weak: Change = |solution, _| solution.scan_information.m22 = 100.0;
+    let few: Change = |_, scan| scan.cells.truncate(4);
+    let contested: Change = |_, scan| scan.message.head.sweep.contested = 1;
+    let fast: Change = |_, scan| scan.state.velocity.x = 100.0;
+    let steps: [(Change, &[TrustReason], Trust, Seen); 13] = [
+        (same, &[], Trust::Good, Seen::Full),
+        (weak, &[Weak], Trust::Degraded, Seen::Partial),
+        (same, &[Held], Trust::Degraded, Seen::Full),
+        (contested, &[Contested], Trust::Degraded, Seen::Full),
+        (poor, &[Held], Trust::Degraded, Seen::Full),
+        (poor, &[Held], Trust::Degraded, Seen::Full),
+        (poor, &[Fit], Trust::Degraded, Seen::Full),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Lost, Seen::None),
+        (fast, &[Fit, Rate], Trust::Lost, Seen::Full),
+    ];
+    for (number, (change, reasons, trust, seen)) in (0..).zip(steps) {
+        let (mut solution, mut scan) = (solution(0.8, 9000.0), scan(number));
+        change(&mut solution, &mut scan);
+        let status = monitor.judge(&solution, &scan, &config);
+        let found: Vec<_> = TrustReason::in_set(status.reasons).collect();
+        assert_eq!((&found[..], status.trust()), (reasons, trust), "{number}");
+        assert_eq!(status.localizability, seen as u32, "{number}");
+        // The diagonal's weaker one is along y.
+        let is_sideways = status.weak_direction_rad.abs() == std::f64::consts::FRAC_PI_2;
+        assert_eq!(is_sideways, seen == Seen::Partial, "{number}");
+    }
 }
 
 #[test]
