@@ -108,6 +108,10 @@ impl KeyframeSelector {
                 .unwrap_or_default();
         }
         head.twist = scan.state.velocity.into();
+        head.weak_direction_rad = scan.status.weak_direction_rad;
+        head.trust = scan.status.trust;
+        head.trust_reasons = scan.status.reasons;
+        head.localizability = scan.status.localizability;
         head.beam_count = scan.beams.len().min(MAX_BEAMS) as u32;
         head.beams.fill(KeyframeBeam::default());
         let total = scan.message.items.len();

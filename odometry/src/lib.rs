@@ -11,6 +11,7 @@ mod gyro_integrator;
 mod gyro_measurement;
 mod initializer;
 mod keyframe_selector;
+mod localizability;
 mod odometry;
 mod odometry_frame;
 #[cfg(feature = "runtime")]
@@ -23,6 +24,7 @@ mod submaps;
 mod synchronizer;
 mod tilt;
 mod tracking_monitor;
+mod tracking_status;
 
 pub use odometry::{Counters, Odometry, Sink};
 pub use randt_persist::Error;

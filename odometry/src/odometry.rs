@@ -15,6 +15,7 @@ use crate::{
     submaps::Submaps,
     synchronizer::{MessageId, ScanImuSynchronizer, SynchronizedScan},
     tracking_monitor::TrackingMonitor,
+    tracking_status::TrackingStatus,
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
@@ -188,8 +189,8 @@ impl Odometry {
         }
         self.deskew_and_build_cells();
         let solution = self.estimate();
-        let trust = self.judge(solution.as_ref());
-        self.publish(solution, trust, imu_use, sink);
+        self.judge(solution.as_ref());
+        self.publish(solution, imu_use, sink);
 
         self.initializer.drop_sparse_first_scan(&mut self.window);
         self.forget_gyro_before_window();
@@ -273,26 +274,21 @@ impl Odometry {
     }
 
     /// Judges how far the newest pose can be believed.
-    fn judge(&mut self, solution: Option<&Solution>) -> Trust {
-        let trust = match solution.zip(self.window.newest()) {
+    fn judge(&mut self, solution: Option<&Solution>) {
+        let status = match solution.zip(self.window.newest()) {
             Some((solution, scan)) => self.tracking.judge(solution, scan, &self.config),
-            None => Trust::Degraded,
+            None => TrackingStatus::default(),
         };
+        self.window.set_status(status);
+        let trust = status.trust();
         if trust != Trust::Good && !self.window.is_first_of_frame() {
             self.counters.scans_unsupported += 1;
         }
         self.frame.is_lost = trust == Trust::Lost;
-        trust
     }
 
     /// Publishes the newest state.
-    fn publish(
-        &mut self,
-        solution: Option<Solution>,
-        trust: Trust,
-        imu_use: ImuUse,
-        sink: &mut impl Sink,
-    ) {
+    fn publish(&mut self, solution: Option<Solution>, imu_use: ImuUse, sink: &mut impl Sink) {
         let Some(scan) = self.window.newest() else {
             return;
         };
@@ -302,7 +298,6 @@ impl Odometry {
             solution,
             is_first_of_frame: self.window.is_first_of_frame(),
             imu_use,
-            trust,
             odom_frame_id: self.frame.id,
             submap_id: self.submaps.active().id,
             inlier_max: loss_scale * loss_scale,

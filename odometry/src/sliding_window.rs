@@ -10,7 +10,10 @@ mod solver;
 mod state;
 mod window_scan;
 
-use crate::{gyro_integrator::GyroIntegrator, gyro_measurement::GyroMeasurement, submaps::Submap};
+use crate::{
+    gyro_integrator::GyroIntegrator, gyro_measurement::GyroMeasurement, submaps::Submap,
+    tracking_status::TrackingStatus,
+};
 use nalgebra::Vector3;
 use ndt_builder::NdtBuilder;
 use prior::Prior;
@@ -94,6 +97,14 @@ impl SlidingWindow {
     /// The newest scan.
     pub fn newest(&self) -> Option<&WindowScan> {
         self.scans.get(self.used.checked_sub(1)?)
+    }
+
+    /// Notes how the newest scan was judged.
+    pub fn set_status(&mut self, status: TrackingStatus) {
+        let newest = self.used.checked_sub(1);
+        if let Some(scan) = newest.and_then(|newest| self.scans.get_mut(newest)) {
+            scan.status = status;
+        }
     }
 
     /// End of the newest scan's sweep, ns.

@@ -3,12 +3,12 @@
 use crate::{
     Sink,
     gyro_integrator::GyroIntegrator,
+    localizability::position_information,
     sliding_window::{Solution, StateMatrix, WindowScan},
-    tracking_monitor::position_information,
 };
 use nalgebra::{Matrix3, Vector3};
 use randt_geometry::Pose2;
-use randt_messages::{ImuUse, OdometryState, PoseRecord, Trust};
+use randt_messages::{ImuUse, OdometryState, PoseRecord};
 use randt_persist::{Error, Persist, Reader, Writer};
 
 /// Variance of a pose without a solution, m^2 and rad^2.
@@ -25,8 +25,6 @@ pub struct Estimate<'a> {
     pub is_first_of_frame: bool,
     /// How the IMU was used.
     pub imu_use: ImuUse,
-    /// How far the pose can be believed.
-    pub trust: Trust,
     /// The odometry frame.
     pub odom_frame_id: u64,
     /// The submap that it was registered to.
@@ -104,6 +102,8 @@ impl StatePublisher {
         }
         let solution = estimate.solution.unwrap_or_default();
         state.information_eigenvalues = position_information(&solution);
+        state.weak_direction_rad = scan.status.weak_direction_rad;
+        state.fit = solution.fit;
         state.cost = solution.cost;
         state.imu_sequence = u64::MAX;
         if let Some(newest) = gyro.and_then(GyroIntegrator::newest) {
@@ -112,7 +112,9 @@ impl StatePublisher {
             state.imu_published_ns = newest.published_ns;
         }
         state.imu_use = estimate.imu_use as u32;
-        state.trust = estimate.trust as u32;
+        state.trust = scan.status.trust;
+        state.trust_reasons = scan.status.reasons;
+        state.localizability = scan.status.localizability;
         state.points = scan.points.len() as u32;
         state.cells = scan.cells.len() as u32;
         let nearest = scan.associations.iter().map(|a| a.nearest);
@@ -191,7 +193,6 @@ mod tests {
             solution: None,
             is_first_of_frame,
             imu_use: ImuUse::None,
-            trust: Trust::Degraded,
             odom_frame_id: 3,
             submap_id: 4,
             inlier_max: 4.0,

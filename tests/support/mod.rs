@@ -181,10 +181,11 @@ pub fn names(folder: &Path) -> Vec<String> {
 }
 
 /// What a run writes.
-pub const OUTPUTS: [&str; 7] = [
+pub const OUTPUTS: [&str; 8] = [
     "keyframes.tum",
     "map.pgm",
     "map.yaml",
+    "odometry.csv",
     "odometry.tum",
     "plot.svg",
     "report.json",

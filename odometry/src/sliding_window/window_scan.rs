@@ -6,6 +6,7 @@ use crate::{
     gyro_integrator::{GyroIntegrator, GyroTerm},
     scan::Scan,
     tilt::Tilt,
+    tracking_status::TrackingStatus,
 };
 use nalgebra::{Matrix3, Vector3};
 use randt_config::Config;
@@ -17,7 +18,8 @@ use randt_persist::persist;
 /// fewer than 2,000.
 pub const CELLS: usize = 8192;
 
-/// A scan with its state. Reused, so that a step allocates nothing.
+/// A scan with its state. Its fields are what the steps that it goes through leave for each other.
+/// Reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct WindowScan {
     /// The filtered returns as they came.
@@ -44,6 +46,8 @@ pub struct WindowScan {
     pub associations: Vec<Association>,
     /// Their normal equations, as of the last solve.
     pub ndt: NormalEquations,
+    /// How it was judged when it was the newest one.
+    pub status: TrackingStatus,
 }
 
 // Poses of beams, points and associations are made anew before they are read again.
@@ -57,6 +61,7 @@ persist!(WindowScan {
     deskew_velocity,
     cells,
     ndt,
+    status,
 } kept {
     beams,
     points,

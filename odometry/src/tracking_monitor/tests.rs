@@ -1,7 +1,7 @@
 //! Trust in single solutions, in a bare corridor, and after a robot was carried elsewhere.
 
 use super::*;
-use crate::{Odometry, Sink};
+use crate::{Odometry, Sink, localizability::wall_information};
 use nalgebra::{Matrix3, Vector3};
 use randt_filter::ClusterFilter;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints};
@@ -91,6 +91,14 @@ fn in_a_bare_corridor_the_grid_makes_the_information_and_trust_is_not_good() {
             "slack {slack}: {median} / m^2, {formula} in closed form"
         );
         assert_eq!(count(states, Trust::Good), 0, "slack {slack}");
+        let weak = states.iter().filter_map(|state| {
+            let in_corridor = state.weak_direction()? + state.pose[2];
+            Some(in_corridor.sin().abs() < 10_f64.to_radians().sin())
+        });
+        let weak: Vec<bool> = weak.collect();
+        let along = weak.iter().filter(|along| **along).count();
+        println!("weak in {}, along the corridor in {along}", weak.len());
+        assert!(along * 10 >= states.len() * 9, "slack {slack}");
     }
 }
 
@@ -161,7 +169,10 @@ fn solution(fit: f64, weakest: f64) -> Solution {
 /// Judges scans of these fits, the direction being strong.
 fn judged(fits: &[f64]) -> Vec<Trust> {
     let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
-    let judge = |(number, fit)| monitor.judge(&solution(fit, 9000.0), &scan(number), &config);
+    let judge = |(number, fit)| {
+        let solution = solution(fit, 9000.0);
+        monitor.judge(&solution, &scan(number), &config).trust()
+    };
     (0..).zip(fits.iter().copied()).map(judge).collect()
 }
 
@@ -205,7 +216,9 @@ fn a_weak_direction_is_known_by_cell_weight_and_slack() {
     let judge = |weakest: f64, change: fn(&mut Config)| {
         let mut config = Config::default();
         change(&mut config);
-        TrackingMonitor::default().judge(&solution(0.8, weakest), &scan(0), &config)
+        let mut monitor = TrackingMonitor::default();
+        let status = monitor.judge(&solution(0.8, weakest), &scan(0), &config);
+        status.trust()
     };
     // 5.6 x 6 x 200 x 0.8 / 6 = 896.
     assert_eq!(judge(905.0, |_| ()), Trust::Good);
@@ -229,12 +242,53 @@ fn a_sweep_of_two_senders_is_doubted_for_a_second() {
             let mut scan = scan(number);
             let sweep = &mut scan.message.head.sweep;
             sweep.contested = u64::from(number == 7);
-            monitor.judge(&solution(0.8, 9000.0), &scan, &config)
+            monitor
+                .judge(&solution(0.8, 9000.0), &scan, &config)
+                .trust()
         })
         .collect();
     let doubted = (0..).zip(&trust).filter(|(_, t)| **t == Trust::Degraded);
     let doubted: Vec<usize> = doubted.map(|(scan, _)| scan).collect();
     assert_eq!(doubted, Vec::from_iter(7..=11));
+}
+
+#[test]
+fn what_is_doubted_has_its_reasons_and_what_is_good_has_none() {
+    use TrustReason::{Contested, Fit, Held, Rate, Unsupported, Weak};
+    type Change = fn(&mut Solution, &mut WindowScan);
+    let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
+    let same: Change = |_, _| ();
+    let poor: Change = |solution, _| solution.fit = 0.2;
+    let weak: Change = |solution, _| solution.scan_information.m22 = 100.0;
+    let few: Change = |_, scan| scan.cells.truncate(4);
+    let contested: Change = |_, scan| scan.message.head.sweep.contested = 1;
+    let fast: Change = |_, scan| scan.state.velocity.x = 100.0;
+    let steps: [(Change, &[TrustReason], Trust, Seen); 13] = [
+        (same, &[], Trust::Good, Seen::Full),
+        (weak, &[Weak], Trust::Degraded, Seen::Partial),
+        (same, &[Held], Trust::Degraded, Seen::Full),
+        (contested, &[Contested], Trust::Degraded, Seen::Full),
+        (poor, &[Held], Trust::Degraded, Seen::Full),
+        (poor, &[Held], Trust::Degraded, Seen::Full),
+        (poor, &[Fit], Trust::Degraded, Seen::Full),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Degraded, Seen::None),
+        (few, &[Unsupported, Fit], Trust::Lost, Seen::None),
+        (fast, &[Fit, Rate], Trust::Lost, Seen::Full),
+    ];
+    for (number, (change, reasons, trust, seen)) in (0..).zip(steps) {
+        let (mut solution, mut scan) = (solution(0.8, 9000.0), scan(number));
+        change(&mut solution, &mut scan);
+        let status = monitor.judge(&solution, &scan, &config);
+        let found: Vec<_> = TrustReason::in_set(status.reasons).collect();
+        assert_eq!((&found[..], status.trust()), (reasons, trust), "{number}");
+        assert_eq!(status.localizability, seen as u32, "{number}");
+        // The diagonal's weaker one is along y.
+        let is_sideways = status.weak_direction_rad.abs() == std::f64::consts::FRAC_PI_2;
+        assert_eq!(is_sideways, seen == Seen::Partial, "{number}");
+    }
 }
 
 #[test]

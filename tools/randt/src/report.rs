@@ -3,6 +3,7 @@
 use crate::{
     compare::Comparison,
     digest,
+    extents::Extents,
     loops::Loops,
     pipeline::{Pipeline, Timing},
     results::{FrameSpan, TrustCount},
@@ -37,6 +38,10 @@ pub struct Report {
     pub frames: Vec<FrameSpan>,
     /// How far the poses can be trusted.
     pub trust: TrustCount,
+    /// Why they could not, by [`randt_messages::TrustReason`].
+    pub trust_reasons: Extents,
+    /// Which directions of the position the scans saw, by [`randt_messages::Localizability`].
+    pub localizability: Extents,
     /// When that changed, in order.
     pub trust_spans: Option<Vec<TrustSpan>>,
     /// Loop candidates.

@@ -1,5 +1,6 @@
 //! What a run leaves behind: trajectories, picture, report.
 
+use crate::odometry_csv::odometry_csv;
 use anyhow::{Context, anyhow};
 use randt_evaluation::{
     Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
@@ -180,6 +181,7 @@ impl Results {
             None => (Err(too_wide("map.pgm")), Err(too_wide("map.yaml"))),
         };
         vec![
+            ("odometry.csv", Ok(odometry_csv(&self.states).into_bytes())),
             ("odometry.tum", Ok(self.odometry().to_tum().into_bytes())),
             ("trajectory.tum", Ok(trajectory.to_tum().into_bytes())),
             ("keyframes.tum", Ok(keyframes(mapper).to_tum().into_bytes())),

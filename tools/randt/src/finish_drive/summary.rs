@@ -1,6 +1,9 @@
 //! What `randt run` prints at its end.
 
-use crate::report::{Count, Report};
+use crate::{
+    extents::Extents,
+    report::{Count, Report},
+};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -12,6 +15,21 @@ pub fn counted(name: &str, counter: &Count) -> String {
         format!(" (first: {})", counter.first)
     };
     format!("{name} {}{first}", counter.count)
+}
+
+/// Why trust was not good and for how long; nothing of single scans, such as the first one.
+fn doubted(reasons: &Extents) -> String {
+    let mut text = String::new();
+    let longer = reasons.iter().filter(|(_, extent)| extent.seconds > 0.0);
+    for ((reason, extent), before) in longer.zip([" ("].into_iter().chain(std::iter::repeat("; ")))
+    {
+        let (seconds, path_m) = (extent.seconds, extent.path_m);
+        let _ = write!(text, "{before}{reason} {seconds:.1} s, {path_m:.1} m");
+    }
+    if !text.is_empty() {
+        text.push(')');
+    }
+    text
 }
 
 /// The summary of a run, as it is printed.
@@ -72,8 +90,11 @@ pub fn text(report: &Report, out: &Path) -> String {
     let trust = &report.trust;
     let _ = writeln!(
         text,
-        "trust: {} good, {} degraded, {} lost",
-        trust.good, trust.degraded, trust.lost
+        "trust: {} good, {} degraded, {} lost{}",
+        trust.good,
+        trust.degraded,
+        trust.lost,
+        doubted(&report.trust_reasons)
     );
     if let (Some(cost), Some(whole)) = (
         report.timing.get("filter_and_odometry"),
@@ -99,7 +120,7 @@ pub fn text(report: &Report, out: &Path) -> String {
     }
     let _ = writeln!(
         text,
-        "written to {}: odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
+        "written to {}: odometry.csv, odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
         out.display()
     );
     text

@@ -129,17 +129,18 @@ impl Watch {
                 self.domain.folder().display()
             )),
         }
+        let robot = self.state.as_ref().zip(now_ns);
+        let robot =
+            robot.map(|(state, now_ns)| Robot::from_state(state, self.correction.as_ref(), now_ns));
+        let doubted = robot.as_ref().filter(|robot| robot.trust != "good");
+        notes.extend(doubted.map(|robot| format!("trust is {}", robot.trust_text)));
         Snapshot {
             prefix: self.domain.prefix().to_owned(),
             run: self.domain.run().display().to_string(),
             stages,
             topics: now_ns.map_or_else(Vec::new, |now_ns| self.traffic.topics(now_ns)),
             latency_ms: self.latencies.figures(),
-            robot: self
-                .state
-                .as_ref()
-                .zip(now_ns)
-                .map(|(state, now_ns)| Robot::from_state(state, self.correction.as_ref(), now_ns)),
+            robot,
             map: self.graph.as_ref().map(Map::from),
             notes,
         }
