@@ -82,6 +82,7 @@ const BOUNDS: &[Bound] = &[
         DEGENERATE,
         WITHOUT
     ),
+    bound!(direction_deg, Limit::AtMost(10.0), DEGENERATE, WITHOUT),
     bound!(
         stretch_inside,
         Limit::MeanWithin(0.9, 1.0),

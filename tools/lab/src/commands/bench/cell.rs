@@ -11,11 +11,11 @@ use randt::trust_spans;
 use randt_config::Config;
 use randt_evaluation::{
     DirectionalSupport, Motion, MotionErrors, NormalizedError, ScanEstimate, ScanTrust, Trajectory,
-    changes_per_minute, normalized_errors, seconds_until, silently_wrong,
+    Transform, changes_per_minute, normalized_errors, seconds_until, silently_wrong,
 };
 use randt_geometry::Pose2;
-use randt_geometry::elementary::PI;
-use randt_messages::{Beam, Message, OdometryState, RadarScan, Trust, TruthPose};
+use randt_geometry::elementary::{PI, wrap};
+use randt_messages::{Beam, Localizability, Message, OdometryState, RadarScan, Trust, TruthPose};
 use randt_readers::{Counter, Error, Event, InputInfo, Source};
 use std::collections::BTreeMap;
 
@@ -158,11 +158,14 @@ fn figures(
         .iter()
         .zip(&trusts)
         .filter_map(|(state, trust)| {
+            let support = *supports.get(&state.scan_sequence)?;
+            let there = truth_at(results.truth(), trust.stamp_ns)?;
             Some(HeldScan {
                 trust: *trust,
-                support: *supports.get(&state.scan_sequence)?,
-                position_m: truth_at(results.truth(), trust.stamp_ns)?,
+                support,
+                position_m: [there.x_m, there.y_m],
                 estimate: scan_estimate(state),
+                direction_error_rad: direction_error_rad(state, there, &support),
             })
         })
         .collect();
@@ -210,6 +213,7 @@ fn figures(
         stretches_late: count(stretches.late),
         stretch_flagged_s: stretches.flagged_s,
         stretch_flagged_m: stretches.flagged_m,
+        direction_deg: stretches.direction_deg,
         stretch_inside: stretches.inside,
         stretch_axis_per_error: stretches.axis_per_error,
         stretch_return_m: stretches.return_m,
@@ -236,12 +240,24 @@ fn scan_estimate(state: &OdometryState) -> ScanEstimate {
     }
 }
 
-/// The nearest true position up to an instant.
-fn truth_at(truth: &Trajectory, stamp_ns: i64) -> Option<[f64; 2]> {
+/// How far the direction that a state calls weak is off that of the surfaces, rad, 0 to pi/2: a
+/// direction has no sign.
+fn direction_error_rad(
+    state: &OdometryState,
+    there: Transform,
+    support: &DirectionalSupport,
+) -> Option<f64> {
+    let named = (state.localizability() == Localizability::Partial).then_some(state);
+    let named_rad = there.pose().yaw_rad + named?.weak_direction_rad;
+    let off_rad = wrap(2.0 * (named_rad - support.weak_direction_rad));
+    Some(0.5 * off_rad.abs())
+}
+
+/// The nearest true pose up to an instant.
+fn truth_at(truth: &Trajectory, stamp_ns: i64) -> Option<Transform> {
     let poses = truth.poses();
     let after = poses.partition_point(|pose| pose.stamp_ns <= stamp_ns);
-    let pose = poses.get(after.checked_sub(1)?)?;
-    Some([pose.transform.x_m, pose.transform.y_m])
+    poses.get(after.checked_sub(1)?).map(|pose| pose.transform)
 }
 
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {

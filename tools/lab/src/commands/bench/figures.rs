@@ -114,6 +114,9 @@ figures! {
     stretch_flagged_s: Less, 1;
     /// The same in metres.
     stretch_flagged_m: Less, 2;
+    /// Nine of ten scans of stretches, where a direction is named: how far it is off the weaker
+    /// one.
+    direction_deg: Less, 1;
     /// Share of the positions in stretches inside the ellipse of 95 %, from that scan on.
     stretch_inside: Neither, 3;
     /// The ellipse's semi-axis at the ends of stretches over the error there, both as RMS.

@@ -11,7 +11,8 @@ const SCANS_MIN: usize = 10;
 /// A stretch is flagged in time within this, s and m.
 const FLAGGED_MAX_S: f64 = 1.0;
 const FLAGGED_MAX_M: f64 = 1.0;
-/// The share of stretches behind which trust has to be good again in time.
+/// The share of stretches that have to be good again in time, and of directions that have to be
+/// right.
 const AGAIN_SHARE: f64 = 0.9;
 
 /// One scan.
@@ -25,6 +26,9 @@ pub(super) struct HeldScan {
     pub position_m: [f64; 2],
     /// Where it is thought to be.
     pub estimate: ScanEstimate,
+    /// How far the direction that the estimate calls weak is off the weaker one, rad; none where it
+    /// calls none so.
+    pub direction_error_rad: Option<f64>,
 }
 
 /// Those of a drive.
@@ -39,6 +43,8 @@ pub(super) struct Stretches {
     pub flagged_s: Option<f64>,
     /// The same, m of path.
     pub flagged_m: Option<f64>,
+    /// Nine of ten scans from then on that name a direction: how far it is off, degrees.
+    pub direction_deg: Option<f64>,
     /// Share of the positions from then on, since that scan, inside the ellipse of 95 %.
     pub inside: Option<f64>,
     /// The ellipse's semi-axis over the error at the stretches' ends, both as RMS.
@@ -54,6 +60,7 @@ impl Stretches {
     pub fn from_scans(scans: &[HeldScan], errors: &MotionErrors<'_>) -> Self {
         let mut found = Self::default();
         let (mut again_s, mut return_m) = (Vec::new(), Vec::new());
+        let mut direction_deg = Vec::new();
         let (mut inside, mut all, mut axis, mut error) = (0.0, 0.0, 0.0, 0.0);
         let mut begin = 0;
         for run in scans.chunk_by(|a, b| a.support.is_held() == b.support.is_held()) {
@@ -81,6 +88,8 @@ impl Stretches {
             };
             let since = |scan: &HeldScan| errors.between(&vanished.estimate, &scan.estimate);
             let stretch = scans.get(first + bare..end).unwrap_or_default();
+            let directions = stretch.iter().filter_map(|scan| scan.direction_error_rad);
+            direction_deg.extend(directions.map(f64::to_degrees));
             for is_inside in stretch.iter().filter_map(|s| since(s)?.is_inside_ellipse()) {
                 inside += f64::from(u8::from(is_inside));
                 all += 1.0;
@@ -92,6 +101,7 @@ impl Stretches {
             let back = behind.iter().find(|scan| scan.trust.good).and_then(since);
             return_m.extend(back.map(|error| error.distance_m()));
         }
+        found.direction_deg = quantile(direction_deg, AGAIN_SHARE);
         found.inside = (all > 0.0).then(|| inside / all);
         found.axis_per_error = (error > 0.0).then(|| (axis / error).sqrt());
         found.return_m = quantile(return_m, AGAIN_SHARE);
@@ -173,6 +183,8 @@ mod tests {
                 pose: Pose2::new(0.095 * index as f64, 0.0, 0.0),
                 covariance: Matrix3::identity() * 1e-3,
             },
+            // None is named in the first half of a stretch.
+            direction_error_rad: (index >= 75).then_some(0.1),
         };
         let scans: Vec<HeldScan> = (0..200).map(scan).collect();
         let mut truth = Trajectory::stamped();
@@ -192,6 +204,10 @@ mod tests {
         assert!(close(found.good_again_s, 1.0), "{found:?}");
         // 0.25 m of 51 scans, where the ellipse ends at 0.11 m, of 22 scans.
         assert!(close(found.inside, 21.0 / 55.0), "{found:?}");
+        assert!(
+            close(found.direction_deg, 0.1_f64.to_degrees()),
+            "{found:?}"
+        );
         assert!(close(found.return_m, 0.305), "{found:?}");
         assert!(
             (found.axis_per_error.unwrap() - 0.1095 / 0.275).abs() < 1e-3,
