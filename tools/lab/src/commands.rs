@@ -24,7 +24,6 @@ Examples:
   randt-lab eval OUT/trajectory.tum TRUTH.tum --loops OUT/report.json
   randt-lab ablation --seeds 3
   randt-lab bench trust --against docs/trust-bench.csv
-  randt-lab register A.png B.png --profile oxford
   randt-lab graph CSAIL.g2o --false-loops 30
   randt-lab imu IMU.csv --attitude ATTITUDE.tum
 

@@ -181,7 +181,7 @@ mod tests {
                 stamp_ns: index * 200_000_000,
                 frame: 0,
                 pose: Pose2::new(0.095 * index as f64, 0.0, 0.0),
-                covariance: Matrix3::identity() * 1e-3,
+                covariance: Matrix3::from_diagonal(&[1e-3, 1e-3, 1e-9].into()),
             },
             // None is named in the first half of a stretch.
             direction_error_rad: (index >= 75).then_some(0.1),
