@@ -6,6 +6,7 @@
 //! scans and the same samples give the same bits, however the two interleave, and whether or not
 //! the state was saved and restored in between.
 
+mod accelerometer;
 mod deskew;
 mod gyro_integrator;
 mod gyro_measurement;

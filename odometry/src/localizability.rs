@@ -1,10 +1,10 @@
 //! Which directions of the position a scan sees by itself.
 
-use crate::sliding_window::Solution;
-use nalgebra::SymmetricEigen;
+use nalgebra::{Matrix3, SymmetricEigen};
 use randt_config::Config;
 use randt_geometry::{elementary::atan2, marginalize_yaw};
 use randt_messages::Localizability as Seen;
+use randt_persist::{Error, Persist, Reader, Writer};
 use std::f64::consts::FRAC_PI_2;
 
 /// A direction is weak where a scan's information along it is below this many times what the grid
@@ -30,10 +30,10 @@ impl Localizability {
         weak_direction_rad: 0.0,
     };
 
-    /// From the newest scan's information.
-    pub fn from_solution(solution: &Solution, config: &Config) -> Self {
-        let weak_max = WEAK_MAX * wall_information(solution.fit, config);
-        let [weaker, stronger] = position_information(solution);
+    /// From a scan's information about its pose, in its own frame, and its fit.
+    pub fn from_information(information: &Matrix3<f64>, fit: f64, config: &Config) -> Self {
+        let weak_max = WEAK_MAX * wall_information(fit, config);
+        let [weaker, stronger] = position_information(information);
         // Without a fit both are 0: nothing is seen.
         let seen = match (weaker <= weak_max, stronger <= weak_max) {
             (false, _) => Seen::Full,
@@ -44,7 +44,7 @@ impl Localizability {
         Self {
             seen,
             weak_direction_rad: if is_partial {
-                weaker_direction(solution)
+                weaker_direction(information)
             } else {
                 0.0
             },
@@ -52,10 +52,24 @@ impl Localizability {
     }
 }
 
+impl Persist for Localizability {
+    fn save(&self, out: &mut Writer<'_>) {
+        (self.seen as u32).save(out);
+        self.weak_direction_rad.save(out);
+    }
+
+    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
+        let mut code = 0_u32;
+        code.restore(from)?;
+        self.seen = Seen::from_code(code);
+        self.weak_direction_rad.restore(from)
+    }
+}
+
 /// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2;
 /// yaw is marginalised.
-pub fn position_information(solution: &Solution) -> [f64; 2] {
-    let reduced = marginalize_yaw(&solution.scan_information);
+pub fn position_information(information: &Matrix3<f64>) -> [f64; 2] {
+    let reduced = marginalize_yaw(information);
     let values = SymmetricEigen::new(reduced).eigenvalues;
     [
         values.x.min(values.y).max(0.0),
@@ -64,8 +78,8 @@ pub fn position_information(solution: &Solution) -> [f64; 2] {
 }
 
 /// Direction of the smaller one's eigenvector, from -pi/2 to pi/2: across the stronger one's.
-fn weaker_direction(solution: &Solution) -> f64 {
-    let information = marginalize_yaw(&solution.scan_information);
+pub fn weaker_direction(information: &Matrix3<f64>) -> f64 {
+    let information = marginalize_yaw(information);
     let across = 0.5 * atan2(2.0 * information.m12, information.m11 - information.m22);
     if across < 0.0 {
         across + FRAC_PI_2
@@ -88,7 +102,7 @@ pub fn wall_information(fit: f64, config: &Config) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Matrix3, Rotation3, Vector3};
+    use nalgebra::{Rotation3, Vector3};
     use std::f64::consts::PI;
 
     /// What is seen with that much information along a direction and across it, 1/m^2.
@@ -96,12 +110,8 @@ mod tests {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), direction_rad);
         let turn = turn.matrix();
         let diagonal = Matrix3::from_diagonal(&Vector3::new(along, across, 1e5));
-        let solution = Solution {
-            fit: 0.8,
-            scan_information: turn * diagonal * turn.transpose(),
-            ..Solution::default()
-        };
-        Localizability::from_solution(&solution, &Config::default())
+        let information = turn * diagonal * turn.transpose();
+        Localizability::from_information(&information, 0.8, &Config::default())
     }
 
     #[test]
@@ -112,7 +122,7 @@ mod tests {
         for (along, across) in [(1000.0, 9000.0), (800.0, 850.0)] {
             assert_eq!(seen(0.3, along, across).weak_direction_rad, 0.0);
         }
-        let nothing = Localizability::from_solution(&Solution::default(), &Config::default());
+        let nothing = Localizability::from_information(&Matrix3::zeros(), 0.0, &Config::default());
         assert_eq!(nothing.seen, Seen::None);
     }
 
@@ -133,14 +143,10 @@ mod tests {
     #[test]
     fn yaw_takes_its_part_of_the_information() {
         // What is known of the position ahead only together with yaw is not known of it alone.
-        let mut solution = Solution {
-            fit: 0.8,
-            scan_information: Matrix3::from_diagonal(&Vector3::new(9000.0, 9000.0, 1e5)),
-            ..Solution::default()
-        };
+        let mut information = Matrix3::from_diagonal(&Vector3::new(9000.0, 9000.0, 1e5));
         let shared = (0.99_f64 * 9000.0 * 1e5).sqrt();
-        (solution.scan_information.m13, solution.scan_information.m31) = (shared, shared);
-        let found = Localizability::from_solution(&solution, &Config::default());
+        (information.m13, information.m31) = (shared, shared);
+        let found = Localizability::from_information(&information, 0.8, &Config::default());
         assert_eq!(
             (found.seen, found.weak_direction_rad.abs()),
             (Seen::Partial, 0.0)

@@ -269,6 +269,11 @@ impl Odometry {
         }
         if let (Some(gyro), Some(newest)) = (&mut self.gyro, self.window.newest()) {
             gyro.set_yaw_bias(newest.state.bias_rad_s);
+            let end_ns = newest.message.head.sweep.end_ns;
+            gyro.compare_speed(
+                end_ns,
+                newest.seen_speed_m_s().filter(|_| solution.is_some()),
+            );
         }
         solution
     }

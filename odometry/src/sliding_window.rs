@@ -131,6 +131,8 @@ impl SlidingWindow {
     ) {
         let end_ns = points.head.sweep.end_ns;
         let last = self.newest().map(|scan| scan.state).zip(self.last_end_ns());
+        let last_localizability = self.newest().map(|scan| scan.localizability);
+        let last_localizability = last_localizability.unwrap_or_default();
         let Some(scan) = self.scans.get_mut(self.used) else {
             return;
         };
@@ -141,11 +143,17 @@ impl SlidingWindow {
         scan.gyro = gyro.term;
         scan.associations.clear();
         scan.ndt = NormalEquations::default();
+        // Until its cells are compared, it sees what the scan before saw.
+        scan.localizability = last_localizability;
         match last {
             Some((last, last_ns)) => {
                 scan.dt_s = (end_ns - last_ns) as f64 * 1e-9;
                 let mut twist = last.velocity * scan.dt_s;
                 let mut velocity = last.velocity;
+                if let Some(speed_change) = scan.speed_change() {
+                    velocity.x += speed_change.change_m_s;
+                    twist.x += 0.5 * speed_change.change_m_s * scan.dt_s;
+                }
                 if let Some(gyro) = &scan.gyro {
                     twist.z = wrap(gyro.turn.angle_rad - last.bias_rad_s * scan.dt_s);
                     velocity.z = gyro.rate_rad_s - last.bias_rad_s;
@@ -299,6 +307,7 @@ mod tests {
                 },
                 rate_rad_s: 0.1,
                 standstill: None,
+                ..GyroTerm::default()
             }),
             ..GyroMeasurement::default()
         };

@@ -101,7 +101,7 @@ impl StatePublisher {
             *value = *covariance;
         }
         let solution = estimate.solution.unwrap_or_default();
-        state.information_eigenvalues = position_information(&solution);
+        state.information_eigenvalues = position_information(&solution.scan_information);
         state.weak_direction_rad = scan.status.weak_direction_rad;
         state.fit = solution.fit;
         state.cost = solution.cost;

@@ -24,8 +24,6 @@ const FIT_SCANS: u32 = 10;
 const HELD_NS: i64 = 1_000_000_000;
 /// Scans in a row without support before the pose is given up.
 const LOST_AFTER: u32 = 5;
-/// Cells that a scan needs to fix a pose at all.
-const CELLS_MIN: usize = 5;
 
 /// Watches the solutions, scan by scan.
 #[derive(Clone, Copy, Debug, Default)]
@@ -60,10 +58,10 @@ impl TrackingMonitor {
         config: &Config,
     ) -> TrackingStatus {
         let stamp_ns = scan.message.head.sweep.end_ns;
-        let is_supported = scan.cells.len() >= CELLS_MIN && solution.fit > 0.0;
+        let is_supported = solution.fit > 0.0;
         let localizability = if is_supported {
             self.unsupported = 0;
-            Localizability::from_solution(solution, config)
+            scan.localizability
         } else {
             self.unsupported += 1;
             Localizability::NONE

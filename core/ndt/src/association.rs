@@ -1,6 +1,6 @@
 //! Which cells of the map each cell of a scan is compared with.
 
-use crate::{Cell, Grid, ScanCell, scalar};
+use crate::{Cell, CellRule, Grid, ScanCell, scalar};
 use randt_geometry::Pose2;
 
 /// Most cells of the map per cell of a scan; one SIMD lane each.
@@ -9,6 +9,9 @@ pub const NEIGHBOURS_MAX: usize = 4;
 const SEARCH_RADIUS: i64 = 1;
 /// Index that means "no cell".
 const NO_CELL: u32 = u32::MAX;
+/// Variance along an ignored direction, m^2: a scan of full weight holds it with less than a
+/// kilometre's stiffness, and the inverse still has ten digits across it.
+const IGNORED_VARIANCE_M2: f64 = 1e8;
 
 /// The map cells of smallest distance d^T S^-1 d for one cell of a scan, nearest first.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,6 +52,43 @@ impl Association {
         out.extend(cells.iter().map(|cell| {
             Self::nearest_to(map, &cell.cell, pose, neighbours.clamp(1, NEIGHBOURS_MAX))
         }));
+    }
+
+    /// Takes what the grid's own cuts seem to say out of the comparison: along an axis in which a
+    /// cell of the map fills its square, distances count for nothing. What is left there is the
+    /// residual across it.
+    pub fn ignore_filled_axes(associations: &mut [Self], rule: CellRule) {
+        let filled = rule.filled_variance_m2();
+        for association in associations {
+            let [xx, xy, yy, ..] = &mut association.covariance;
+            for ((xx, xy), yy) in xx.iter_mut().zip(xy).zip(yy) {
+                let half_difference = 0.5 * (*xx - *yy);
+                let radius = (half_difference * half_difference + *xy * *xy).sqrt();
+                let half_trace = 0.5 * (*xx + *yy);
+                if half_trace - radius >= filled {
+                    *xx += IGNORED_VARIANCE_M2;
+                    *yy += IGNORED_VARIANCE_M2;
+                } else if half_trace + radius >= filled {
+                    // The projection onto the long axis.
+                    let (cos_2, sin_2) = (half_difference / radius, *xy / radius);
+                    *xx += IGNORED_VARIANCE_M2 * 0.5 * (1.0 + cos_2);
+                    *xy += IGNORED_VARIANCE_M2 * 0.5 * sin_2;
+                    *yy += IGNORED_VARIANCE_M2 * 0.5 * (1.0 - cos_2);
+                }
+            }
+        }
+    }
+
+    /// Takes a direction of the map out of the comparison: distances along it count for nothing.
+    ///
+    /// `direction` is a unit vector in the map's frame. What is left is the residual across it.
+    pub fn ignore_along(associations: &mut [Self], [dx, dy]: [f64; 2]) {
+        let along = [dx * dx, dx * dy, dy * dy].map(|d| d * IGNORED_VARIANCE_M2);
+        for association in associations {
+            for (lanes, wider) in association.covariance.iter_mut().zip(along) {
+                lanes.iter_mut().for_each(|lane| *lane += wider);
+            }
+        }
     }
 
     fn nearest_to(map: &Grid, cell: &Cell, pose: &Pose2, neighbours: usize) -> Self {

@@ -1,14 +1,27 @@
 //! The NDT term of one scan in the window (RaNDT, III-C): how the scan fits the submap, by pose
 //! and velocity.
 
+use super::solver::Problem;
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,
     state::{StateMatrix, StateVector},
     window_scan::WindowScan,
 };
-use crate::submaps::Submap;
+use crate::{
+    localizability::{Localizability, position_information, wall_information, weaker_direction},
+    submaps::Submap,
+};
 use randt_config::Config;
-use randt_ndt::{AdaptiveLoss, NormalEquations, evaluate};
+use randt_geometry::elementary::sin_cos;
+use randt_messages::Localizability as Seen;
+use randt_ndt::{AdaptiveLoss, Association, NormalEquations, evaluate};
+
+/// Cells that a scan needs to fix a pose at all.
+const CELLS_MIN: usize = 5;
+/// Share of what the grid alone seems to give along a bare wall. A weak direction that has less
+/// once the grid's part is taken out is not used at all: bare corridors have 0.0 to 0.3 left,
+/// which is chance, the bends and bumps of a ring tunnel 1.1 and more.
+const REMAINS_MIN: f64 = 1.0;
 
 /// The term at the scan's present state and associations, not yet weighted.
 pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
@@ -20,6 +33,39 @@ pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) ->
         scan.velocity_change(),
         loss,
     )
+}
+
+/// Judges by the term as it is which directions the scan sees, and takes what it does not see out
+/// of its associations and the term: motion model and IMU alone hold the pose there.
+pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLoss) {
+    let config = problem.config;
+    scan.localizability = if scan.cells.len() < CELLS_MIN {
+        Localizability::NONE
+    } else {
+        let information = scan.scan_information(config);
+        Localizability::from_information(&information, scan.fit(), config)
+    };
+    match scan.localizability.seen {
+        Seen::Full | Seen::Unknown => return,
+        Seen::None => scan.associations.clear(),
+        Seen::Partial => {
+            Association::ignore_filled_axes(&mut scan.associations, config.cell_rule());
+            scan.ndt = evaluate_scan(scan, problem.submap, loss);
+            let information = scan.scan_information(config);
+            let [remains, _] = position_information(&information);
+            if remains >= REMAINS_MIN * wall_information(scan.fit(), config) {
+                return;
+            }
+            let submap_from_base = problem
+                .submap
+                .odom_from_root
+                .between(&scan.state.odom_from_base);
+            let direction_rad = submap_from_base.yaw_rad + weaker_direction(&information);
+            let (sin, cos) = sin_cos(direction_rad);
+            Association::ignore_along(&mut scan.associations, [cos, sin]);
+        }
+    }
+    scan.ndt = evaluate_scan(scan, problem.submap, loss);
 }
 
 /// Adds the scan's term to a system; gives its cost.

@@ -2,15 +2,17 @@
 
 use super::state::State;
 use crate::{
+    accelerometer::SpeedChange,
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
     gyro_integrator::{GyroIntegrator, GyroTerm},
+    localizability::Localizability,
     scan::Scan,
     tilt::Tilt,
     tracking_status::TrackingStatus,
 };
 use nalgebra::{Matrix3, Vector3};
 use randt_config::Config;
-use randt_messages::{MAX_BEAMS, MAX_RETURNS};
+use randt_messages::{Localizability as Seen, MAX_BEAMS, MAX_RETURNS};
 use randt_ndt::{Association, NormalEquations, ScanCell};
 use randt_persist::persist;
 
@@ -46,6 +48,8 @@ pub struct WindowScan {
     pub associations: Vec<Association>,
     /// Their normal equations, as of the last solve.
     pub ndt: NormalEquations,
+    /// Which directions its cells see, as of the last solve.
+    pub localizability: Localizability,
     /// How it was judged when it was the newest one.
     pub status: TrackingStatus,
 }
@@ -61,6 +65,7 @@ persist!(WindowScan {
     deskew_velocity,
     cells,
     ndt,
+    localizability,
     status,
 } kept {
     beams,
@@ -106,6 +111,41 @@ impl WindowScan {
         );
         deskew(&self.message, &self.beams, &mut self.points);
         self.deskew_velocity = self.state.velocity;
+    }
+
+    /// Whether the cells hold the position in every direction.
+    fn is_held(&self) -> bool {
+        matches!(self.localizability.seen, Seen::Full | Seen::Unknown)
+    }
+
+    /// The measured change of speed since the scan before.
+    pub fn speed_change(&self) -> Option<SpeedChange> {
+        let gyro = self.gyro.filter(|_| !self.is_held())?;
+        gyro.speed_change
+    }
+
+    /// The forward speed and its standard deviation as radar and accelerometer knew it together
+    /// when the cells stopped to hold the position, m/s.
+    pub fn last_seen_speed(&self) -> Option<(f64, f64)> {
+        let gyro = self.gyro.filter(|_| !self.is_held())?;
+        gyro.last_seen_speed
+    }
+
+    /// Whether the IMU shows that the robot stands, where the cells do not hold the position.
+    pub fn stands(&self) -> bool {
+        !self.is_held() && self.gyro.is_some_and(|gyro| gyro.stands)
+    }
+
+    /// The forward speed, where something shows it that is not the accelerometer, m/s.
+    pub fn seen_speed_m_s(&self) -> Option<f64> {
+        let is_seen = self.localizability.seen == Seen::Full || self.stands();
+        is_seen.then_some(self.state.velocity.x)
+    }
+
+    /// Mean robust weight of its correspondences, 0..1.
+    pub fn fit(&self) -> f64 {
+        let used: usize = self.associations.iter().map(|a| a.count).sum();
+        self.ndt.weight / used.max(1) as f64
     }
 
     /// Information of one correspondence: that of the scan, shared among cells and neighbours.
