@@ -5,7 +5,9 @@
 //! 60 and more in a drive of ten minutes: `cargo build --workspace && cargo test --test programs
 //! death:: -- --ignored --nocapture`.
 
-use crate::support::killer::{APART, BACK_MAX_MS, InjectedFault, Killer, Row, STAGES};
+use crate::support::killer::{
+    APART, BACK_MAX_MS, InjectedFault, Killer, OCCASION_MAX, Row, STAGES,
+};
 use crate::support::pipeline::Pipeline;
 use crate::support::up::{PATIENT, up};
 use crate::support::{Random, ended_within, l_shaped_world, randt, report, tum};
@@ -22,6 +24,8 @@ use std::time::{Duration, Instant};
 const POSES_MIN: f64 = 0.97;
 /// No fault falls within this time before the end of the drive.
 const REST_S: f64 = 10.0;
+/// A fault that waits for nothing takes less than this, with the pause after it.
+const FAULT_S: f64 = 8.0;
 /// What is left over is counted when nothing has happened for this long.
 const QUIET: Duration = Duration::from_secs(2);
 /// Simulating and computing ten minutes takes a fraction of that.
@@ -229,9 +233,7 @@ fn drive(ordeal: &Ordeal, domain: &Domain, up: &mut Up) -> (Killer, [usize; 2]) 
             assert!(faults.is_empty(), "the drive is over, but not {faults:?}");
             break;
         }
-        let at = faults
-            .iter()
-            .position(|(_, fault)| *fault != InjectedFault::Closing || now_s > ordeal.second_lap_s);
+        let at = next_fault(&faults, left_s, now_s > ordeal.second_lap_s);
         let (stage, fault) = match at {
             Some(at) => faults.remove(at),
             None if faults.is_empty() && !ordeal.to_the_end => break,
@@ -263,6 +265,23 @@ fn drive(ordeal: &Ordeal, domain: &Domain, up: &mut Up) -> (Killer, [usize; 2]) 
     let entries = [before.len(), after.len()];
     summarise(&killer.rows, entries);
     (killer, entries)
+}
+
+/// The next fault that can be injected now. One that waits for a turn comes first as soon as a
+/// long straight would leave too little time for the others.
+fn next_fault(
+    faults: &[(&'static str, InjectedFault)],
+    left_s: f64,
+    is_second_lap: bool,
+) -> Option<usize> {
+    let needed_s = OCCASION_MAX.as_secs_f64() + FAULT_S * faults.len() as f64;
+    let position = |suits: &dyn Fn(InjectedFault) -> bool| {
+        let mut all = faults.iter();
+        all.position(|(_, fault)| suits(*fault))
+    };
+    position(&|fault| fault == InjectedFault::Turn)
+        .filter(|_| left_s < needed_s)
+        .or_else(|| position(&|fault| fault != InjectedFault::Closing || is_second_lap))
 }
 
 /// Which kinds of entries there are more of.

@@ -187,7 +187,7 @@ fn a_stopped_stage_and_a_lost_anchor_are_found() {
 }
 
 /// Points as another build has them.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct OtherPoints;
 
 impl Topic for OtherPoints {

@@ -6,11 +6,12 @@ use randt::pipeline::Pipeline;
 use randt_config::Config;
 use randt_mapper::journal::{self, Kind};
 use randt_messages::{
-    Header, Keyframe, Message, MessageRef, OdometryState, OdometryStateTopic, RadarScan, Topic,
+    BUS_TOPICS, BusTopic, Header, Keyframe, Message, MessageRef, OdometryState, OdometryStateTopic,
+    RadarScan, Topic,
 };
 use randt_odometry::Sink;
 use randt_readers::Event;
-use randt_stage::{Domain, Qos, Stage, TOPICS};
+use randt_stage::{Domain, Stage};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -82,24 +83,24 @@ fn memory_and_calls_stay_small_while_scans_flow() {
 /// Each topic's budget was logged by the stage that writes it.
 fn assert_budgets<'a>(programs: impl Iterator<Item = &'a Running>) {
     let output: Vec<(&str, String)> = programs.map(|p| (p.name.as_str(), p.stderr())).collect();
-    let writer = |topic: &Qos| match topic.topic.split('/').next().unwrap() {
+    let writer = |topic: &BusTopic| match topic.name.split('/').next().unwrap() {
         "imu" => "play",
-        "radar" if topic.topic == RadarScan::NAME => "play",
+        "radar" if topic.name == RadarScan::NAME => "play",
         "radar" => "filter",
         "odometry" => "odometry",
         "mapper" => "mapper",
         // Each of them.
         _ => "filter",
     };
-    for topic in TOPICS {
+    for topic in BUS_TOPICS {
         let name = writer(topic);
         let output = &output
             .iter()
             .find(|(program, _)| *program == name)
             .unwrap()
             .1;
-        let line = output.lines().find(|line| line.contains(topic.topic));
-        let line = line.unwrap_or_else(|| panic!("{}: no budget in: {output}", topic.topic));
+        let line = output.lines().find(|line| line.contains(topic.name));
+        let line = line.unwrap_or_else(|| panic!("{}: no budget in: {output}", topic.name));
         assert!(line.contains("MB") && line.contains("history"), "{line}");
     }
 }

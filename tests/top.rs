@@ -208,7 +208,7 @@ fn in_an_empty_domain_it_names_the_folder_and_leaves_nothing() {
 }
 
 /// States as another build has them.
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct OtherStates;
 
 impl Topic for OtherStates {

@@ -97,22 +97,21 @@ impl AttitudeFilter {
             Pace::Start => {
                 self.averaged_s = 0.0;
                 let level = self.attitude.unwrap_or_default();
-                self.attitude = Some(self.corrected(level, acceleration_m_s2, 1.0));
+                self.attitude = Some(corrected(level, acceleration_m_s2, 1.0));
             }
             Pace::Step(dt_s) => {
                 let before = self.last_rate_rad_s;
                 // The rotation vector of a linearly changing rate; the cross product is coning.
                 let turn =
                     (before + rate) * (0.5 * dt_s) + before.cross(&rate) * (dt_s * dt_s / 12.0);
-                let predicted = self
-                    .attitude()
-                    .multiply(&Quaternion::from_rotation_vector(turn));
+                let turned = Quaternion::from_rotation_vector(turn);
+                let predicted = self.attitude().multiply(&turned);
                 let weight_s = dt_s * self.trust_in(acceleration_m_s2);
                 // At first a running mean of gravity, then an exponential one.
                 let memory_s = (self.averaged_s + dt_s).min(self.correction_time_s);
                 let share = (weight_s / memory_s).min(1.0);
                 self.averaged_s += weight_s;
-                self.attitude = Some(self.corrected(predicted, acceleration_m_s2, share));
+                self.attitude = Some(corrected(predicted, acceleration_m_s2, share));
             }
         }
         self.last_rate_rad_s = rate;
@@ -136,11 +135,6 @@ impl AttitudeFilter {
         (rate_rad_s - self.bias_rad_s).dot(&self.up_in_body())
     }
 
-    /// Seconds of trusted gravity that the tilt rests on, since the start or the last break.
-    pub fn averaged_s(&self) -> f64 {
-        self.averaged_s
-    }
-
     /// Samples that were ignored and breaks that were met.
     pub fn clock(&self) -> &SampleClock {
         &self.clock
@@ -152,26 +146,20 @@ impl AttitudeFilter {
         let deviation = (acceleration_m_s2.norm() / GRAVITY_M_S2 - 1.0).abs();
         (2.0 - deviation / self.gravity_tolerance).clamp(0.0, 1.0)
     }
+}
 
-    /// Turns the attitude about a level axis, by a share of what would make the specific force
-    /// point upwards.
-    fn corrected(
-        &self,
-        attitude: Quaternion,
-        acceleration_m_s2: Vector3<f64>,
-        share: f64,
-    ) -> Quaternion {
-        let force = attitude.rotate(acceleration_m_s2);
-        let level = (force.x * force.x + force.y * force.y).sqrt();
-        let angle = share * elementary::atan2(level, force.z);
-        // A force straight down leaves the axis open: forwards is as good as any.
-        let axis = if level > 0.0 {
-            Vector3::new(force.y / level, -force.x / level, 0.0)
-        } else {
-            Vector3::x()
-        };
-        Quaternion::from_rotation_vector(axis * angle).multiply(&attitude)
-    }
+/// Turns an attitude about a level axis, by a share of what would make the specific force point
+/// upwards.
+fn corrected(attitude: Quaternion, acceleration_m_s2: Vector3<f64>, share: f64) -> Quaternion {
+    let force = attitude.rotate(acceleration_m_s2);
+    let level = (force.x * force.x + force.y * force.y).sqrt();
+    let angle = share * elementary::atan2(level, force.z);
+    // A force straight down leaves the axis open: forwards is as good as any.
+    let axis = match level > 0.0 {
+        true => Vector3::new(force.y / level, -force.x / level, 0.0),
+        false => Vector3::x(),
+    };
+    Quaternion::from_rotation_vector(axis * angle).multiply(&attitude)
 }
 
 #[cfg(test)]

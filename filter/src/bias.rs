@@ -59,11 +59,8 @@ impl GyroBias {
     /// Fuses what a standstill has shown.
     pub fn observe(&mut self, standstill: &StandstillBias) {
         let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
-        let values = standstill
-            .bias_rad_s
-            .iter()
-            .zip(standstill.sigma_rad_s.iter());
-        for (axis, (&value, &sigma)) in axes.into_iter().zip(values) {
+        let (bias, sigma) = (&standstill.bias_rad_s, &standstill.sigma_rad_s);
+        for (axis, (&value, &sigma)) in axes.into_iter().zip(bias.iter().zip(sigma)) {
             self.observe_along(axis, value, sigma);
         }
     }
@@ -91,11 +88,6 @@ impl GyroBias {
     pub fn sigma_rad_s(&self) -> Vector3<f64> {
         self.covariance.diagonal().map(|v| v.max(0.0).sqrt())
     }
-
-    /// Its covariance, (rad/s)^2.
-    pub fn covariance(&self) -> Matrix3<f64> {
-        self.covariance
-    }
 }
 
 #[cfg(test)]
@@ -108,7 +100,7 @@ mod tests {
             end_ns: 0,
             bias_rad_s: value,
             sigma_rad_s: Vector3::repeat(sigma),
-            gravity_m_s2: Vector3::z(),
+            gravity_m_s2: Vector3::zeros(),
         }
     }
 
@@ -139,6 +131,6 @@ mod tests {
         bias.observe_along(Vector3::repeat(f64::NAN), 1e-3, 1e-3);
         bias.advance(f64::INFINITY);
         assert_eq!(bias.mean_rad_s(), before.mean_rad_s());
-        assert_eq!(bias.covariance(), before.covariance());
+        assert_eq!(bias.covariance, before.covariance);
     }
 }

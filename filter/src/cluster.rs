@@ -39,6 +39,7 @@ pub struct ClusterFilter {
     range_max_m: f32,
     intensity_min: f32,
     connectivity_m: f32,
+    /// Sweeps so far.
     sequence: u64,
     /// Those of the sweep at hand, beam by beam.
     clusters: Vec<Cluster>,
@@ -58,29 +59,18 @@ struct Cluster {
 pub struct FilteredSweep<'a> {
     filter: &'a ClusterFilter,
     scan: MessageRef<'a, RadarScan>,
-    sequence: u64,
-    len: usize,
+    /// How many points there are: the items of the message.
+    pub len: usize,
 }
 
 impl FilteredSweep<'_> {
-    /// How many points there are: the items of the message.
-    pub fn len(&self) -> usize {
-        self.len
-    }
-
-    /// Whether no return was kept.
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
-    }
-
     /// Lays out the head of the message. Epoch and publish time are left to the publisher.
     pub fn write_head(&self, head: &mut PointsHead) {
         let scan = self.scan.head;
         head.header = Header {
-            sequence: self.sequence,
+            sequence: self.filter.sequence - 1,
             stamp_ns: scan.header.stamp_ns,
-            epoch: 0,
-            published_ns: 0,
+            ..Header::default()
         };
         head.scan_sequence = scan.header.sequence;
         head.scan_epoch = scan.header.epoch;
@@ -93,7 +83,7 @@ impl FilteredSweep<'_> {
         }
     }
 
-    /// Lays out the items of the message, [`Self::len`] of them.
+    /// Lays out the items of the message, `len` of them.
     pub fn write_items(&self, points: &mut [Return]) {
         let mut points = points.iter_mut();
         for (cluster, beam) in self.filter.clusters.iter().zip(0..) {
@@ -144,7 +134,6 @@ impl ClusterFilter {
         }
         self.sequence += 1;
         FilteredSweep {
-            sequence: self.sequence - 1,
             filter: self,
             scan,
             len,
@@ -158,7 +147,7 @@ impl ClusterFilter {
         points.items.reserve_exact(missing);
         points.items.clear();
         let filtered = self.filter(scan);
-        points.items.resize(filtered.len(), Return::default());
+        points.items.resize(filtered.len, Return::default());
         filtered.write_head(&mut points.head);
         filtered.write_items(&mut points.items);
     }

@@ -2,8 +2,8 @@
 
 use clap::Parser;
 use randt_filter::{ClusterFilter, check_sweep};
-use randt_messages::{MessageRef, RadarPoints, RadarScan};
-use randt_stage::{Publisher, StageArguments, WakeReason, ended, parse};
+use randt_messages::{RadarPoints, RadarScan};
+use randt_stage::{StageArguments, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 
@@ -41,23 +41,15 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
                 stage.set_status(&misfit.to_string(), misfits);
                 continue;
             }
-            publish(&mut points, &mut filter, scan)?;
+            // Into shared memory, where the readers of the points find them.
+            let filtered = filter.filter(scan);
+            let mut loan = points.loan(filtered.len)?;
+            filtered.write_head(loan.head_mut());
+            filtered.write_items(loan.items_mut());
+            points.publish_loan(loan)?;
         }
         if stage.wait(&[&scans], None)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }
-}
-
-/// Filters a sweep into shared memory, where the readers of the points find it.
-fn publish(
-    points: &mut Publisher<RadarPoints>,
-    filter: &mut ClusterFilter,
-    scan: MessageRef<'_, RadarScan>,
-) -> Result<(), randt_stage::Error> {
-    let filtered = filter.filter(scan);
-    let mut loan = points.loan(filtered.len())?;
-    filtered.write_head(loan.head_mut());
-    filtered.write_items(loan.items_mut());
-    points.publish_loan(loan)
 }

@@ -50,13 +50,10 @@ pub struct MountingResult {
 impl MountingResult {
     /// The body's axis nearest to the vertical, such as `-z`.
     pub fn up_axis(&self) -> &'static str {
-        let (axis, value) = self
-            .up
-            .iter()
-            .enumerate()
-            .fold((2, 0.0_f64), |best, (i, &v)| {
-                if v.abs() > best.1.abs() { (i, v) } else { best }
-            });
+        let axes = self.up.iter().enumerate();
+        let (axis, value) = axes.fold((2, 0.0_f64), |best, (i, &v)| {
+            if v.abs() > best.1.abs() { (i, v) } else { best }
+        });
         match (axis, value < 0.0) {
             (0, false) => "+x",
             (0, true) => "-x",
@@ -79,10 +76,8 @@ impl MountingCheck {
         if self.result.is_some() {
             return self.result;
         }
-        match self
-            .clock
-            .step(stamp_ns, &Vector3::zeros(), &acceleration_m_s2)
-        {
+        let no_rate = Vector3::zeros();
+        match self.clock.step(stamp_ns, &no_rate, &acceleration_m_s2) {
             Pace::Ignored => return None,
             Pace::Start => self.begin(stamp_ns),
             Pace::Step(_) => {}
@@ -101,12 +96,10 @@ impl MountingCheck {
             return None;
         }
         let up = mean / strength;
-        let mounting = if up.z > UPRIGHT_MIN {
-            Mounting::Upright
-        } else if up.z < -UPRIGHT_MIN {
-            Mounting::UpsideDown
-        } else {
-            Mounting::OnItsSide
+        let mounting = match up.z {
+            z if z > UPRIGHT_MIN => Mounting::Upright,
+            z if z < -UPRIGHT_MIN => Mounting::UpsideDown,
+            _ => Mounting::OnItsSide,
         };
         self.result = Some(MountingResult {
             mounting,

@@ -171,24 +171,14 @@ impl Standstill {
         measurement
     }
 
-    /// Whether the window up to now is still.
-    pub fn is_still(&self) -> bool {
-        self.still_since_ns.is_some()
-    }
-
-    /// The first instant of the standstill that lasts.
+    /// The first instant of the standstill that lasts, where the window up to now is still.
     pub fn still_since_ns(&self) -> Option<i64> {
         self.still_since_ns
     }
 
-    /// The last instant that [`Self::is_still`] speaks of: the end of the last whole block.
+    /// The last instant that the window reaches: the end of the last whole block.
     pub fn decided_ns(&self) -> i64 {
         self.newest(0).map_or(self.block.begin_ns, |b| b.end_ns)
-    }
-
-    /// Samples that were ignored and breaks that were met.
-    pub fn clock(&self) -> &SampleClock {
-        &self.clock
     }
 
     fn window_ns(&self) -> i64 {
@@ -222,14 +212,14 @@ impl Standstill {
         let fresh = |block: &&Block| given_ns.is_none_or(|given_ns| block.begin_ns > given_ns);
         if let Some(block) = self.newest(age).filter(fresh).copied() {
             self.pending.samples.merge(&block);
-            self.pending.means.push(block.rate.mean());
+            self.pending.means.push(block.rate.mean);
         }
     }
 
     /// The measurement, where enough has come together.
     fn take_pending(&mut self) -> Option<StandstillBias> {
         let Pending { samples, means } = self.pending;
-        if means.count() < (BLOCKS / 2) as f64 {
+        if means.count < (BLOCKS / 2) as f64 {
             return None;
         }
         self.pending = Pending::default();
@@ -238,9 +228,9 @@ impl Standstill {
         Some(StandstillBias {
             begin_ns: samples.begin_ns,
             end_ns: samples.end_ns,
-            bias_rad_s: samples.rate.mean(),
-            sigma_rad_s: (means.variance() / means.count()).map(|v| (v + floor).sqrt()),
-            gravity_m_s2: samples.acceleration.mean(),
+            bias_rad_s: samples.rate.mean,
+            sigma_rad_s: (means.variance() / means.count).map(|v| (v + floor).sqrt()),
+            gravity_m_s2: samples.acceleration.mean,
         })
     }
 
@@ -273,12 +263,12 @@ impl Standstill {
         let early = self.merged(BLOCKS / 2..BLOCKS);
         let mut window = early;
         window.merge(&late);
-        let change = (late.rate.mean() - early.rate.mean()).norm();
-        window.rate.count() >= SAMPLES_MIN
+        let change = (late.rate.mean - early.rate.mean).norm();
+        window.rate.count >= SAMPLES_MIN
             && window.rate.deviation() < self.rate_max_rad_s
             && window.acceleration.deviation() < self.acceleration_max_m_s2
             && change < self.bias_change_max_rad_s
-            && self.can_be_bias(window.rate.mean())
+            && self.can_be_bias(window.rate.mean)
     }
 
     fn can_be_bias(&self, rate_rad_s: Vector3<f64>) -> bool {
@@ -308,7 +298,7 @@ impl Block {
 
     /// Adds a later block.
     fn merge(&mut self, later: &Self) {
-        if self.rate.count() == 0.0 {
+        if self.rate.count == 0.0 {
             self.begin_ns = later.begin_ns;
         }
         self.end_ns = later.end_ns;

@@ -7,8 +7,8 @@ use randt_persist::persist;
 /// nothing cancels, however small the variance beside the mean.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Statistics {
-    count: f64,
-    mean: Vector3<f64>,
+    pub count: f64,
+    pub mean: Vector3<f64>,
     squares: Vector3<f64>,
 }
 
@@ -35,14 +35,6 @@ impl Statistics {
             self.squares += other.squares + apart.component_mul(&apart) * between;
             self.count = count;
         }
-    }
-
-    pub(crate) fn count(&self) -> f64 {
-        self.count
-    }
-
-    pub(crate) fn mean(&self) -> Vector3<f64> {
-        self.mean
     }
 
     /// Sample variance, axis by axis; zero for fewer than two values.
@@ -74,9 +66,9 @@ mod tests {
                 side.push(Vector3::from(*value));
             }
             left.merge(&right);
-            prop_assert!((one.mean() - left.mean()).norm() < 1e-9);
+            prop_assert!((one.mean - left.mean).norm() < 1e-9);
             prop_assert!((one.variance() - left.variance()).norm() < 1e-7);
-            prop_assert_eq!(one.count(), left.count());
+            prop_assert_eq!(one.count, left.count);
         }
     }
 }

@@ -114,9 +114,13 @@ fn judge(config: &Config, written: &Written) {
 
     let mut only = Vec::new();
     journal::begin(config, &mut only);
-    let (_, records) = journal::records(&written.bytes).unwrap();
-    for keyframe in records.of_kind(journal::Kind::Keyframe) {
-        only.extend_from_slice(keyframe.bytes);
+    let (_, mut records) = journal::records(&written.bytes).unwrap();
+    let mut begin = records.good();
+    while let Some(record) = records.next() {
+        if record.kind == journal::Kind::Keyframe {
+            only.extend_from_slice(&written.bytes[begin..records.good()]);
+        }
+        begin = records.good();
     }
     let begin = Instant::now();
     Mapper::restore(config, &only).unwrap();

@@ -12,7 +12,7 @@ mod shared;
 
 use randt_drives::{Drive, config};
 use randt_geometry::Pose2;
-use randt_mapper::{Mapper, QuerySubmap, Registrar, Search, Submaps};
+use randt_mapper::{Mapper, PlaceRecognition, QuerySubmap, Registrar, Submaps};
 use randt_simulator::World;
 use shared::{machine, print};
 use std::fs;
@@ -60,7 +60,7 @@ fn main() {
     println!("memory, grid included    {memory_mb:.0} MB (at most {MEMORY_MAX_MB:.0})");
 
     let keyframes = mapper.keyframes();
-    let mut search = Search::new(&config);
+    let mut search = PlaceRecognition::new(&config);
     keyframes.iter().for_each(|keyframe| search.push(keyframe));
     let searches = (0..SEARCHES).map(|_| time(|| search.by_appearance(keyframes, |_| None)));
     print(

@@ -48,12 +48,9 @@ impl MapKeyframe {
         before: Option<&Self>,
     ) -> Self {
         let odom_from_base = Pose2::from_array(head.pose);
-        let step_m = before
-            .filter(|before| before.odom_frame_id == head.odom_frame_id)
-            .map_or(0.0, |before| {
-                let step = before.odom_from_base.between(&odom_from_base);
-                step.translation().norm()
-            });
+        let same_frame = before.filter(|before| before.odom_frame_id == head.odom_frame_id);
+        let step = same_frame.map(|before| before.odom_from_base.between(&odom_from_base));
+        let step_m = step.map_or(0.0, |step| step.translation().norm());
         Self {
             keyframe_id: head.id,
             stamp_ns: head.header.stamp_ns,

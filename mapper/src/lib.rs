@@ -42,7 +42,7 @@ pub use keyframe::{LazyObservation, MapKeyframe, Observation};
 pub use mapper::{Counters, Mapper, SECTIONS};
 pub use persistence::{Known, Recalled, Restored, SnapshotRejection, journal};
 pub use place_recognition::{
-    CandidateOrigin, Likeness, LoopCandidate, RingKey, ScanContext, Search,
+    CandidateOrigin, Likeness, LoopCandidate, PlaceRecognition, RingKey, ScanContext,
 };
 pub use verification::{
     LoopClosure, LoopStatus, QuerySubmap, Registrar, Registration, Scores, Submaps,

@@ -39,10 +39,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     stage.follow_configuration(&arguments.stage.selection, &config, &SECTIONS, None);
     let mut publisher = MapPublisher::open(&mut stage)?;
     let mut keyframes = stage.subscriber::<Keyframe>()?;
-    let journal = match &arguments.journal {
-        Some(path) => path.clone(),
-        None => stage.domain().state().join("map.journal"),
-    };
+    let in_run_folder = || stage.domain().state().join("map.journal");
+    let journal = arguments.journal.clone().unwrap_or_else(in_run_folder);
     let mut ingest = KeyframeIngest::open(&journal, &config, &mut stage)?;
     stage.set_status_note(&ingest.progress());
     stage.running()?;
@@ -61,19 +59,22 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             at_once |= ingest.take(keyframe.message());
         }
         if ingest.catch_up() {
-            stage.log_info(&format!("has all of its {} keyframes", ingest.next()));
+            stage.log_info(&format!(
+                "has all of its {} keyframes",
+                ingest.sequence.next
+            ));
         }
         at_once |= ingest.sync();
-        if ingest.is_other_drive() {
+        if ingest.sequence.is_other_drive {
             ingest = ingest.begin_anew(&journal, &config, &mut stage)?;
             publisher.begin_anew();
             at_once = true;
         }
-        stage.set_status(ingest.trouble(), ingest.lost());
+        stage.set_status(&ingest.writer.trouble, ingest.sequence.lost);
         stage.set_status_note(&ingest.progress());
         stage.set_remark(&ingest.delay());
-        if ingest.is_unsure() {
-            return Err(ingest.trouble().into());
+        if ingest.writer.is_unsure {
+            return Err(ingest.writer.trouble.into());
         }
     }
     // What odometry sent before it ended.

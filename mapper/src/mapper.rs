@@ -67,13 +67,13 @@ impl Mapper {
     pub fn push(&mut self, message: MessageRef<'_, Keyframe>) -> bool {
         let keyframe = MapKeyframe::new(message, self.keyframes.last());
         if !self.is_next(message.head) || !self.graph.append(&keyframe, &self.keyframes) {
-            self.keyframes.reject();
+            self.keyframes.rejected += 1;
             return false;
         }
         self.version += 1;
         self.recognition.push(&keyframe);
         self.keyframes.push(keyframe);
-        self.verification.push(&self.keyframes);
+        self.verification.submaps.push(&self.keyframes);
         if self.recognition.is_due(self.path_m()) {
             self.close_loops();
         }
@@ -144,7 +144,7 @@ impl Mapper {
 
     /// All candidates that were registered so far, in order.
     pub fn closures(&self) -> &[LoopClosure] {
-        self.verification.closures()
+        &self.verification.closures
     }
 
     /// Closures whose loops are in the graph.
@@ -178,8 +178,8 @@ impl Mapper {
     /// What was dropped or failed.
     pub fn counters(&self) -> Counters {
         Counters {
-            keyframes_rejected: self.keyframes.rejected(),
-            solver_failures: self.graph.failures(),
+            keyframes_rejected: self.keyframes.rejected,
+            solver_failures: self.graph.failures,
         }
     }
 }

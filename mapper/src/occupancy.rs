@@ -5,7 +5,6 @@
 //! and where they are now, not of the order or the way in which they came there. Not responsible
 //! for keeping keyframes, for poses, nor for files.
 
-mod follow;
 mod lattice;
 mod pgm;
 mod ray;
@@ -18,7 +17,9 @@ mod tiles;
 pub use pgm::Picture;
 pub use tile::{CellCount, TILE_CELLS, Tile, TileIndex};
 
-use crate::keyframe::LazyObservation;
+use crate::index::KeyframeIdx;
+use crate::keyframe::{LazyObservation, MapKeyframe};
+use crate::pose_graph::KeyframeGraph;
 use lattice::LatticePose;
 use randt_geometry::Pose2;
 use ray::RayMaker;
@@ -85,6 +86,39 @@ impl Grid {
         }
     }
 
+    /// Brings the grid up to the keyframes of the largest component and where they are now; those
+    /// of others are taken out. No more than `added_max` are painted for the first time.
+    pub(crate) fn follow(
+        &mut self,
+        keyframes: &[MapKeyframe],
+        graph: &KeyframeGraph,
+        added_max: usize,
+    ) -> GridUpdate {
+        let component = graph.largest_component();
+        let all = keyframes.iter().zip(graph.poses()).enumerate();
+        let all = all.map(|(index, (keyframe, map_from_base))| {
+            let painted = GridKeyframe {
+                id: keyframe.keyframe_id,
+                map_from_base: *map_from_base,
+                observation: &keyframe.observation,
+            };
+            (graph.component_of(KeyframeIdx(index)) == component, painted)
+        });
+        let (mut keep, mut leave) = (Vec::new(), Vec::new());
+        for (is_kept, painted) in all {
+            if is_kept { &mut keep } else { &mut leave }.push(painted);
+        }
+        let mut added = 0;
+        keep.retain(|keyframe| {
+            added += usize::from(self.lacks(keyframe));
+            added <= added_max || !self.lacks(keyframe)
+        });
+        let removed = self.remove(&leave);
+        let mut update = self.update(&keep);
+        update.removed += removed;
+        update
+    }
+
     /// Puts keyframes where they are now; others stay where they are. One that has not moved by a
     /// part of a cell costs nothing. All keyframes in order of their ids are done in half the time
     /// when most have moved.
@@ -137,7 +171,7 @@ impl Grid {
 
     /// Rises with every update that changed a tile.
     pub fn version(&self) -> u64 {
-        self.tiles.version()
+        self.tiles.version
     }
 
     /// Edge of a cell, m.
@@ -163,23 +197,19 @@ impl Grid {
     /// What has changed after a version: tiles with their new content, `None` for those that are
     /// empty now.
     pub fn changed_since(&self, version: u64) -> impl Iterator<Item = (TileIndex, Option<&Tile>)> {
-        let changed = self
-            .tiles()
-            .filter(move |(_, tile)| tile.version() > version);
-        let gone = self.tiles.gone_since(version);
-        changed
-            .map(|(index, tile)| (index, Some(tile)))
-            .chain(gone.map(|index| (index, None)))
+        let tiles = self.tiles().map(|(index, tile)| (index, Some(tile)));
+        let changed =
+            tiles.filter(move |(_, tile)| tile.is_some_and(|tile| tile.version > version));
+        changed.chain(self.tiles.gone_since(version).map(|index| (index, None)))
     }
 
     /// What the counters of a cell mean.
     pub fn state(&self, count: CellCount) -> CellState {
         let hits = f64::from(count.hits);
-        let sum = hits + f64::from(count.misses);
-        if count.hits >= self.config.hits_min && hits >= self.config.occupied_share * sum {
+        let occupied_min = self.config.occupied_share * (hits + f64::from(count.misses));
+        if count.hits >= self.config.hits_min && hits >= occupied_min {
             CellState::Occupied
-        } else if count.misses >= self.config.misses_min && hits < self.config.occupied_share * sum
-        {
+        } else if count.misses >= self.config.misses_min && hits < occupied_min {
             CellState::Free
         } else {
             CellState::Unknown
@@ -218,10 +248,10 @@ impl Grid {
         old: Option<LatticePose>,
         new: Option<LatticePose>,
     ) {
-        self.rays.make(keyframe.observation);
+        let rays = self.rays.make(keyframe.observation);
         for (pose, change) in [(old, Change::Remove), (new, Change::Add)] {
             if let Some(pose) = pose {
-                self.stencil.paint(self.rays.rays(), &pose.placement());
+                self.stencil.paint(rays, &pose.placement());
                 self.tiles.count(&self.stencil, change);
             }
         }

@@ -8,13 +8,13 @@ mod scan_context;
 mod search;
 
 pub use scan_context::{Likeness, RingKey, ScanContext};
-pub use search::Search;
 
 use crate::index::KeyframeIdx;
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::pose_graph::KeyframeGraph;
-use randt_config::Config;
-use randt_persist::{Error, Persist, Reader, Writer, persist_enum};
+use randt_config::{Config, Loops};
+use randt_persist::{persist, persist_enum};
+use std::cell::OnceCell;
 
 /// Loops are searched for at every this many keyframe distances of path.
 const SEARCH_KEYFRAMES: f64 = 2.0;
@@ -66,46 +66,55 @@ pub struct LoopCandidate {
 }
 
 /// The search for loop candidates, at every few metres of path.
-pub(crate) struct PlaceRecognition {
-    search: Search,
+pub struct PlaceRecognition {
+    config: Loops,
     /// Path at which loops were last searched for, m.
     searched_m: f64,
     every_m: f64,
-    is_enabled: bool,
-    is_verified: bool,
+    apart_m: f64,
+    /// The ring keys of all keyframes.
+    pub(crate) keys: Vec<RingKey>,
+    /// Their descriptors; a recalled keyframe has its from its first comparison on.
+    contexts: Vec<OnceCell<ScanContext>>,
 }
+// The keys are in a snapshot's increment.
+persist!(PlaceRecognition { searched_m } kept { config, every_m, apart_m, keys, contexts });
 
 impl PlaceRecognition {
     /// Nothing seen yet.
     pub fn new(config: &Config) -> Self {
         Self {
-            search: Search::new(config),
+            config: config.loops.clone(),
             searched_m: f64::NEG_INFINITY,
             every_m: SEARCH_KEYFRAMES * config.keyframe.distance_m,
-            is_enabled: config.loops.enabled,
-            is_verified: config.loops.verify,
+            apart_m: config.map_reach_m(),
+            keys: Vec::new(),
+            contexts: Vec::new(),
         }
     }
 
     /// Takes the newest keyframe.
     pub fn push(&mut self, keyframe: &MapKeyframe) {
-        if self.is_enabled {
-            self.search.push(keyframe);
+        if self.config.enabled {
+            let (context, key) = ScanContext::new(&keyframe.observation.points, &self.config);
+            self.keys.push(key);
+            self.contexts.push(context.into());
         }
     }
 
     /// Takes the newest keyframe of a map that comes back; `None` where its key is not there.
-    pub fn recall(&mut self, keys: &mut impl Iterator<Item = RingKey>) -> Option<()> {
-        if self.is_enabled {
-            self.search.recall(keys.next()?);
+    pub(crate) fn recall(&mut self, keys: &mut impl Iterator<Item = RingKey>) -> Option<()> {
+        if self.config.enabled {
+            self.keys.push(keys.next()?);
+            self.contexts.push(OnceCell::new());
         }
         Some(())
     }
 
     /// Whether a search is due at this path; it counts as done. Neither turning on the spot nor a
     /// step shows anything new.
-    pub fn is_due(&mut self, path_m: f64) -> bool {
-        let is_due = self.is_enabled && path_m - self.searched_m >= self.every_m;
+    pub(crate) fn is_due(&mut self, path_m: f64) -> bool {
+        let is_due = self.config.enabled && path_m - self.searched_m >= self.every_m;
         if is_due {
             self.searched_m = path_m;
         }
@@ -113,7 +122,7 @@ impl PlaceRecognition {
     }
 
     /// Candidates of both origins for the newest keyframe.
-    pub fn candidates(
+    pub(crate) fn candidates(
         &self,
         keyframes: &KeyframeStore,
         graph: &mut KeyframeGraph,
@@ -121,8 +130,8 @@ impl PlaceRecognition {
         let Some(newest) = keyframes.newest() else {
             return Vec::new();
         };
-        if !self.is_verified {
-            let mut candidates = self.search.by_appearance(keyframes, |_| None);
+        if !self.config.verify {
+            let mut candidates = self.by_appearance(keyframes, |_| None);
             candidates.truncate(1);
             return candidates;
         }
@@ -135,29 +144,13 @@ impl PlaceRecognition {
             let is_same = graph.component_of(old) == component;
             is_same.then(|| (here.translation() - there.translation()).norm())
         };
-        let mut candidates = self.search.by_appearance(keyframes, |old| {
+        let mut candidates = self.by_appearance(keyframes, |old| {
             let beyond_m = (away_m(old)? - NEAR_MIN_M).max(0.0);
             Some(beyond_m / sigma_m.max(SIGMA_MIN_M))
         });
         let radius_m = (NEAR_DEVIATIONS * sigma_m).clamp(NEAR_MIN_M, NEAR_MAX_M);
-        candidates.extend(self.search.by_proximity(keyframes, radius_m, away_m));
+        candidates.extend(self.by_proximity(keyframes, radius_m, away_m));
         candidates
-    }
-
-    /// The ring keys of all keyframes.
-    pub fn keys(&self) -> &[RingKey] {
-        self.search.keys()
-    }
-}
-
-/// A snapshot has the path of the last search; the keys are in its increment.
-impl Persist for PlaceRecognition {
-    fn save(&self, out: &mut Writer<'_>) {
-        self.searched_m.save(out);
-    }
-
-    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
-        self.searched_m.restore(from)
     }
 }
 

@@ -111,23 +111,20 @@ pub fn fill_tile(mapper: &Mapper, index: TileIndex, message: &mut Message<Mapper
     message.items.clear();
     let tile = grid.tile(index);
     let cells = tile.into_iter().flat_map(|tile| tile.cells());
-    message
-        .items
-        .extend(cells.map(|count| match grid.state(count) {
-            CellState::Free => FREE,
-            CellState::Occupied => OCCUPIED,
-            CellState::Unknown => UNKNOWN,
-        }));
+    let states = cells.map(|count| match grid.state(count) {
+        CellState::Free => FREE,
+        CellState::Occupied => OCCUPIED,
+        CellState::Unknown => UNKNOWN,
+    });
+    message.items.extend(states);
     message.items.resize(TILE_CELLS * TILE_CELLS, UNKNOWN);
 }
 
 /// All that the mapper knows of a header: the newest keyframe's stamp.
 fn header(mapper: &Mapper) -> Header {
+    let newest = mapper.keyframes().last();
     Header {
-        stamp_ns: mapper
-            .keyframes()
-            .last()
-            .map_or(0, |keyframe| keyframe.stamp_ns),
+        stamp_ns: newest.map_or(0, |keyframe| keyframe.stamp_ns),
         ..Header::default()
     }
 }

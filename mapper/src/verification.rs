@@ -37,10 +37,11 @@ const DIVERGENCE_RANGE_SHARE: f64 = 0.6;
 /// Submaps, the query that is registered against them, and the closures that it gave.
 pub(crate) struct LoopVerification {
     config: Config,
-    submaps: Submaps,
+    pub submaps: Submaps,
     query: QuerySubmap,
     registrar: Registrar,
-    closures: Vec<LoopClosure>,
+    /// All that was registered so far, in order.
+    pub closures: Vec<LoopClosure>,
 }
 
 impl LoopVerification {
@@ -53,21 +54,6 @@ impl LoopVerification {
             closures: Vec::new(),
             config: config.clone(),
         }
-    }
-
-    /// Lets the newest keyframe into the submaps.
-    pub fn push(&mut self, keyframes: &[MapKeyframe]) {
-        self.submaps.push(keyframes);
-    }
-
-    /// All that was registered so far, in order.
-    pub fn closures(&self) -> &[LoopClosure] {
-        &self.closures
-    }
-
-    /// Takes the closures of a map that comes back.
-    pub fn restore(&mut self, closures: Vec<LoopClosure>) {
-        self.closures = closures;
     }
 
     /// Gives these closures, which left the graph, their status.
@@ -94,19 +80,16 @@ impl LoopVerification {
         let mut tried: Vec<KeyframeIdx> = Vec::new();
         let first = self.closures.len();
         for candidate in candidates {
-            let Some(keyframe) = keyframes.get(candidate.keyframe.0) else {
-                continue;
-            };
-            let Some(root) = self.submaps.root_of(keyframe, keyframes) else {
-                continue;
-            };
-            if !tried.contains(&root) {
+            let keyframe = keyframes.get(candidate.keyframe.0);
+            if let Some(root) = keyframe.and_then(|it| self.submaps.root_of(it, keyframes))
+                && !tried.contains(&root)
+            {
                 tried.push(root);
                 let closure = self.close(candidate, root, keyframes, graph);
                 self.closures.extend(closure);
             }
         }
-        self.confirm(first..self.closures.len(), keyframes, graph);
+        self.confirm(first, keyframes, graph);
     }
 
     /// Registers the newest keyframe to the submap of a candidate and judges the result.
@@ -165,7 +148,6 @@ impl LoopVerification {
             older,
             newer,
             origin,
-            status: LoopStatus::Unregistered,
             ..LoopClosure::default()
         };
         let Some(registration) = self.register(older, starts, keyframes) else {
@@ -196,28 +178,21 @@ impl LoopVerification {
         keyframes: &[MapKeyframe],
         prior: Option<&Prior>,
     ) -> Vec<Pose2> {
-        let mut starts = Vec::new();
-        if let Some(prior) = prior {
-            starts.push(prior.older_from_newer);
-        }
-        if let (CandidateOrigin::Appearance { yaw_rad, .. }, Some(keyframe), Some(root)) = (
-            candidate.origin,
-            keyframes.get(candidate.keyframe.0),
-            keyframes.get(root.0),
-        ) {
-            let look = root
-                .odom_from_base
-                .between(&keyframe.odom_from_base)
-                .compose(&Pose2::new(0.0, 0.0, yaw_rad));
+        let mut starts = Vec::from_iter(prior.map(|prior| prior.older_from_newer));
+        if let CandidateOrigin::Appearance { yaw_rad, .. } = candidate.origin
+            && let Some(keyframe) = keyframes.get(candidate.keyframe.0)
+            && let Some(root) = keyframes.get(root.0)
+        {
+            let between = root.odom_from_base.between(&keyframe.odom_from_base);
+            let look = between.compose(&Pose2::new(0.0, 0.0, yaw_rad));
             let Some(prior) = prior else {
                 return vec![look];
             };
             let off = deviation(&prior.older_from_newer, &look);
             let sector = 2.0 * PI / f64::from(self.config.loops.sectors);
             let away_m = HEADING_DEVIATIONS * prior.sigma_m() + NEAR_MAX_M;
-            if off.z.abs() > HEADING_DEVIATIONS * prior.sigma_rad() + 2.0 * sector
-                || off.xy().norm() > away_m
-            {
+            let turned_rad = HEADING_DEVIATIONS * prior.sigma_rad() + 2.0 * sector;
+            if off.z.abs() > turned_rad || off.xy().norm() > away_m {
                 return Vec::new();
             }
             if prior.sigma_m() > 0.5 * self.config.cell_size_m() {
@@ -235,10 +210,8 @@ impl LoopVerification {
         keyframes: &[MapKeyframe],
     ) -> Option<Registration> {
         let grid = self.submaps.grid(root, keyframes)?;
-        let (registrar, query) = (&mut self.registrar, &self.query);
-        starts
-            .iter()
-            .filter_map(|start| registrar.register(grid, query, start))
-            .max_by(|a, b| a.fit().total_cmp(&b.fit()))
+        let register = |start| self.registrar.register(grid, &self.query, start);
+        let registered = starts.iter().filter_map(register);
+        registered.max_by(|a, b| a.fit().total_cmp(&b.fit()))
     }
 }

@@ -80,21 +80,12 @@ fn it_is_begun_and_continued_and_knows_what_is_on_the_disk() {
 fn two_mappers_never_write_one_journal() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("map.journal");
-    let (opened, mut mapper) = drive(&path, 0..3);
+    let (opened, mapper) = drive(&path, 0..3);
     let locked = |path: &Path| {
         let error = JournalFile::open(path, &Config::default()).unwrap_err();
         assert!(matches!(error, Error::Locked { .. }), "{error}");
     };
     locked(&path);
-    let mut opened = opened;
-    opened.journal.compact(&mapper).unwrap();
-    locked(&path);
-    // What is appended after it was written anew is in the new file.
-    opened
-        .journal
-        .append_keyframe(keyframe(3).as_ref())
-        .unwrap();
-    mapper.push(keyframe(3).as_ref());
     drop(opened);
     let (_, again) = drive(&path, []);
     assert_eq!(again.poses(), mapper.poses());
@@ -176,37 +167,6 @@ fn what_is_damaged_is_quarantined_and_what_is_none_refused() {
     // An empty one is no journal yet.
     fs::write(&path, b"").unwrap();
     assert_eq!(drive(&path, []).0.quarantined, None);
-}
-
-#[test]
-fn a_map_file_is_all_keyframes_and_one_snapshot() {
-    let folder = tempfile::tempdir().unwrap();
-    let (path, map) = (folder.path().join("journal"), folder.path().join("a.map"));
-    let (mut opened, mapper) = drive(&path, 0..50);
-    opened.journal.export(&mapper, &map).unwrap();
-    opened.journal.compact(&mapper).unwrap();
-    assert_eq!(opened.journal.on_disk(), 50);
-    assert!(!opened.journal.is_snapshot_due(&mapper));
-    let bytes = fs::read(&map).unwrap();
-    assert_eq!(fs::read(&path).unwrap(), bytes);
-    let kinds: Vec<Kind> = journal::records(&bytes)
-        .unwrap()
-        .1
-        .map(|r| r.kind)
-        .collect();
-    assert_eq!(kinds.len(), 51);
-    assert_eq!(kinds.last(), Some(&Kind::Snapshot));
-    let (again, restored) = Mapper::restore(&Config::default(), &bytes).unwrap();
-    assert_eq!((again.poses(), restored.replayed), (mapper.poses(), 0));
-    let left: Vec<_> = fs::read_dir(folder.path())
-        .unwrap()
-        .map(|f| f.unwrap().file_name())
-        .collect();
-    assert!(
-        left.iter()
-            .all(|name| !name.to_string_lossy().ends_with(".part")),
-        "{left:?}"
-    );
 }
 
 #[test]

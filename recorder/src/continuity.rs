@@ -7,6 +7,7 @@
 
 use crate::{Positions, Raw};
 use randt_messages::{DropCause, LastRecorded, OdometryStateTopic, Topic, health::text_of};
+use std::ops::Range;
 
 /// A recorder that has not listened for this time was away: stopped, or starved. Awake it listens
 /// five times a second.
@@ -39,17 +40,11 @@ pub struct Continuity {
     last: Positions,
     /// Those that came since the last absence: their publishers were still there when it ended.
     received: Positions,
-    /// The last absence.
-    away: Option<Away>,
+    /// The last absence, ns.
+    away: Option<Range<i64>>,
     listened_ns: Option<i64>,
     /// Whether a recorder was here before, whenever that was.
     is_back: bool,
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Away {
-    from_ns: i64,
-    to_ns: i64,
 }
 
 impl Continuity {
@@ -72,8 +67,7 @@ impl Continuity {
         if let Some(from_ns) = self.listened_ns.replace(now_ns)
             && (is_back || now_ns - from_ns > AWAY_NS)
         {
-            let to_ns = now_ns;
-            self.away = Some(Away { from_ns, to_ns });
+            self.away = Some(from_ns..now_ns);
             self.received = Positions::default();
         }
     }
@@ -125,18 +119,14 @@ impl Continuity {
     /// Whether a publisher may have sent something before its end that did not come. `message`:
     /// the first of its successor, whose epoch is the time when that began.
     fn is_end_unknown(&self, message: &LastRecorded, last: &LastRecorded) -> bool {
-        let Some(away) = self.away else {
-            return false;
-        };
-        if text_of(&last.writer) == ITSELF {
-            return false;
-        }
-        let was_received = self
-            .received
-            .last(last)
-            .is_some_and(|received| received.epoch == last.epoch);
+        let received = self.received.last(last);
+        let was_received = received.is_some_and(|received| received.epoch == last.epoch);
         let began_ns = i64::try_from(message.epoch).unwrap_or(i64::MAX);
-        !was_received && (away.from_ns..away.to_ns + SUCCESSOR_MAX_NS).contains(&began_ns)
+        let began_then =
+            |away: &Range<i64>| (away.start..away.end + SUCCESSOR_MAX_NS).contains(&began_ns);
+        text_of(&last.writer) != ITSELF
+            && !was_received
+            && self.away.as_ref().is_some_and(began_then)
     }
 }
 

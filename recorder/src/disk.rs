@@ -51,13 +51,10 @@ impl OpenFile {
     fn is_there(&self) -> io::Result<()> {
         let (ours, found) = (self.file.metadata()?, fs::metadata(&self.active)?);
         if (ours.dev(), ours.ino()) == (found.dev(), found.ino()) {
-            Ok(())
-        } else {
-            Err(io::Error::new(
-                io::ErrorKind::NotFound,
-                format!("{}: is another file now", self.active.display()),
-            ))
+            return Ok(());
         }
+        let text = format!("{}: is another file now", self.active.display());
+        Err(io::Error::new(io::ErrorKind::NotFound, text))
     }
 }
 
@@ -122,11 +119,8 @@ impl Sink for Disk {
         let found = fs::read_dir(&self.folder)?.flatten();
         // Names are dates.
         let oldest = found.map(|entry| entry.path()).filter(ours).min();
-        let Some(path) = oldest else {
-            return Ok(None);
-        };
-        fs::remove_file(&path)?;
-        Ok(Some(path.display().to_string()))
+        oldest.as_ref().map(fs::remove_file).transpose()?;
+        Ok(oldest.map(|path| path.display().to_string()))
     }
 }
 

@@ -1,48 +1,28 @@
 //! What was not recorded: counted by topic and cause until it can be written.
 
 use crate::Gap;
-use randt_messages::{DropCause, Header, LogDrop, health::fixed_text};
+use randt_messages::{Header, LogDrop, health::fixed_text};
 
 /// Drops that no log lists yet.
 #[derive(Debug, Default)]
 pub struct Drops {
-    waiting: Vec<PendingDrop>,
+    /// One of each topic and cause.
+    waiting: Vec<(&'static str, Gap)>,
     total: u64,
-}
-
-#[derive(Debug)]
-struct PendingDrop {
-    topic: &'static str,
-    cause: DropCause,
-    count: u64,
-    begin_ns: i64,
-    end_ns: i64,
 }
 
 impl Drops {
     /// Counts messages of a topic that were not recorded.
     pub fn add(&mut self, topic: &'static str, gap: &Gap) {
-        let Gap {
-            cause,
-            count,
-            begin_ns,
-            end_ns,
-        } = *gap;
-        self.total += count;
-        let same = |drop: &&mut PendingDrop| drop.topic == topic && drop.cause == cause;
-        match self.waiting.iter_mut().find(same) {
-            Some(drop) => {
-                drop.count += count;
-                drop.begin_ns = drop.begin_ns.min(begin_ns);
-                drop.end_ns = drop.end_ns.max(end_ns);
+        self.total += gap.count;
+        let mut waiting = self.waiting.iter_mut();
+        match waiting.find(|(other, drop)| *other == topic && drop.cause == gap.cause) {
+            Some((_, drop)) => {
+                drop.count += gap.count;
+                drop.begin_ns = drop.begin_ns.min(gap.begin_ns);
+                drop.end_ns = drop.end_ns.max(gap.end_ns);
             }
-            None => self.waiting.push(PendingDrop {
-                topic,
-                cause,
-                count,
-                begin_ns,
-                end_ns,
-            }),
+            None => self.waiting.push((topic, *gap)),
         }
     }
 
@@ -53,12 +33,14 @@ impl Drops {
 
     /// What is to be written; it is then no longer waiting.
     pub fn take(&mut self) -> Vec<LogDrop> {
-        self.waiting.drain(..).map(|drop| drop.message()).collect()
+        let waiting = self.waiting.drain(..);
+        waiting.map(|(topic, gap)| gap.message(topic)).collect()
     }
 }
 
-impl PendingDrop {
-    fn message(&self) -> LogDrop {
+impl Gap {
+    /// As the log lists it.
+    pub(crate) fn message(&self, topic: &str) -> LogDrop {
         LogDrop {
             header: Header {
                 stamp_ns: self.end_ns,
@@ -67,7 +49,7 @@ impl PendingDrop {
             begin_ns: self.begin_ns,
             end_ns: self.end_ns,
             count: self.count,
-            topic: fixed_text(self.topic),
+            topic: fixed_text(topic),
             cause: self.cause as u32,
             reserved: 0,
         }

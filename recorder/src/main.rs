@@ -44,10 +44,8 @@ fn main() -> ExitCode {
 fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
     let loaded = arguments.stage.selection.load(None)?;
     let record = &loaded.config.record;
-    let folder = arguments
-        .out
-        .clone()
-        .unwrap_or(record.folder.clone().into());
+    let configured = || record.folder.clone().into();
+    let folder = arguments.out.clone().unwrap_or_else(configured);
     lower_priority();
     let mut stage = arguments.stage.open("recorder")?;
     // What it writes has the configuration of the others.

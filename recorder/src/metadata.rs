@@ -22,43 +22,36 @@ type Fields = BTreeMap<String, String>;
 /// The channel of a topic, of ours or for viewers; an unknown one has no schema.
 pub(crate) fn channel_of(topic: &str) -> Channel {
     let ours = randt_log::channel_of(topic);
-    ours.or_else(|| ViewerTopic::recorded_channel(topic))
-        .unwrap_or_default()
+    let known = ours.or_else(|| ViewerTopic::recorded_channel(topic));
+    known.unwrap_or_default()
 }
 
 /// What follows from the configuration: how to read the log again. It is the same in every file of
 /// a run.
 pub fn configuration_records(loaded: &Loaded) -> Vec<(&'static str, Fields)> {
-    let layouts = channels().into_iter();
+    let layouts = channels().into_iter().map(|c| (c.topic, c.type_name));
     vec![
         (ROBOT_METADATA, robot(&loaded.config).to_metadata()),
         (CONFIG_METADATA, fields([(CONFIG_TOML, loaded.to_toml())])),
-        (
-            LAYOUTS_METADATA,
-            layouts.map(|c| (c.topic, c.type_name)).collect(),
-        ),
+        (LAYOUTS_METADATA, layouts.collect()),
     ]
 }
 
 /// The machine: it may explain why a run was slow.
 pub fn machine_record() -> (&'static str, Fields) {
-    let line = |path: &str| {
-        let text = fs::read_to_string(path).unwrap_or_default();
-        text.trim().to_owned()
-    };
+    let text = |path: &str| fs::read_to_string(path).unwrap_or_default();
+    let line = |path: &str| text(path).trim().to_owned();
     let processors = std::thread::available_parallelism().map_or(0, usize::from);
-    let cpuinfo = line("/proc/cpuinfo");
-    let model = cpuinfo
-        .lines()
-        .find_map(|line| line.strip_prefix("model name")?.split_once(": "))
-        .map_or("", |(_, model)| model);
+    let cpuinfo = text("/proc/cpuinfo");
+    let mut lines = cpuinfo.lines();
+    let model = lines.find_map(|line| line.strip_prefix("model name")?.split_once(": "));
     let fields = fields([
         ("host", line("/proc/sys/kernel/hostname")),
         ("system", std::env::consts::OS.to_owned()),
         ("architecture", std::env::consts::ARCH.to_owned()),
         ("kernel", line("/proc/sys/kernel/osrelease")),
         ("boot_id", line("/proc/sys/kernel/random/boot_id")),
-        ("processor", model.to_owned()),
+        ("processor", model.unwrap_or_default().1.to_owned()),
         ("processors", processors.to_string()),
     ]);
     (MACHINE_METADATA, fields)
@@ -71,16 +64,13 @@ pub fn fields<const N: usize>(pairs: [(&str, String); N]) -> Fields {
 
 /// The robot as `randt run LOG` reads it.
 fn robot(config: &Config) -> Robot {
-    let robot = &config.robot;
-    let kinds = [SensorKind::IsdrC, SensorKind::NavtechCts];
-    let kind = kinds
-        .into_iter()
-        .find(|kind| kind.name() == Some(config.sensor.name.as_str()));
-    let imu =
-        Quaternion::from_roll_pitch_yaw(robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
+    let (it, name) = (&config.robot, config.sensor.name.as_str());
+    let mut kinds = [SensorKind::IsdrC, SensorKind::NavtechCts].into_iter();
+    let kind = kinds.find(|kind| kind.name() == Some(name));
+    let imu = Quaternion::from_roll_pitch_yaw(it.imu_roll_rad, it.imu_pitch_rad, it.imu_yaw_rad);
     Robot {
         sensor: kind.unwrap_or(SensorKind::Unknown),
-        radar: Some([robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad]),
+        radar: Some([it.radar_x_m, it.radar_y_m, it.radar_yaw_rad]),
         imu: Some(imu.to_array()),
     }
 }
@@ -93,10 +83,10 @@ mod tests {
     #[test]
     fn every_topic_of_the_bus_has_its_channel() {
         let known = channels();
-        for qos in randt_stage::TOPICS {
-            let channel = known.iter().find(|c| c.topic == qos.topic).unwrap();
-            assert_eq!(channel.type_name, qos.type_name);
-            assert_eq!(&channel_of(qos.topic), channel);
+        for topic in randt_messages::BUS_TOPICS {
+            let channel = known.iter().find(|c| c.topic == topic.name).unwrap();
+            assert_eq!(channel.type_name, topic.type_name);
+            assert_eq!(&channel_of(topic.name), channel);
         }
     }
 

@@ -1,6 +1,6 @@
 //! How far the files of a folder reach, kept outside of the process for the next recorder.
 //!
-//! Only with the feature `process`.
+//! Only with the feature `runtime`.
 
 use crate::Positions;
 use randt_messages::layout::{FNV_SEED, hash_bytes};

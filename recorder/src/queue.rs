@@ -49,16 +49,16 @@ impl Queue {
     /// are few and long.
     pub fn push(&self, messages: impl IntoIterator<Item = Raw>, now_ns: i64) {
         let mut state = self.lock();
+        let dropped = Gap {
+            cause: state.cause,
+            count: 1,
+            begin_ns: now_ns,
+            end_ns: now_ns,
+        };
         for raw in messages {
             let bytes = state.bytes + raw.size();
             if bytes > self.budget {
-                let gap = Gap {
-                    cause: state.cause,
-                    count: 1,
-                    begin_ns: now_ns,
-                    end_ns: now_ns,
-                };
-                state.drops.add(raw.topic, &gap);
+                state.drops.add(raw.topic, &dropped);
             } else {
                 state.bytes = bytes;
                 state.waiting.push_back(raw);
@@ -74,12 +74,10 @@ impl Queue {
     /// The oldest messages, some `bytes_max` of them; empty where none waits.
     pub fn take(&self, bytes_max: usize) -> Vec<Raw> {
         let mut state = self.lock();
-        let mut taken = Vec::new();
-        let mut bytes = 0;
-        while bytes < bytes_max {
-            let Some(raw) = state.waiting.pop_front() else {
-                break;
-            };
+        let (mut taken, mut bytes) = (Vec::new(), 0);
+        while bytes < bytes_max
+            && let Some(raw) = state.waiting.pop_front()
+        {
             bytes += raw.size();
             taken.push(raw);
         }

@@ -4,17 +4,13 @@
 //! are each complete by themselves. Not responsible for the disk ([`Sink`]), nor for messages that
 //! wait ([`crate::Queue`]).
 
-use crate::{
-    Positions, Raw, Sink,
-    metadata::{VERSIONS_METADATA, fields},
-    open_log::{Counts, OpenLog},
-    viewer::Viewer,
-};
+use crate::metadata::{VERSIONS_METADATA, fields};
+use crate::open_log::{Counts, OpenLog};
+use crate::{Gap, Positions, Raw, Sink, Viewer};
 use randt_log::{Options, name_of_date};
-use randt_messages::{
-    DropCause, Header, LogDrop, LogDropTopic, MessageRef, Topic, health::fixed_text,
-};
+use randt_messages::{DropCause, LogDrop, LogDropTopic, MessageRef, Topic};
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::io;
 
 /// After a failure the disk is tried again with this period.
@@ -115,14 +111,13 @@ impl<S: Sink> Recorder<S> {
 
     /// Name of the file that is being written.
     pub fn file(&self) -> Option<&str> {
-        self.file.as_ref().map(OpenLog::name)
+        self.file.as_ref().map(|file| file.name.as_str())
     }
 
     /// How far the files reach: what they hold although this process is killed in this moment.
     pub fn positions(&self) -> &Positions {
-        self.file
-            .as_ref()
-            .map_or(&self.positions, OpenLog::positions)
+        let file = self.file.as_ref();
+        file.map_or(&self.positions, |file| &file.appended)
     }
 
     /// Messages that were recorded and are lost.
@@ -134,11 +129,6 @@ impl<S: Sink> Recorder<S> {
     pub fn unsaved(&self) -> u64 {
         let ours = |raw: &&Raw| raw.topic != LogDropTopic::NAME;
         self.unsynced.iter().filter(ours).count() as u64
-    }
-
-    /// The sink, for tests.
-    pub fn sink(&mut self) -> &mut S {
-        &mut self.sink
     }
 
     /// Records a message.
@@ -153,9 +143,8 @@ impl<S: Sink> Recorder<S> {
 
     /// Records what was not.
     pub fn push_drops(&mut self, drops: &[LogDrop], now_ns: i64) {
-        for head in drops {
-            let message = MessageRef::<LogDropTopic> { head, items: &[] };
-            self.push(Raw::from_message(message), now_ns);
+        for drop in drops {
+            self.push(drop_message(drop), now_ns);
         }
     }
 
@@ -164,16 +153,13 @@ impl<S: Sink> Recorder<S> {
         if self.file.is_none() && now_ns >= self.retry_ns {
             self.open(now_ns);
         }
-        let Some(file) = &mut self.file else {
-            return;
-        };
-        let done = if file.is_older(now_ns, self.settings.file_max_ns)
-            || file.bytes() >= self.settings.file_max_bytes
-        {
-            self.rotate(now_ns)
-        } else if file.is_sync_due(now_ns, SYNC_NS) {
+        let Some(file) = &mut self.file else { return };
+        let is_old = now_ns - file.begun_ns >= self.settings.file_max_ns;
+        let done = if is_old || file.bytes >= self.settings.file_max_bytes {
+            self.end_file(now_ns).map(|()| self.open(now_ns))
+        } else if now_ns - file.synced_ns >= SYNC_NS {
             self.sync(now_ns)
-        } else if file.is_chunk_due(now_ns, self.settings.chunk_ns) {
+        } else if now_ns - file.chunk_ns >= self.settings.chunk_ns {
             file.end_chunk(now_ns, &mut self.sink)
         } else {
             Ok(())
@@ -195,50 +181,38 @@ impl<S: Sink> Recorder<S> {
         let Some(file) = self.file.take() else {
             return Ok(());
         };
-        let (only_here, begun_ns) = (file.only_here(), file.begun_ns());
-        let positions = file.written().clone();
-        let done = file.finish(self.closing(), &mut self.sink);
+        let (synced, begun_ns) = (file.synced.clone(), file.begun_ns);
+        let positions = file.written.clone();
+        // The recorder is the first to run: it knows the other stages only at the end.
+        let mut metadata = (self.preamble)();
+        metadata.retain(|(name, _)| *name == VERSIONS_METADATA);
+        let done = file.finish(metadata, &mut self.sink);
         match &done {
             Ok(()) => {
                 self.unsynced.clear();
                 self.positions = positions;
             }
-            Err(cause) => self.judge_loss(cause, only_here, begun_ns, now_ns),
+            Err(cause) => self.judge_loss(cause, synced, begun_ns, now_ns),
         }
         done
     }
 
     /// A file that is not found any more is lost with what it alone had. The next one lists that
     /// as a drop.
-    fn judge_loss(&mut self, cause: &io::Error, only_here: Counts, begun_ns: i64, now_ns: i64) {
+    fn judge_loss(&mut self, cause: &io::Error, synced: Counts, begin_ns: i64, end_ns: i64) {
         if cause.kind() != io::ErrorKind::NotFound {
             return;
         }
-        for (topic, count) in only_here {
+        for (topic, count) in synced {
             self.lost += count;
-            let head = LogDrop {
-                header: Header {
-                    stamp_ns: now_ns,
-                    ..Header::default()
-                },
-                begin_ns: begun_ns,
-                end_ns: now_ns,
+            let gap = Gap {
+                cause: DropCause::Failed,
                 count,
-                topic: fixed_text(topic),
-                cause: DropCause::Failed as u32,
-                reserved: 0,
+                begin_ns,
+                end_ns,
             };
-            let (head, items) = (&head, &[]);
-            let message = MessageRef::<LogDropTopic> { head, items };
-            self.unsynced.push(Raw::from_message(message));
+            self.unsynced.push(drop_message(&gap.message(topic)));
         }
-    }
-
-    /// The recorder is the first to run: it knows the other stages only at the end.
-    fn closing(&mut self) -> Metadata {
-        let mut records = (self.preamble)();
-        records.retain(|(name, _)| *name == VERSIONS_METADATA);
-        records
     }
 
     fn sync(&mut self, now_ns: i64) -> io::Result<()> {
@@ -248,18 +222,12 @@ impl<S: Sink> Recorder<S> {
         file.end_chunk(now_ns, &mut self.sink)?;
         self.sink.sync()?;
         file.synced(now_ns);
-        self.positions.clone_from(file.positions());
+        self.positions.clone_from(&file.appended);
         self.unsynced.clear();
         if !self.has_room()? {
             self.finish(now_ns);
             self.stop_for_room(now_ns);
         }
-        Ok(())
-    }
-
-    fn rotate(&mut self, now_ns: i64) -> io::Result<()> {
-        self.end_file(now_ns)?;
-        self.open(now_ns);
         Ok(())
     }
 
@@ -277,12 +245,9 @@ impl<S: Sink> Recorder<S> {
             return Ok(false);
         }
         let name = self.create(now_ns)?;
+        // A disk that fails for hours is not filled with beginnings of files.
         let begun = self.begin(name, now_ns);
-        if begun.is_err() {
-            // A disk that fails for hours is not filled with beginnings of files.
-            self.sink.discard();
-        }
-        self.file = Some(begun?);
+        self.file = Some(begun.inspect_err(|_| self.sink.discard())?);
         self.files += 1;
         Ok(true)
     }
@@ -290,22 +255,11 @@ impl<S: Sink> Recorder<S> {
     fn begin(&mut self, name: String, now_ns: i64) -> io::Result<OpenLog> {
         let mut metadata = (self.preamble)();
         let (number, begun_ns) = (self.files.to_string(), now_ns.to_string());
-        metadata.push((
-            "randt/file",
-            fields([("part", number), ("begun_ns", begun_ns)]),
-        ));
-        let log = self.settings.log.clone();
+        let part = fields([("part", number), ("begun_ns", begun_ns)]);
+        metadata.push(("randt/file", part));
         let (viewer, sink) = (&mut self.viewer, &mut self.sink);
-        let leave_out = self.settings.leave_out.clone();
-        let mut file = OpenLog::begin(
-            name,
-            log,
-            leave_out,
-            metadata,
-            &self.positions,
-            now_ns,
-            sink,
-        )?;
+        let (settings, positions) = (&self.settings, &self.positions);
+        let mut file = OpenLog::begin(name, settings, metadata, positions, now_ns, sink)?;
         viewer.begin();
         for raw in &self.unsynced {
             file.write(raw, viewer, sink)?;
@@ -340,11 +294,14 @@ impl<S: Sink> Recorder<S> {
 
     fn stop_for_room(&mut self, now_ns: i64) {
         let floor_gb = self.settings.free_min_bytes as f64 * 1e-9;
+        let why = format!("less than {floor_gb:.1} GB left on the disk");
+        self.stop(DropCause::Full, why, now_ns);
+    }
+
+    fn stop(&mut self, cause: DropCause, why: impl Display, now_ns: i64) {
         self.retry_ns = now_ns + RETRY_NS;
-        self.outage = Some(Outage {
-            cause: DropCause::Full,
-            text: format!("not recording: less than {floor_gb:.1} GB left on the disk"),
-        });
+        let text = format!("not recording: {why}");
+        self.outage = Some(Outage { cause, text });
     }
 
     fn check(&mut self, done: io::Result<()>, now_ns: i64) {
@@ -358,20 +315,16 @@ impl<S: Sink> Recorder<S> {
     fn fail(&mut self, cause: &io::Error, now_ns: i64) {
         self.sink.abandon();
         if let Some(file) = self.file.take() {
-            self.judge_loss(cause, file.only_here(), file.begun_ns(), now_ns);
+            self.judge_loss(cause, file.synced, file.begun_ns, now_ns);
         }
-        self.retry_ns = now_ns + RETRY_NS;
-        let full = matches!(
-            cause.kind(),
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-        );
-        self.outage = Some(Outage {
-            cause: if full {
-                DropCause::Full
-            } else {
-                DropCause::Failed
-            },
-            text: format!("not recording: {cause}"),
-        });
+        let drops = match cause.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => DropCause::Full,
+            _ => DropCause::Failed,
+        };
+        self.stop(drops, cause, now_ns);
     }
+}
+
+fn drop_message(head: &LogDrop) -> Raw {
+    Raw::from_message(MessageRef::<LogDropTopic> { head, items: &[] })
 }

@@ -1,6 +1,6 @@
 //! What makes the recorder a stage: all topics, read as they come.
 //!
-//! Only with the feature `process`.
+//! Only with the feature `runtime`.
 
 use crate::{
     CLOCK_METADATA, Continuity, Positions, Preamble, Queue, Raw, VERSIONS_METADATA,
@@ -13,13 +13,11 @@ use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// One topic on its way into the queue.
-trait TopicInput {
+trait TopicInput: Waitable {
     /// Copies what has come.
     fn drain(&mut self, into: &mut Vec<Raw>) -> Result<(), Error>;
-    fn topic(&self) -> &'static str;
     /// Messages that its port counts as missed.
     fn missed(&self) -> u64;
-    fn waitable(&self) -> &dyn Waitable;
 }
 
 impl<T: Topic> TopicInput for Subscriber<T> {
@@ -30,37 +28,33 @@ impl<T: Topic> TopicInput for Subscriber<T> {
         Ok(())
     }
 
-    fn topic(&self) -> &'static str {
-        T::NAME
-    }
-
     fn missed(&self) -> u64 {
         self.missed()
     }
-
-    fn waitable(&self) -> &dyn Waitable {
-        self
-    }
 }
+
+/// Topics by name.
+type TopicInputs = Vec<(&'static str, Box<dyn TopicInput>)>;
 
 /// Opens every topic for reading.
 struct Readers<'a> {
     stage: &'a mut Stage,
-    topics: Vec<Box<dyn TopicInput>>,
+    topics: TopicInputs,
 }
 
 impl TopicVisitor for Readers<'_> {
     type Error = Error;
 
     fn visit<T: Topic>(&mut self) -> Result<(), Error> {
-        self.topics.push(Box::new(self.stage.subscriber::<T>()?));
+        let input = Box::new(self.stage.subscriber::<T>()?);
+        self.topics.push((T::NAME, input));
         Ok(())
     }
 }
 
 /// All topics.
 pub struct Inputs {
-    topics: Vec<Box<dyn TopicInput>>,
+    topics: TopicInputs,
     batch: Vec<Raw>,
     continuity: Continuity,
 }
@@ -83,8 +77,8 @@ impl Inputs {
     /// Takes all that has come to the queue, in the order in which it was published.
     pub fn drain(&mut self, queue: &Queue, clock: Clock) -> Result<(), Error> {
         self.continuity.listen(clock.now_ns());
-        for topic in &mut self.topics {
-            topic.drain(&mut self.batch)?;
+        for (_, input) in &mut self.topics {
+            input.drain(&mut self.batch)?;
         }
         self.batch.sort_by_key(|raw| raw.label.time_ns);
         for raw in &self.batch {
@@ -98,22 +92,15 @@ impl Inputs {
 
     /// Messages that the ports count as missed.
     pub fn missed_by_ports(&self) -> u64 {
-        self.topics.iter().map(|topic| topic.missed()).sum()
+        self.topics.iter().map(|(_, input)| input.missed()).sum()
     }
 
     /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250
     /// times a second.
     pub fn waitables(&self) -> Vec<&dyn Waitable> {
-        let slow = self
-            .topics
-            .iter()
-            .filter(|topic| topic.topic() != ImuSampleTopic::NAME);
-        slow.map(|topic| topic.waitable()).collect()
-    }
-
-    /// Names of the topics.
-    pub fn topics(&self) -> impl Iterator<Item = &'static str> {
-        self.topics.iter().map(|topic| topic.topic())
+        let topics = self.topics.iter();
+        let slow = topics.filter(|(topic, _)| *topic != ImuSampleTopic::NAME);
+        slow.map(|(_, input)| &**input as &dyn Waitable).collect()
     }
 }
 
@@ -132,12 +119,9 @@ pub fn preamble(loaded: &Loaded, domain: &Domain, clock: Clock) -> Preamble {
 
 /// Every stage that runs, with its build; this one among them.
 fn versions(domain: &Domain) -> BTreeMap<String, String> {
-    let living = Registry::all(domain)
-        .into_iter()
-        .filter(|(_, lives)| *lives);
-    living
-        .map(|(entry, _)| (entry.name, entry.version))
-        .collect()
+    let stages = Registry::all(domain).into_iter();
+    let living = stages.filter(|(_, lives)| *lives).map(|(entry, _)| entry);
+    living.map(|entry| (entry.name, entry.version)).collect()
 }
 
 /// The pipeline's clock and the date: stamps are the time since the boot plus the anchor.
@@ -155,7 +139,6 @@ fn clock_fields(clock: Clock) -> BTreeMap<String, String> {
 mod tests {
     use super::*;
     use randt_messages::BUS_TOPICS;
-    use randt_stage::TOPICS;
 
     /// `randt top` shows what stages report of their ports
     /// (`tools/randt/src/commands/top/traffic.rs`).
@@ -166,8 +149,8 @@ mod tests {
         let mut stage = Stage::open("recorder", &domain).unwrap();
         let inputs = Inputs::open(&mut stage, Positions::default()).unwrap();
         let registered = || BUS_TOPICS.iter().map(|topic| topic.name);
-        assert!(inputs.topics().eq(registered()));
-        assert!(TOPICS.iter().map(|qos| qos.topic).eq(registered()));
+        let read = inputs.topics.iter().map(|(topic, _)| *topic);
+        assert!(read.eq(registered()));
         for topic in BUS_TOPICS {
             let channel = randt_log::channel_of(topic.name).unwrap();
             assert_eq!(channel.type_name, topic.type_name);

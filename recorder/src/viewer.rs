@@ -3,7 +3,7 @@
 use crate::Raw;
 use randt_config::Robot;
 use randt_foxglove_schemas::topic::{GRID, POINTS, POSE, TRANSFORMS};
-use randt_foxglove_schemas::{Tiles, ViewerTopic};
+use randt_foxglove_schemas::{self as schemas, Encode, Tiles, ViewerTopic};
 use randt_messages::{
     Correction, MapperCorrection, MapperGrid, Message, OdometryState, OdometryStateTopic,
     RadarPoints, Topic,
@@ -46,20 +46,13 @@ impl Viewer {
 
     /// What a message of ours becomes.
     pub fn take(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
-        if raw.topic == OdometryStateTopic::NAME {
-            let Some(state) = Message::<OdometryStateTopic>::from_bytes(&raw.bytes) else {
-                return;
-            };
-            self.take_state(&state.head, raw, out);
-        } else if raw.topic == MapperCorrection::NAME {
-            if let Some(message) = Message::<MapperCorrection>::from_bytes(&raw.bytes) {
-                self.take_correction(*message.head);
-            }
-        } else if raw.topic == RadarPoints::NAME {
+        if raw.topic == RadarPoints::NAME {
             self.take_points(raw, out);
-        } else if raw.topic == MapperGrid::NAME
-            && let Some(tile) = Message::<MapperGrid>::from_bytes(&raw.bytes)
-        {
+        } else if let Some(state) = message::<OdometryStateTopic>(raw) {
+            self.take_state(&state.head, raw, out);
+        } else if let Some(correction) = message::<MapperCorrection>(raw) {
+            self.take_correction(*correction.head);
+        } else if let Some(tile) = message::<MapperGrid>(raw) {
             self.tiles.take(tile);
             self.has_changed = true;
         }
@@ -76,43 +69,24 @@ impl Viewer {
 
     fn take_points(&mut self, raw: &Raw, out: &mut Vec<Raw>) {
         let now_ns = raw.label.time_ns;
-        if is_early(
-            self.cloud_ns,
-            now_ns,
-            ViewerTopic::Points.recorded_period_ns(),
-        ) {
-            return;
-        }
-        if let Some(points) = Message::<RadarPoints>::from_bytes(&raw.bytes) {
+        let pause_ns = ViewerTopic::Points.recorded_period_ns();
+        if !is_early(self.cloud_ns, now_ns, pause_ns)
+            && let Some(points) = message::<RadarPoints>(raw)
+        {
             self.cloud_ns = Some(now_ns);
-            let cloud = randt_foxglove_schemas::of_points(points.as_ref());
-            out.extend(viewer_message(
-                raw,
-                POINTS,
-                randt_foxglove_schemas::bytes(&cloud),
-            ));
+            show(raw, POINTS, &schemas::of_points(points.as_ref()), out);
         }
     }
 
     fn take_state(&mut self, state: &OdometryState, raw: &Raw, out: &mut Vec<Raw>) {
-        let pose = randt_foxglove_schemas::pose_of_state(state);
-        out.extend(viewer_message(
-            raw,
-            POSE,
-            randt_foxglove_schemas::bytes(&pose),
-        ));
+        show(raw, POSE, &schemas::pose_of_state(state), out);
         // All of them with every state: the frames are known in every part of a log.
-        let frames =
-            randt_foxglove_schemas::transforms(&self.robot, state, self.correction.as_ref());
-        out.extend(viewer_message(
-            raw,
-            TRANSFORMS,
-            randt_foxglove_schemas::bytes(&frames),
-        ));
-        if self.is_grid_due(raw.label.time_ns) {
-            let grid = self.tiles.draw(state.header.stamp_ns);
-            let bytes = grid.and_then(|grid| randt_foxglove_schemas::bytes(&grid));
-            out.extend(viewer_message(raw, GRID, bytes));
+        let frames = schemas::transforms(&self.robot, state, self.correction.as_ref());
+        show(raw, TRANSFORMS, &frames, out);
+        if self.is_grid_due(raw.label.time_ns)
+            && let Some(grid) = self.tiles.draw(state.header.stamp_ns)
+        {
+            show(raw, GRID, &grid, out);
         }
     }
 
@@ -125,12 +99,11 @@ impl Viewer {
             true => paced_ns.clamp(ViewerTopic::Grid.recorded_period_ns(), GRID_PERIOD_MAX_NS),
             false => GRID_PERIOD_MAX_NS,
         };
-        if is_early(self.grid_ns, now_ns, pause_ns) {
-            return false;
+        let is_due = !is_early(self.grid_ns, now_ns, pause_ns);
+        if is_due {
+            (self.grid_ns, self.has_changed) = (Some(now_ns), false);
         }
-        self.grid_ns = Some(now_ns);
-        self.has_changed = false;
-        true
+        is_due
     }
 }
 
@@ -139,14 +112,18 @@ fn is_early(last_ns: Option<i64>, now_ns: i64, pause_ns: i64) -> bool {
     last_ns.is_some_and(|last_ns| (0..pause_ns).contains(&(now_ns - last_ns)))
 }
 
-/// A message for viewers, recorded with the one that it was made of.
-fn viewer_message(source: &Raw, topic: &'static str, bytes: Option<Vec<u8>>) -> Option<Raw> {
-    let label = source.label;
-    bytes.map(|bytes| Raw {
+/// The message, where it is of this topic.
+fn message<T: Topic>(raw: &Raw) -> Option<Message<T>> {
+    (raw.topic == T::NAME).then(|| Message::from_bytes(&raw.bytes))?
+}
+
+/// Adds a message for viewers, recorded with the one that it was made of.
+fn show(source: &Raw, topic: &'static str, message: &impl Encode, out: &mut Vec<Raw>) {
+    out.extend(schemas::bytes(message).map(|bytes| Raw {
         topic,
-        label,
+        label: source.label,
         bytes,
-    })
+    }));
 }
 
 #[cfg(test)]

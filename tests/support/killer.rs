@@ -21,7 +21,7 @@ const STOP: Duration = Duration::from_secs(5);
 const SHORT_STOP: Duration = Duration::from_secs(3);
 const CATCHING_UP_MS: usize = 60;
 /// How long a turn, or a keyframe, is waited for.
-const OCCASION_MAX: Duration = Duration::from_secs(30);
+pub const OCCASION_MAX: Duration = Duration::from_secs(30);
 /// A turn, rad/s.
 const TURN_RAD_S: f64 = 0.5;
 /// Two stages die within this time.

@@ -23,8 +23,8 @@ impl Programs {
             .or_else(|_| fs::copy(randt, &own).map(|_| ()))
             .unwrap();
         for stage in STAGES {
-            let link = folder.path().join(stage.program());
-            symlink(program(stage.name), link).unwrap();
+            let link = folder.path().join(format!("randt-{stage}"));
+            symlink(program(stage), link).unwrap();
         }
         Self { folder }
     }

@@ -168,7 +168,7 @@ impl Config {
         for product in self.products() {
             if product.size > product.most {
                 return Err(Error::TooLarge {
-                    keys: product.keys.iter().copied().map(describe).collect(),
+                    keys: product.keys.into_iter().map(describe).collect(),
                     what: product.what,
                     size: product.size,
                     most: product.most,

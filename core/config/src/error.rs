@@ -36,24 +36,14 @@ pub enum Error {
         /// All built-ins.
         known: String,
     },
-    /// No such section.
-    #[error("{location}: unknown section [{name}]; did you mean [{nearest}]?")]
-    UnknownSection {
+    /// No such section or key.
+    #[error("{location}: unknown {name}; did you mean {nearest}?")]
+    Unknown {
         /// Where.
         location: Location,
-        /// What is written there.
+        /// What is written there, as `section [NAME]` or `key "section.key"`.
         name: String,
-        /// The nearest known section.
-        nearest: &'static str,
-    },
-    /// No such key.
-    #[error("{location}: unknown key {name:?}; did you mean {nearest:?}?")]
-    UnknownKey {
-        /// Where.
-        location: Location,
-        /// What is written there, as `section.key`.
-        name: String,
-        /// The nearest known key, as `section.key`.
+        /// The nearest known one, as `[NAME]` or `"section.key"`.
         nearest: String,
     },
     /// A section in a file that may not hold it, such as how to drive in a sensor file.
@@ -83,11 +73,8 @@ pub enum Error {
         expected: String,
     },
     /// An override that is not `section.key=value`.
-    #[error("--set {text:?} is not of the form section.key=value, such as ndt.cell_size_m=0.5")]
-    MalformedOverride {
-        /// What was given.
-        text: String,
-    },
+    #[error("--set {0:?} is not of the form section.key=value, such as ndt.cell_size_m=0.5")]
+    MalformedOverride(String),
     /// Two keys that are valid each but not together.
     #[error("{less}, it must be below {more}")]
     Contradiction {
@@ -132,6 +119,18 @@ pub enum Error {
 }
 
 impl Error {
+    pub(crate) fn io(path: &str) -> impl Fn(std::io::Error) -> Self {
+        move |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+
+    pub(crate) fn syntax(location: Location, problem: impl Into<String>) -> Self {
+        let problem = problem.into();
+        Self::Syntax { location, problem }
+    }
+
     /// A value that its user cannot work with, with the location where it was written.
     pub fn value(
         origins: &Origins,
@@ -141,10 +140,7 @@ impl Error {
     ) -> Self {
         let location = origins.get(&(section, key)).cloned();
         Self::Value {
-            location: location.unwrap_or_else(|| Location {
-                source: "defaults".to_owned(),
-                line: None,
-            }),
+            location: location.unwrap_or_else(|| Location::whole("defaults")),
             name: format!("{section}.{key}"),
             found: format!("{found:?}"),
             expected,

@@ -16,7 +16,7 @@ const PRODUCTS_MAX: f64 = 2e8;
 /// Something whose size several keys decide, and how large it may be.
 pub(crate) struct Product {
     /// The keys, as section and name.
-    pub keys: &'static [(&'static str, &'static str)],
+    pub keys: Vec<(&'static str, &'static str)>,
     /// What they make.
     pub what: &'static str,
     /// How large that is.
@@ -49,51 +49,43 @@ impl Config {
 
     /// Everything whose size depends on more than one key.
     pub(crate) fn products(&self) -> [Product; 4] {
-        let squares = |extent_m: f64| 2.0 * extent_m / self.cell_size_m();
+        let grid = |what, extent_m: f64, own: &[_], most| Product {
+            keys: [
+                &[("filter", "range_max_m"), ("sensor", "range_max_m")],
+                own,
+                &[("ndt", "cell_size_m")],
+            ]
+            .concat(),
+            what,
+            size: 2.0 * extent_m / self.cell_size_m(),
+            most,
+        };
         let loops = &self.loops;
         let [rings, sectors, candidates] =
             [loops.rings, loops.sectors, loops.candidates].map(f64::from);
         [
+            grid(
+                "a scan's grid of this many squares to a side",
+                self.scan_extent_m(),
+                &[("odometry", "speed_max_m_s"), ("sensor", "period_s")],
+                SQUARES_MAX,
+            ),
+            grid(
+                "a submap of this many squares to a side",
+                self.submap_extent_m(),
+                &[("submap", "radius_m")],
+                SQUARES_MAX,
+            ),
+            grid(
+                "a submap of the map of this many squares to a side",
+                self.map_extent_m(),
+                &[("keyframe", "distance_m")],
+                MAP_SQUARES_MAX,
+            ),
             Product {
-                keys: &[
-                    ("filter", "range_max_m"),
-                    ("sensor", "range_max_m"),
-                    ("odometry", "speed_max_m_s"),
-                    ("sensor", "period_s"),
-                    ("ndt", "cell_size_m"),
-                ],
-                what: "a scan's grid of this many squares to a side",
-                size: squares(self.scan_extent_m()),
-                most: SQUARES_MAX,
-            },
-            Product {
-                keys: &[
-                    ("filter", "range_max_m"),
-                    ("sensor", "range_max_m"),
-                    ("submap", "radius_m"),
-                    ("ndt", "cell_size_m"),
-                ],
-                what: "a submap of this many squares to a side",
-                size: squares(self.submap_extent_m()),
-                most: SQUARES_MAX,
-            },
-            Product {
-                keys: &[
-                    ("filter", "range_max_m"),
-                    ("sensor", "range_max_m"),
-                    ("keyframe", "distance_m"),
-                    ("ndt", "cell_size_m"),
-                ],
-                what: "a submap of the map of this many squares to a side",
-                size: squares(self.map_extent_m()),
-                most: MAP_SQUARES_MAX,
-            },
-            Product {
-                keys: &[
-                    ("loops", "rings"),
-                    ("loops", "sectors"),
-                    ("loops", "candidates"),
-                ],
+                keys: ["rings", "sectors", "candidates"]
+                    .map(|key| ("loops", key))
+                    .to_vec(),
                 what: "a search for loops of rings x sectors^2 x candidates products",
                 size: rings * sectors * sectors * candidates,
                 most: PRODUCTS_MAX,

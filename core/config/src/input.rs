@@ -20,38 +20,34 @@ pub struct InputGeometry {
 ///
 /// A farthest return well inside the sensor's reach is no misfit: the room may be small.
 pub fn check_input(sensor: &Sensor, input: &InputGeometry) -> Result<(), Error> {
-    let misfit = |key, configured, found: f64| Error::SensorMismatch {
-        sensor: sensor.name.clone(),
-        key,
-        configured,
-        found,
+    let fits = |key, configured: f64, found: Option<f64>, least: f64| {
+        let fits = least..=configured * FACTOR_MAX;
+        // Zero means unknown in a sweep's head.
+        let known = found.filter(|found| found.is_finite() && *found > 0.0);
+        let misfit = known.filter(|found| !fits.contains(found));
+        misfit.map_or(Ok(()), |found| {
+            Err(Error::SensorMismatch {
+                sensor: sensor.name.clone(),
+                key,
+                configured,
+                found,
+            })
+        })
     };
-    // Zero means unknown in a sweep's head.
-    let known = |value: Option<f64>| value.filter(|v| v.is_finite() && *v > 0.0);
-    for (key, configured, found) in [
-        (
-            "range_resolution_m",
-            sensor.range_resolution_m,
-            known(input.range_resolution_m),
-        ),
-        (
-            "azimuth_step_rad",
-            sensor.azimuth_step_rad,
-            known(input.azimuth_step_rad),
-        ),
-    ] {
-        if let Some(found) = found
-            && !(configured / FACTOR_MAX..=configured * FACTOR_MAX).contains(&found)
-        {
-            return Err(misfit(key, configured, found));
-        }
-    }
-    match known(input.range_max_m) {
-        Some(found) if found > sensor.range_max_m * FACTOR_MAX => {
-            Err(misfit("range_max_m", sensor.range_max_m, found))
-        }
-        _ => Ok(()),
-    }
+    let (bin_m, step_rad) = (sensor.range_resolution_m, sensor.azimuth_step_rad);
+    fits(
+        "range_resolution_m",
+        bin_m,
+        input.range_resolution_m,
+        bin_m / FACTOR_MAX,
+    )?;
+    fits(
+        "azimuth_step_rad",
+        step_rad,
+        input.azimuth_step_rad,
+        step_rad / FACTOR_MAX,
+    )?;
+    fits("range_max_m", sensor.range_max_m, input.range_max_m, 0.0)
 }
 
 #[cfg(test)]

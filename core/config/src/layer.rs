@@ -1,7 +1,7 @@
 //! One file or override, laid over what is in force.
 
 use crate::section::Refusal;
-use crate::{Config, Error, Location};
+use crate::{Config, Error, Loaded, Location};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::Read;
@@ -48,41 +48,23 @@ pub(crate) struct Layer<'a> {
 
 /// Reads a file's text.
 pub(crate) fn read_text(path: &str) -> Result<String, Error> {
-    let io = |source| Error::Io {
-        path: path.to_owned(),
-        source,
-    };
     let mut bytes = Vec::new();
-    let file = File::open(path).map_err(io)?;
-    let count = file
-        .take(BYTES_MAX + 1)
-        .read_to_end(&mut bytes)
-        .map_err(io)?;
-    let refuse = |location, problem: &str| Error::Syntax {
-        location,
-        problem: problem.to_owned(),
-    };
-    if count as u64 > BYTES_MAX {
-        return Err(refuse(
-            Location::whole(path),
-            "longer than 1 MiB, so not a configuration",
-        ));
+    let file = File::open(path).map_err(Error::io(path))?;
+    let read = file.take(BYTES_MAX + 1).read_to_end(&mut bytes);
+    if read.map_err(Error::io(path))? as u64 > BYTES_MAX {
+        let problem = "longer than 1 MiB, so not a configuration";
+        return Err(Error::syntax(Location::whole(path), problem));
     }
     String::from_utf8(bytes).map_err(|error| {
-        let (valid, bytes) = (error.utf8_error().valid_up_to(), error.as_bytes());
-        let line = 1 + bytes.iter().take(valid).filter(|&&b| b == b'\n').count();
-        let location = Location {
-            source: path.to_owned(),
-            line: Some(line),
-        };
-        refuse(location, "not UTF-8, so not a configuration")
+        let location = Location::at(path, error.as_bytes(), error.utf8_error().valid_up_to());
+        Error::syntax(location, "not UTF-8, so not a configuration")
     })
 }
 
 impl Layer<'_> {
     /// Lays the text over `config`. Returns everything that is wrong; what is right is set all the
     /// same.
-    pub fn apply(&self, config: &mut Config, origins: &mut Origins) -> Vec<Error> {
+    pub fn apply(&self, loaded: &mut Loaded) -> Vec<Error> {
         let (table, syntax) = DeTable::parse_recoverable(self.text);
         if !syntax.is_empty() {
             return syntax.iter().map(|error| self.syntax(error)).collect();
@@ -106,24 +88,19 @@ impl Layer<'_> {
                     keys.sort_by_key(|(key, _)| key.span().start);
                     for (key, value) in keys {
                         let found = self.text.get(value.span()).unwrap_or_default();
-                        let setting = Setting {
-                            section: name,
-                            key: key.get_ref(),
-                            value: value.get_ref(),
-                            found,
-                            location: self.location(key.span()),
-                        };
-                        problems.extend(setting.apply(config, origins).err());
+                        let location = self.location(key.span());
+                        let (key, value) = (key.get_ref(), value.get_ref());
+                        problems.extend(loaded.set(name, key, value, found, location).err());
                     }
                 }
-                DeValue::Array(_) if is_section(name) => problems.push(Error::Syntax {
-                    location,
-                    problem: format!("[[{name}]] is a list; write [{name}]"),
-                }),
-                _ if is_section(name) => problems.push(Error::Syntax {
-                    location,
-                    problem: format!("{name} is a section; write [{name}] and its keys below"),
-                }),
+                DeValue::Array(_) if is_section(name) => {
+                    let problem = format!("[[{name}]] is a list; write [{name}]");
+                    problems.push(Error::syntax(location, problem));
+                }
+                _ if is_section(name) => {
+                    let problem = format!("{name} is a section; write [{name}] and its keys below");
+                    problems.push(Error::syntax(location, problem));
+                }
                 // A key above the first section.
                 _ => problems.push(unknown_key(location, "", name)),
             }
@@ -132,16 +109,13 @@ impl Layer<'_> {
     }
 
     fn location(&self, span: Range<usize>) -> Location {
-        Location::at(self.source, self.text, span.start)
+        Location::at(self.source, self.text.as_bytes(), span.start)
     }
 
     fn syntax(&self, error: &toml::de::Error) -> Error {
-        Error::Syntax {
-            location: error
-                .span()
-                .map_or_else(|| Location::whole(self.source), |span| self.location(span)),
-            problem: error.message().to_owned(),
-        }
+        let location = error.span().map(|span| self.location(span));
+        let location = location.unwrap_or_else(|| Location::whole(self.source));
+        Error::syntax(location, error.message())
     }
 
     fn misplaced(&self, name: &str, location: &Location) -> Option<Error> {
@@ -156,58 +130,37 @@ impl Layer<'_> {
     }
 }
 
-/// Lays one `section.key=value` over `config`.
-pub(crate) fn apply_override(
-    text: &str,
-    config: &mut Config,
-    origins: &mut Origins,
-) -> Result<(), Error> {
-    let malformed = || Error::MalformedOverride {
-        text: text.to_owned(),
-    };
+/// Lays one `section.key=value` over what is loaded.
+pub(crate) fn apply_override(text: &str, loaded: &mut Loaded) -> Result<(), Error> {
+    let malformed = || Error::MalformedOverride(text.to_owned());
     let (name, found) = text.split_once('=').ok_or_else(malformed)?;
     let (section, key) = name.trim().split_once('.').ok_or_else(malformed)?;
     let found = found.trim();
     // A shell eats the quotes of a text: what is not TOML is a text.
     let parsed = DeValue::parse(found);
     let bare = DeValue::String(found.into());
-    Setting {
-        section,
-        key,
-        value: parsed.as_ref().map_or(&bare, |value| value.get_ref()),
-        found,
-        location: Location::whole("--set"),
-    }
-    .apply(config, origins)
+    let value = parsed.as_ref().map_or(&bare, |value| value.get_ref());
+    loaded.set(section, key, value, found, Location::whole("--set"))
 }
 
-/// One key with its value, as it was written.
-struct Setting<'a> {
-    section: &'a str,
-    key: &'a str,
-    value: &'a DeValue<'a>,
-    found: &'a str,
-    location: Location,
-}
-
-impl Setting<'_> {
-    fn apply(self, config: &mut Config, origins: &mut Origins) -> Result<(), Error> {
-        let Self {
-            section,
-            key,
-            value,
-            found,
-            location,
-        } = self;
-        let name = format!("{section}.{key}");
-        let found = found.to_owned();
-        match config.set(section, key, value) {
+impl Loaded {
+    /// Sets one key; `found`: its value as it was written.
+    fn set(
+        &mut self,
+        section: &str,
+        key: &str,
+        value: &DeValue<'_>,
+        found: &str,
+        location: Location,
+    ) -> Result<(), Error> {
+        match self.config.set(section, key, value) {
             Ok(()) => {
                 // The names in the code live as long as the program.
                 let known = Config::SECTIONS.iter().find(|s| s.name == section);
                 let known =
                     known.and_then(|s| Some((s.name, s.keys.iter().find(|k| k.name == key)?)));
-                origins.extend(known.map(|(section, key)| ((section, key.name), location)));
+                let origin = known.map(|(section, key)| ((section, key.name), location));
+                self.origins.extend(origin);
                 Ok(())
             }
             Err(Refusal::NoSuchKey) if !is_section(section) => {
@@ -216,8 +169,8 @@ impl Setting<'_> {
             Err(Refusal::NoSuchKey) => Err(unknown_key(location, section, key)),
             Err(Refusal::Value(expected)) => Err(Error::Value {
                 location,
-                name,
-                found,
+                name: format!("{section}.{key}"),
+                found: found.to_owned(),
                 expected,
             }),
         }
@@ -238,10 +191,11 @@ pub(crate) fn nearest(written: &str, known: impl Iterator<Item = &'static str>) 
 }
 
 fn unknown_section(location: Location, name: &str) -> Error {
-    Error::UnknownSection {
+    let nearest = nearest(name, Config::SECTIONS.iter().map(|s| s.name));
+    Error::Unknown {
         location,
-        name: name.to_owned(),
-        nearest: nearest(name, Config::SECTIONS.iter().map(|s| s.name)),
+        name: format!("section [{name}]"),
+        nearest: format!("[{nearest}]"),
     }
 }
 
@@ -262,10 +216,10 @@ fn unknown_key(location: Location, section: &str, key: &str) -> Error {
         "" => key.to_owned(),
         _ => format!("{section}.{key}"),
     };
-    Error::UnknownKey {
+    Error::Unknown {
         location,
-        name,
-        nearest,
+        name: format!("key {name:?}"),
+        nearest: format!("{nearest:?}"),
     }
 }
 
@@ -278,17 +232,17 @@ mod tests {
         #[test]
         fn any_text_is_taken_or_refused(text in "[\\[\\]=.\"a-z_0-9\n# {},é-]{0,80}") {
             let layer = Layer { source: "t", text: &text, only: None };
-            layer.apply(&mut Config::default(), &mut Origins::new());
+            layer.apply(&mut Loaded::default());
         }
 
         #[test]
         fn what_is_taken_is_in_range(value in any::<f64>()) {
-            let mut config = Config::default();
+            let mut loaded = Loaded::default();
             for section in Config::SECTIONS {
                 for key in section.keys {
                     let text = format!("{}.{}={value:?}", section.name, key.name);
-                    let taken = apply_override(&text, &mut config, &mut Origins::new()).is_ok();
-                    let shown = config.get(section.name, key.name).unwrap();
+                    let taken = apply_override(&text, &mut loaded).is_ok();
+                    let shown = loaded.config.get(section.name, key.name).unwrap();
                     if let (true, Ok(number)) = (taken, shown.parse::<f64>()) {
                         prop_assert!(number == value && key.rule.allows(&[number]));
                     }

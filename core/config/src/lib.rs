@@ -51,4 +51,4 @@ pub use sections::{
     RadarDriver, RadarSource, Record, Robot, Sensor, Submap, View,
 };
 pub use web_access::{HostNames, WebOrigins};
-pub use web_origin::{NotAnOrigin, WebOrigin};
+pub use web_origin::WebOrigin;

@@ -50,19 +50,15 @@ impl Config {
     pub fn load(selection: &Selection) -> Result<Loaded, Error> {
         let mut loaded = Loaded::default();
         let profile = selection.profile.as_deref().unwrap_or(DEFAULT_PROFILE);
-        match &selection.sensor {
-            None if selection.profile.is_none() && selection.recorded.is_some() => {
-                loaded.add_recorded(selection.recorded.as_deref().unwrap_or_default())?;
-            }
-            None => {
-                let sensor = match selection.sensor_from_input {
-                    Some(sensor) => sensor,
-                    None => selection.driven_sensor()?,
-                };
+        match (&selection.sensor, &selection.profile, &selection.recorded) {
+            (None, None, Some(recorded)) => loaded.add_recorded(recorded)?,
+            (None, ..) => {
+                let from_input = selection.sensor_from_input;
+                let sensor = from_input.map_or_else(|| selection.driven_sensor(), Ok)?;
                 loaded.add("sensor", sensor, SENSORS)?;
                 loaded.add("profile", profile, PROFILES)?;
             }
-            Some(sensor) => {
+            (Some(sensor), ..) => {
                 loaded.add("profile", profile, PROFILES)?;
                 loaded.add("sensor", sensor, SENSORS)?;
             }
@@ -86,7 +82,7 @@ impl Selection {
             }
         }
         let mut overrides = self.set.iter();
-        overrides.try_for_each(|text| apply_override(text, &mut loaded.config, &mut loaded.origins))
+        overrides.try_for_each(|text| apply_override(text, loaded))
     }
 
     /// The radar that the robot's driver is for.
@@ -146,18 +142,10 @@ impl Loaded {
     /// Lays a log's own configuration over what is there. A log stays readable by builds that have
     /// other keys.
     fn add_recorded(&mut self, text: &str) -> Result<(), Error> {
-        let layer = Layer {
-            source: "the log",
-            text,
-            only: None,
-        };
-        let problems = layer.apply(&mut self.config, &mut self.origins);
-        let (unknown, wrong): (Vec<_>, Vec<_>) = problems.into_iter().partition(|problem| {
-            matches!(
-                problem,
-                Error::UnknownKey { .. } | Error::UnknownSection { .. }
-            )
-        });
+        let (source, only) = ("the log", None);
+        let problems = Layer { source, text, only }.apply(self).into_iter();
+        let (unknown, wrong): (Vec<_>, Vec<_>) =
+            problems.partition(|problem| matches!(problem, Error::Unknown { .. }));
         self.passed_over = unknown.iter().map(Error::to_string).collect();
         Error::all(wrong)
     }
@@ -168,8 +156,7 @@ impl Loaded {
         text: &str,
         only: Option<&'static Kind>,
     ) -> Result<(), Error> {
-        let layer = Layer { source, text, only };
-        Error::all(layer.apply(&mut self.config, &mut self.origins))
+        Error::all(Layer { source, text, only }.apply(self))
     }
 }
 
@@ -178,17 +165,13 @@ impl Loaded {
 /// separate file.
 fn drop_ins(path: &str) -> Result<Vec<String>, Error> {
     let folder = format!("{path}.d");
-    let io = |source| Error::Io {
-        path: folder.clone(),
-        source,
-    };
     let entries = match std::fs::read_dir(&folder) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(io)?,
+        entries => entries.map_err(Error::io(&folder))?,
     };
     let mut paths = Vec::new();
     for entry in entries {
-        let name = entry.map_err(io)?.file_name();
+        let name = entry.map_err(Error::io(&folder))?.file_name();
         let name = name.to_string_lossy();
         if name.ends_with(".toml") && !name.starts_with('.') {
             paths.push(format!("{folder}/{name}"));

@@ -21,8 +21,8 @@ impl Location {
     }
 
     /// The line of a file in which this byte is.
-    pub(crate) fn at(source: &str, text: &str, byte: usize) -> Self {
-        let before = text.as_bytes().get(..byte).unwrap_or(text.as_bytes());
+    pub(crate) fn at(source: &str, text: &[u8], byte: usize) -> Self {
+        let before = text.get(..byte).unwrap_or(text);
         Self {
             source: source.to_owned(),
             line: Some(1 + before.iter().filter(|&&b| b == b'\n').count()),

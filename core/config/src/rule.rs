@@ -49,8 +49,8 @@ impl Rule {
                 numbers.iter().all(|number| (least..=most).contains(number))
             }
             Self::LossShape => numbers.iter().all(|number| {
-                (LOSS_SHAPE_LEAST..=LOSS_SHAPE_MOST).contains(number)
-                    && (2.0 * number).fract() == 0.0
+                let is_inside = (LOSS_SHAPE_LEAST..=LOSS_SHAPE_MOST).contains(number);
+                is_inside && (2.0 * number).fract() == 0.0
             }),
             Self::Graduation => {
                 numbers.len() <= FACTORS_MAX

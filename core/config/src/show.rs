@@ -24,15 +24,12 @@ impl Loaded {
                 }
                 let value = self.config.get(section.name, key.name).unwrap_or_default();
                 let origin = self.origins.get(&(section.name, key.name));
-                let line = match origin {
-                    _ if from_input => {
-                        format!("# {} = {value}  # from the input, or this", key.name)
-                    }
-                    None => format!("{} = {value}  # default", key.name),
-                    Some(location) => format!("{} = {value}  # {}", key.name, one_line(location)),
+                let name = key.name;
+                text += &match origin {
+                    _ if from_input => format!("# {name} = {value}  # from the input, or this\n"),
+                    None => format!("{name} = {value}  # default\n"),
+                    Some(location) => format!("{name} = {value}  # {}\n", one_line(location)),
                 };
-                text.push_str(&line);
-                text.push('\n');
             }
         }
         text

@@ -86,9 +86,8 @@ impl Value for Vec<f64> {
     const KIND: &'static str = "a list of numbers";
 
     fn read(value: &DeValue<'_>) -> Option<Self> {
-        value
-            .as_array()?
-            .iter()
+        let elements = value.as_array()?.iter();
+        elements
             .map(|element| f64::read(element.as_ref()))
             .collect()
     }

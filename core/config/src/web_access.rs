@@ -20,8 +20,7 @@ impl Value for WebOrigins {
 
     fn read(value: &DeValue<'_>) -> Option<Self> {
         let words = value.as_str()?.split_whitespace();
-        let origins = words.map(|word| word.parse().ok());
-        origins.collect::<Option<_>>().map(Self)
+        words.map(WebOrigin::parse).collect::<Option<_>>().map(Self)
     }
 
     fn write(&self) -> String {

@@ -2,7 +2,6 @@
 
 use crate::Host;
 use std::fmt;
-use std::str::FromStr;
 
 /// Origins of local files have no host.
 const FILE: &str = "file";
@@ -18,39 +17,25 @@ pub struct WebOrigin {
     port: Option<u16>,
 }
 
-/// What is no origin, such as `null`: any page can have that one, by a sandboxed frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "an origin is SCHEME://HOST or SCHEME://HOST:PORT, such as https://viewer.example:8443, or file://"
-)]
-pub struct NotAnOrigin;
-
-impl FromStr for WebOrigin {
-    type Err = NotAnOrigin;
-
-    fn from_str(text: &str) -> Result<Self, NotAnOrigin> {
-        let (scheme, rest) = text.split_once("://").ok_or(NotAnOrigin)?;
+impl WebOrigin {
+    /// Reads SCHEME://HOST or SCHEME://HOST:PORT, such as https://viewer.example:8443, or file://.
+    /// `None` for what is no origin, such as `null`: any page can have that one, by a sandboxed
+    /// frame.
+    pub fn parse(text: &str) -> Option<Self> {
+        let (scheme, rest) = text.split_once("://")?;
         let is_part = |byte: u8| byte.is_ascii_alphanumeric() || b"+-.".contains(&byte);
         let is_scheme = scheme.starts_with(|first: char| first.is_ascii_alphabetic())
             && scheme.bytes().all(is_part);
-        if !is_scheme {
-            return Err(NotAnOrigin);
-        }
-        let scheme = scheme.to_ascii_lowercase();
+        let scheme = Some(scheme.to_ascii_lowercase()).filter(|_| is_scheme)?;
         let (host, port) = match (scheme.as_str(), rest) {
             (FILE, "") => (None, None),
-            (FILE, _) => return Err(NotAnOrigin),
-            _ => {
-                let (host, port) = Host::parse_with_port(rest).ok_or(NotAnOrigin)?;
-                (Some(host), port)
-            }
+            (FILE, _) => return None,
+            _ => Host::parse_with_port(rest).map(|(host, port)| (Some(host), port))?,
         };
         let port = port.filter(|port| default_port(&scheme) != Some(*port));
-        Ok(Self { scheme, host, port })
+        Some(Self { scheme, host, port })
     }
-}
 
-impl WebOrigin {
     /// Whether a server on the machine of the browser itself sent the page, from any port.
     pub fn is_on_loopback(&self) -> bool {
         self.is_web() && self.host.as_ref().is_some_and(Host::is_loopback)
@@ -93,7 +78,7 @@ mod tests {
     use super::*;
 
     fn origin(text: &str) -> WebOrigin {
-        text.parse().unwrap()
+        WebOrigin::parse(text).unwrap()
     }
 
     #[test]
@@ -140,7 +125,7 @@ mod tests {
             "ht tp://a",
             "https://app.foxglove.dev\\@evil.example",
         ] {
-            assert_eq!(text.parse::<WebOrigin>(), Err(NotAnOrigin), "{text:?}");
+            assert_eq!(WebOrigin::parse(text), None, "{text:?}");
         }
     }
 

@@ -1,8 +1,8 @@
 //! `PointCloud`: a sweep's returns, all of them or those that the filter left.
 
-use crate::{RADAR, pose_of, timestamp};
+use crate::{RADAR, packed_fields, pose_of, timestamp};
+use foxglove::messages::PointCloud;
 use foxglove::messages::packed_element_field::NumericType;
-use foxglove::messages::{PackedElementField, PointCloud};
 use randt_geometry::elementary::sin_cos;
 use randt_messages::{MessageRef, RadarPoints, RadarScan, Return, SweepHead};
 
@@ -34,9 +34,8 @@ pub fn of_scan(message: MessageRef<'_, RadarScan>) -> PointCloud {
 
 fn cloud(stamp_ns: i64, sweep: &SweepHead, returns: &[Return], step: usize) -> PointCloud {
     let beams = sweep.beams().iter();
-    let directions: Vec<_> = beams
-        .map(|beam| sin_cos(f64::from(beam.azimuth_rad)))
-        .collect();
+    let azimuths = beams.map(|beam| f64::from(beam.azimuth_rad));
+    let directions: Vec<_> = azimuths.map(sin_cos).collect();
     let mut data = Vec::with_capacity(returns.len().div_ceil(step) * STRIDE);
     for point in returns.iter().step_by(step) {
         let Some((sine, cosine)) = directions.get(usize::from(point.beam)) else {
@@ -52,15 +51,7 @@ fn cloud(stamp_ns: i64, sweep: &SweepHead, returns: &[Return], step: usize) -> P
         frame_id: RADAR.to_owned(),
         pose: Some(pose_of([0.0; 3])),
         point_stride: STRIDE as u32,
-        fields: ["x", "y", "intensity"]
-            .iter()
-            .zip(0..)
-            .map(|(name, index)| PackedElementField {
-                name: (*name).to_owned(),
-                offset: 4 * index,
-                r#type: NumericType::Float32 as i32,
-            })
-            .collect(),
+        fields: packed_fields(&["x", "y", "intensity"], NumericType::Float32, 4),
         data: data.into(),
     }
 }

@@ -142,7 +142,7 @@ impl Graph {
     }
 }
 
-fn position(node: &GraphEntry) -> foxglove::messages::Point3 {
+pub(crate) fn position(node: &GraphEntry) -> foxglove::messages::Point3 {
     point([node.pose[0], node.pose[1]])
 }
 

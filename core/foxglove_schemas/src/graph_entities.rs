@@ -1,9 +1,9 @@
 //! `SceneUpdate` of the pose graph as several entities: over a slow link only those that changed
 //! are sent.
 
-use crate::MAP;
-use crate::graph::Graph;
-use crate::scene::{Colour, lines, point, update};
+use crate::graph::{Graph, position};
+use crate::scene::{Colour, lines, update};
+use crate::{MAP, pose_above};
 use foxglove::messages::line_primitive::Type;
 use foxglove::messages::{LinePrimitive, SceneEntity, SceneUpdate};
 use randt_messages::GraphEntry;
@@ -73,14 +73,8 @@ fn strips<'a>(nodes: impl Iterator<Item = &'a GraphEntry>) -> Vec<LinePrimitive>
     strips
 }
 
-fn position(node: &GraphEntry) -> foxglove::messages::Point3 {
-    point([node.pose[0], node.pose[1]])
-}
-
 fn above(mut line: LinePrimitive) -> LinePrimitive {
-    if let Some(position) = line.pose.as_mut().and_then(|pose| pose.position.as_mut()) {
-        position.z = ABOVE_M;
-    }
+    line.pose = Some(pose_above([0.0; 3], ABOVE_M));
     line
 }
 

@@ -1,8 +1,8 @@
 //! `Grid`: the occupancy grid, put together from its tiles.
 
-use crate::{MAP, pose_of, timestamp};
+use crate::{MAP, packed_fields, pose_of, timestamp};
 use foxglove::messages::packed_element_field::NumericType;
-use foxglove::messages::{Grid, PackedElementField, Vector2};
+use foxglove::messages::{Grid, Vector2};
 use randt_messages::{MapperGrid, Message, TILE_CELLS};
 use std::collections::BTreeMap;
 
@@ -80,15 +80,7 @@ impl Tiles {
             }),
             row_stride: (width * STRIDE) as u32,
             cell_stride: STRIDE as u32,
-            fields: ["red", "green", "blue", "alpha"]
-                .iter()
-                .zip(0..)
-                .map(|(name, offset)| PackedElementField {
-                    name: (*name).to_owned(),
-                    offset,
-                    r#type: NumericType::Uint8 as i32,
-                })
-                .collect(),
+            fields: packed_fields(&["red", "green", "blue", "alpha"], NumericType::Uint8, 1),
             data: data.into(),
         }
     }

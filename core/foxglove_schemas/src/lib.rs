@@ -30,7 +30,8 @@ pub use topic::ViewerTopic;
 pub use transform::{mounting, transforms};
 
 pub use foxglove::Encode;
-use foxglove::messages::{Pose, Quaternion, Timestamp, Vector3};
+use foxglove::messages::packed_element_field::NumericType;
+use foxglove::messages::{PackedElementField, Pose, Quaternion, Timestamp, Vector3};
 use randt_geometry::elementary::sin_cos;
 use randt_log::Channel;
 
@@ -73,24 +74,31 @@ pub fn timestamp(stamp_ns: i64) -> Option<Timestamp> {
     Timestamp::new_checked(seconds, stamp_ns.rem_euclid(1_000_000_000) as u32)
 }
 
-fn vector(x: f64, y: f64) -> Vector3 {
-    Vector3 { x, y, z: 0.0 }
+/// A pose in the plane.
+pub fn pose_of(pose: [f64; 3]) -> Pose {
+    pose_above(pose, 0.0)
 }
 
-fn rotation(yaw_rad: f64) -> Quaternion {
-    let (z, w) = sin_cos(0.5 * yaw_rad);
-    Quaternion {
-        x: 0.0,
-        y: 0.0,
-        z,
-        w,
-    }
-}
-
-/// A planar pose, as viewers have it.
-pub fn pose_of([x_m, y_m, yaw_rad]: [f64; 3]) -> Pose {
+/// The same at a height, m.
+fn pose_above([x, y, yaw_rad]: [f64; 3], z: f64) -> Pose {
+    let (sine, cosine) = sin_cos(0.5 * yaw_rad);
     Pose {
-        position: Some(vector(x_m, y_m)),
-        orientation: Some(rotation(yaw_rad)),
+        position: Some(Vector3 { x, y, z }),
+        orientation: Some(Quaternion {
+            x: 0.0,
+            y: 0.0,
+            z: sine,
+            w: cosine,
+        }),
     }
+}
+
+/// Fields of packed elements, one behind the other, each of this many bytes.
+fn packed_fields(names: &[&str], kind: NumericType, bytes: u32) -> Vec<PackedElementField> {
+    let field = |(name, offset): (&&str, u32)| PackedElementField {
+        name: (*name).to_owned(),
+        offset: bytes * offset,
+        r#type: kind as i32,
+    };
+    names.iter().zip(0..).map(field).collect()
 }

@@ -18,8 +18,7 @@ pub fn of_drop(drop: &LogDrop) -> Log {
             DropCause::from_code(drop.cause).name()
         ),
         name: "recorder".to_owned(),
-        file: String::new(),
-        line: 0,
+        ..Log::default()
     }
 }
 

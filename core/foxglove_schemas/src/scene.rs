@@ -25,8 +25,7 @@ pub(crate) fn lines(kind: Type, points: Vec<Point3>, colour: Colour) -> LinePrim
         scale_invariant: true,
         points,
         color: Some(color(colour)),
-        colors: Vec::new(),
-        indices: Vec::new(),
+        ..LinePrimitive::default()
     }
 }
 
@@ -40,7 +39,7 @@ pub(crate) fn point([x_m, y_m]: [f64; 2]) -> Point3 {
     }
 }
 
-pub(crate) fn color([r, g, b, a]: Colour) -> Color {
+pub(crate) const fn color([r, g, b, a]: Colour) -> Color {
     Color { r, g, b, a }
 }
 

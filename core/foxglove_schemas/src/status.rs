@@ -1,6 +1,6 @@
 //! How fresh and how good what is shown is: as text beside the robot, and as a line of a log.
 
-use crate::{BASE_LINK, MAP, pose_of, scene, timestamp};
+use crate::{BASE_LINK, MAP, pose_above, scene, timestamp};
 use foxglove::messages::line_primitive::Type;
 use foxglove::messages::{Log, SceneEntity, SceneUpdate, TextPrimitive, log};
 use randt_geometry::elementary::sin_cos;
@@ -37,10 +37,6 @@ pub fn text(
         StatusLevel::Doubtful => [0.9, 0.55, 0.0],
         StatusLevel::Bad => [0.95, 0.0, 0.0],
     };
-    let mut pose = pose_of([0.0; 3]);
-    if let Some(position) = &mut pose.position {
-        position.z = ABOVE_M;
-    }
     let colour = [r, g, b, 1.0];
     let weak = state.and_then(OdometryState::weak_direction);
     let lines = weak.map(|direction_rad| {
@@ -55,7 +51,7 @@ pub fn text(
         // It goes with the robot between two of them.
         frame_locked: true,
         texts: vec![TextPrimitive {
-            pose: Some(pose),
+            pose: Some(pose_above([0.0; 3], ABOVE_M)),
             billboard: true,
             font_size: LETTERS,
             scale_invariant: true,

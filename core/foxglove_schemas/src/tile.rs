@@ -1,7 +1,7 @@
 //! `SceneUpdate` of one tile of the occupancy grid, in quarters: what changes on the map goes to a
 //! viewer a quarter at a time, where a `Grid` would have to go whole.
 
-use crate::{MAP, pose_of, scene};
+use crate::{MAP, pose_above, scene};
 use foxglove::messages::{Color, Point3, SceneEntity, SceneUpdate, TriangleListPrimitive};
 use randt_messages::{MapperGrid, MessageRef, TILE_CELLS};
 use std::collections::HashMap;
@@ -13,18 +13,8 @@ const UNKNOWN: u8 = 255;
 /// larger rectangles.
 const ABOVE_M: f64 = 0.01;
 
-const FREE_COLOUR: Color = Color {
-    r: 0.94,
-    g: 0.94,
-    b: 0.94,
-    a: 1.0,
-};
-const OCCUPIED_COLOUR: Color = Color {
-    r: 0.16,
-    g: 0.16,
-    b: 0.16,
-    a: 1.0,
-};
+const FREE_COLOUR: Color = scene::color([0.94, 0.94, 0.94, 1.0]);
+const OCCUPIED_COLOUR: Color = scene::color([0.16, 0.16, 0.16, 1.0]);
 
 /// Cells along an edge of a quarter.
 const SIDE: usize = TILE_CELLS / 2;
@@ -217,21 +207,14 @@ impl Mesh {
     }
 
     fn draw(self, corner: [f64; 2], cell_m: f64, z_m: f64, colour: Color) -> TriangleListPrimitive {
-        let mut pose = pose_of([corner[0], corner[1], 0.0]);
-        if let Some(position) = &mut pose.position {
-            position.z = z_m;
-        }
+        let point = |(x, y): &(usize, usize)| Point3 {
+            x: *x as f64 * cell_m,
+            y: *y as f64 * cell_m,
+            z: 0.0,
+        };
         TriangleListPrimitive {
-            pose: Some(pose),
-            points: self
-                .corners
-                .iter()
-                .map(|(x, y)| Point3 {
-                    x: *x as f64 * cell_m,
-                    y: *y as f64 * cell_m,
-                    z: 0.0,
-                })
-                .collect(),
+            pose: Some(pose_above([corner[0], corner[1], 0.0], z_m)),
+            points: self.corners.iter().map(point).collect(),
             color: Some(colour),
             colors: Vec::new(),
             indices: self.indices,

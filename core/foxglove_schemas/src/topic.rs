@@ -93,11 +93,6 @@ impl ViewerTopic {
         }
     }
 
-    /// Its position among all, from 0.
-    pub fn index(self) -> usize {
-        self as usize
-    }
-
     /// The number of its live channel.
     pub fn channel_id(self) -> u32 {
         self as u32 + 1

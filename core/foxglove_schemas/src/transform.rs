@@ -1,6 +1,6 @@
 //! `FrameTransforms`: how the frames lie in each other.
 
-use crate::{BASE_LINK, IMU, MAP, ODOM, RADAR, rotation, timestamp, vector};
+use crate::{BASE_LINK, IMU, MAP, ODOM, RADAR, pose_of, timestamp};
 use foxglove::messages::{FrameTransform, FrameTransforms, Quaternion};
 use randt_config::Robot;
 use randt_messages::{Correction, OdometryState};
@@ -13,30 +13,17 @@ pub fn transforms(
     correction: Option<&Correction>,
 ) -> FrameTransforms {
     let stamp_ns = state.header.stamp_ns;
-    let mut transforms = sensors(robot, stamp_ns);
-    transforms.push(of_state(state));
-    transforms.extend(correction.map(|correction| of_correction(correction, stamp_ns)));
-    FrameTransforms { transforms }
+    let mut frames = mounting(robot, stamp_ns);
+    let odometry = planar(ODOM, BASE_LINK, state.pose, stamp_ns);
+    frames.transforms.push(odometry);
+    // As it holds at that instant.
+    let correction = correction.map(|found| planar(MAP, ODOM, found.map_from_odom, stamp_ns));
+    frames.transforms.extend(correction);
+    frames
 }
 
-/// Where the sensors sit alone, while the robot's pose is unknown.
+/// Where the sensors sit in `base_link` alone, while the robot's pose is unknown.
 pub fn mounting(robot: &Robot, stamp_ns: i64) -> FrameTransforms {
-    let transforms = sensors(robot, stamp_ns);
-    FrameTransforms { transforms }
-}
-
-/// `odom` to `base_link`.
-fn of_state(state: &OdometryState) -> FrameTransform {
-    planar(ODOM, BASE_LINK, state.pose, state.header.stamp_ns)
-}
-
-/// `map` to `odom`, as it holds at an instant.
-fn of_correction(correction: &Correction, stamp_ns: i64) -> FrameTransform {
-    planar(MAP, ODOM, correction.map_from_odom, stamp_ns)
-}
-
-/// The sensors in `base_link`.
-fn sensors(robot: &Robot, stamp_ns: i64) -> Vec<FrameTransform> {
     let radar = [robot.radar_x_m, robot.radar_y_m, robot.radar_yaw_rad];
     let [w, x, y, z] = randt_geometry::Quaternion::from_roll_pitch_yaw(
         robot.imu_roll_rad,
@@ -46,21 +33,18 @@ fn sensors(robot: &Robot, stamp_ns: i64) -> Vec<FrameTransform> {
     .to_array();
     let mut imu = planar(BASE_LINK, IMU, [0.0; 3], stamp_ns);
     imu.rotation = Some(Quaternion { x, y, z, w });
-    vec![planar(BASE_LINK, RADAR, radar, stamp_ns), imu]
+    let transforms = vec![planar(BASE_LINK, RADAR, radar, stamp_ns), imu];
+    FrameTransforms { transforms }
 }
 
-fn planar(
-    parent: &str,
-    child: &str,
-    [x_m, y_m, yaw_rad]: [f64; 3],
-    stamp_ns: i64,
-) -> FrameTransform {
+fn planar(parent: &str, child: &str, pose: [f64; 3], stamp_ns: i64) -> FrameTransform {
+    let pose = pose_of(pose);
     FrameTransform {
         timestamp: timestamp(stamp_ns),
         parent_frame_id: parent.to_owned(),
         child_frame_id: child.to_owned(),
-        translation: Some(vector(x_m, y_m)),
-        rotation: Some(rotation(yaw_rad)),
+        translation: pose.position,
+        rotation: pose.orientation,
     }
 }
 

@@ -5,50 +5,7 @@
 /// Half a turn.
 pub const PI: f64 = core::f64::consts::PI;
 
-/// Sine and cosine of an angle in radians.
-pub fn sin_cos(angle_rad: f64) -> (f64, f64) {
-    libm::sincos(angle_rad)
-}
-
-/// Sine of an angle in radians.
-pub fn sin(angle_rad: f64) -> f64 {
-    libm::sin(angle_rad)
-}
-
-/// Cosine of an angle in radians.
-pub fn cos(angle_rad: f64) -> f64 {
-    libm::cos(angle_rad)
-}
-
-/// Angle of the vector (x, y) in (-pi, pi].
-pub fn atan2(y: f64, x: f64) -> f64 {
-    libm::atan2(y, x)
-}
-
-/// Arc cosine.
-pub fn acos(x: f64) -> f64 {
-    libm::acos(x)
-}
-
-/// Arc sine.
-pub fn asin(x: f64) -> f64 {
-    libm::asin(x)
-}
-
-/// Natural exponential.
-pub fn exp(x: f64) -> f64 {
-    libm::exp(x)
-}
-
-/// Natural logarithm.
-pub fn ln(x: f64) -> f64 {
-    libm::log(x)
-}
-
-/// x to the power y.
-pub fn pow(x: f64, y: f64) -> f64 {
-    libm::pow(x, y)
-}
+pub use libm::{acos, asin, atan2, cos, exp, log as ln, pow, sin, sincos as sin_cos};
 
 /// The same angle in [-pi, pi).
 pub fn wrap(angle_rad: f64) -> f64 {

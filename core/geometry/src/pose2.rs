@@ -154,17 +154,8 @@ impl Pose2 {
         let (a, b) = sinc_terms(twist.z);
         let (c, d) = jacobian_terms(twist.z);
         // c = (theta - sin theta) / theta^2, d = (1 - cos theta) / theta^2 (Sola et al., eq. 163).
-        Matrix3::new(
-            a,
-            b,
-            c * twist.x - d * twist.y, //
-            -b,
-            a,
-            d * twist.x + c * twist.y, //
-            0.0,
-            0.0,
-            1.0,
-        )
+        let (by_x, by_y) = (c * twist.x - d * twist.y, d * twist.x + c * twist.y);
+        Matrix3::new(a, b, by_x, -b, a, by_y, 0.0, 0.0, 1.0)
     }
 
     /// Inverse of the right Jacobian: Log(T Exp(d)) ~ Log(T) + Jr^-1 d.
@@ -174,17 +165,8 @@ impl Pose2 {
         // scale.
         let scale = 1.0 / (j.m11 * j.m11 + j.m12 * j.m12);
         let (a, b) = (j.m11 * scale, j.m12 * scale);
-        Matrix3::new(
-            a,
-            -b,
-            -(a * j.m13 - b * j.m23), //
-            b,
-            a,
-            -(b * j.m13 + a * j.m23), //
-            0.0,
-            0.0,
-            1.0,
-        )
+        let (by_x, by_y) = (-(a * j.m13 - b * j.m23), -(b * j.m13 + a * j.m23));
+        Matrix3::new(a, -b, by_x, b, a, by_y, 0.0, 0.0, 1.0)
     }
 
     /// The pose between `self` (fraction 0) and `other` (1): position straight, heading along the

@@ -1,7 +1,7 @@
 //! Unit quaternions for attitude: the body frame seen from a level frame.
 
-use crate::elementary::{asin, atan2, cos, sin_cos};
-use nalgebra::{Matrix3, Vector3};
+use crate::elementary::{asin, atan2, sin_cos};
+use nalgebra::Vector3;
 use randt_persist::persist;
 
 /// A rotation: v_fixed = q v_body q*.
@@ -101,15 +101,6 @@ impl Quaternion {
         v + self.w * t + q.cross(&t)
     }
 
-    /// Rotation matrix.
-    pub fn matrix(&self) -> Matrix3<f64> {
-        Matrix3::from_columns(&[
-            self.rotate(Vector3::x()),
-            self.rotate(Vector3::y()),
-            self.rotate(Vector3::z()),
-        ])
-    }
-
     /// The shorter way from `self` to `other` by `fraction` in 0..1 (straight line, renormalised).
     pub fn interpolate(&self, other: &Self, fraction: f64) -> Self {
         let dot = self.w * other.w + self.x * other.x + self.y * other.y + self.z * other.z;
@@ -121,12 +112,6 @@ impl Quaternion {
             mix(self.y, other.y),
             mix(self.z, other.z),
         )
-    }
-
-    /// Cosine of the angle between the body's z axis and the vertical.
-    pub fn cos_tilt(&self) -> f64 {
-        let (roll, pitch, _) = self.roll_pitch_yaw();
-        cos(roll) * cos(pitch)
     }
 
     /// (w, x, y, z).
@@ -152,7 +137,6 @@ mod tests {
             let q = Quaternion::from_roll_pitch_yaw(a, b, c);
             let v = Vector3::new(x, 1.0, -2.0);
             prop_assert!((q.conjugate().rotate(q.rotate(v)) - v).norm() < 1e-12);
-            prop_assert!((q.matrix() * v - q.rotate(v)).norm() < 1e-12);
         }
     }
 }

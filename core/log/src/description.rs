@@ -20,12 +20,8 @@ pub fn describe<T: Topic>() -> String {
     let mut text = format!("{} {}\nlittle-endian, no padding\n", T::NAME, T::TYPE_NAME);
     let _ = writeln!(text, "message: {}", T::Head::NAME);
     if item > 0 {
-        let _ = writeln!(
-            text,
-            "then: {} until its end, at most {}",
-            T::Item::NAME,
-            T::MAX_ITEMS
-        );
+        let (name, most) = (T::Item::NAME, T::MAX_ITEMS);
+        let _ = writeln!(text, "then: {name} until its end, at most {most}");
     }
     let mut seen = Vec::new();
     let mut visit = |name: &'static str, size: usize, fields: Fields| {
@@ -42,11 +38,8 @@ pub fn describe<T: Topic>() -> String {
             let size = end.saturating_sub(offset);
             let _ = writeln!(text, "  {offset} {size} {name} {}", field.kind);
             if !field.codes.is_empty() {
-                let codes = field
-                    .codes
-                    .iter()
-                    .map(|(code, name)| format!("{code} {name}"));
-                let codes: Vec<String> = codes.collect();
+                let shown = |(code, name): &(u32, &str)| format!("{code} {name}");
+                let codes: Vec<String> = field.codes.iter().map(shown).collect();
                 let _ = writeln!(text, "{CODES}{name}: {}", codes.join(", "));
             }
         }

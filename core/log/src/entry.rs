@@ -121,19 +121,17 @@ impl Entry<'_> {
             true => None,
             false => self.translation::<T>()?.apply(self.bytes),
         };
-        match Message::from_bytes(translated.as_deref().unwrap_or(self.bytes)) {
-            Some(message) => Ok(Some(message)),
-            None => Err(Error::MessageSize {
-                path: self.path.to_owned(),
-                offset: self.offset,
-                sequence: self.sequence,
-                topic: self.channel.topic.clone(),
-                found: self.bytes.len(),
-                expected: T::TYPE_NAME,
-                head: size_of::<T::Head>(),
-                item: size_of::<T::Item>(),
-            }),
-        }
+        let message = Message::from_bytes(translated.as_deref().unwrap_or(self.bytes));
+        message.map(Some).ok_or_else(|| Error::MessageSize {
+            path: self.path.to_owned(),
+            offset: self.offset,
+            sequence: self.sequence,
+            topic: self.channel.topic.clone(),
+            found: self.bytes.len(),
+            expected: T::TYPE_NAME,
+            head: size_of::<T::Head>(),
+            item: size_of::<T::Item>(),
+        })
     }
 
     /// How messages of the log's layout become those of this build's.
@@ -146,10 +144,8 @@ impl Entry<'_> {
             let own = OwnLayout::from_topic::<T>()?;
             let translation = Translation::between(&StoredLayout::parse(stored)?, &own);
             // A message without its stamp is of no use.
-            let is_message = translation
-                .lacking
-                .iter()
-                .all(|name| !name.starts_with(HEADER));
+            let mut lacking = translation.lacking.iter();
+            let is_message = lacking.all(|name| !name.starts_with(HEADER));
             is_message.then_some(translation)
         });
         translation.as_ref().ok_or_else(|| Error::Layout {

@@ -85,3 +85,11 @@ pub enum Error {
         expected: &'static str,
     },
 }
+
+impl Error {
+    /// An error of the operating system at a path.
+    pub(crate) fn io(path: impl Into<String>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |cause| Self::Io { path, cause }
+    }
+}

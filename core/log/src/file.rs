@@ -52,10 +52,7 @@ impl LogFile {
         name.push(ending);
         let active = PathBuf::from(name);
         let shown = active.display().to_string();
-        let file = File::create(&active).map_err(|cause| Error::Io {
-            path: shown.clone(),
-            cause,
-        })?;
+        let file = File::create(&active).map_err(Error::io(&*shown))?;
         Ok(Self {
             writer: LogWriter::new(BufWriter::with_capacity(1 << 18, file), shown, options)?,
             active: Active {
@@ -92,14 +89,9 @@ impl LogFile {
             mut active,
             path,
         } = self;
-        let shown = |cause| Error::Io {
-            path: path.display().to_string(),
-            cause,
-        };
-        let file = writer
-            .finish()?
-            .into_inner()
-            .map_err(|error| shown(error.into_error()))?;
+        let shown = |cause| Error::io(path.display().to_string())(cause);
+        let file = writer.finish()?.into_inner();
+        let file = file.map_err(|error| shown(error.into_error()))?;
         file.sync_data().map_err(shown)?;
         let size = file.metadata().map_err(shown)?.len();
         std::fs::rename(&active.path, &path).map_err(shown)?;

@@ -27,10 +27,7 @@ pub struct LogReader<R> {
 }
 
 /// A channel, and how its messages become those of this build, where that was asked for.
-struct Known {
-    channel: Channel,
-    translation: OnceCell<Option<Translation>>,
-}
+type Known = (Channel, OnceCell<Option<Translation>>);
 
 /// Name, encoding and text of a schema.
 type Schema = (String, String, Vec<u8>);
@@ -39,10 +36,8 @@ impl LogReader<BufReader<File>> {
     /// Opens a file.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let shown = path.display().to_string();
-        match File::open(path) {
-            Ok(file) => Self::new(BufReader::with_capacity(1 << 16, file), shown),
-            Err(cause) => Err(Error::Io { path: shown, cause }),
-        }
+        let file = File::open(path).map_err(Error::io(&*shown))?;
+        Self::new(BufReader::with_capacity(1 << 16, file), shown)
     }
 }
 
@@ -79,9 +74,7 @@ impl<R: Read + Seek> LogReader<R> {
                 continue;
             }
             let record = &self.records.record;
-            let id = record
-                .first_chunk()
-                .map_or(0, |bytes| u16::from_le_bytes(*bytes));
+            let id = record.first_chunk().copied().map_or(0, u16::from_le_bytes);
             let known = record.len() >= MESSAGE_HEADER && self.channels.contains_key(&id);
             if !known {
                 self.records.count(DamageKind::Channel, offset, || {
@@ -126,17 +119,17 @@ impl<R: Read + Seek> LogReader<R> {
 
     /// The topics found so far, with the number of their messages.
     pub fn channels(&self) -> impl Iterator<Item = &Channel> {
-        self.channels.values().map(|known| &known.channel)
+        self.channels.values().map(|(channel, _)| channel)
     }
 
     /// The topics that were read although the log has them in another build's layout, each with
     /// what it lacks.
     pub fn translated(&self) -> impl Iterator<Item = String> {
-        self.channels.values().filter_map(|known| {
-            let translation = known.translation.get()?.as_ref()?;
+        self.channels.values().filter_map(|(channel, translation)| {
+            let translation = translation.get()?.as_ref()?;
             let mut text = format!(
                 "{}: {} was written by another build ({})",
-                self.records.path, known.channel.topic, self.written_by
+                self.records.path, channel.topic, self.written_by
             );
             for (names, what) in [
                 (&translation.lacking, "it has no"),
@@ -192,14 +185,7 @@ impl<R: Read + Seek> LogReader<R> {
                     schema,
                     messages: 0,
                 };
-                let translation = OnceCell::new();
-                self.channels.insert(
-                    record.id,
-                    Known {
-                        channel,
-                        translation,
-                    },
-                );
+                self.channels.insert(record.id, (channel, OnceCell::new()));
             }
             Ok(_) => {}
             Err(error) => {
@@ -211,10 +197,7 @@ impl<R: Read + Seek> LogReader<R> {
     }
 
     fn entry(&mut self, id: u16, offset: u64) -> Option<Entry<'_>> {
-        let Known {
-            channel,
-            translation,
-        } = self.channels.get_mut(&id)?;
+        let (channel, translation) = self.channels.get_mut(&id)?;
         channel.messages += 1;
         let (header, bytes) = self.records.record.split_at_checked(MESSAGE_HEADER)?;
         Some(Entry {

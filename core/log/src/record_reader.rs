@@ -86,11 +86,8 @@ impl<R: Read + Seek> RecordReader<R> {
                 Ok(None) => {}
                 Err(error) => self.count(DamageKind::Chunk, offset, || format!("chunk: {error}")),
             }
-            self.spare = self
-                .chunk
-                .take()
-                .map(|(_, chunk)| chunk.into_memory())
-                .unwrap_or_default();
+            let ended = self.chunk.take().map(|(_, chunk)| chunk.into_memory());
+            self.spare = ended.unwrap_or_default();
         }
     }
 
@@ -167,10 +164,9 @@ impl<R: Read + Seek> RecordReader<R> {
                 _ => {
                     let resumed = self.resync(offset + 1)?;
                     let cut = !resumed && length > rest;
-                    let kind = if cut {
-                        DamageKind::Cut
-                    } else {
-                        DamageKind::Record
+                    let kind = match cut {
+                        true => DamageKind::Cut,
+                        false => DamageKind::Record,
                     };
                     self.count(kind, offset, || {
                         format!("record of kind {opcode:#04x} and {length} bytes, the file has {rest} more")
@@ -233,19 +229,12 @@ impl<R: Read + Seek> RecordReader<R> {
     /// Up to `wanted` bytes into `bytes`; fewer only at the end of the file.
     fn read(&mut self, wanted: u64, mut bytes: Vec<u8>) -> Result<Vec<u8>, Error> {
         bytes.clear();
-        match self.source.by_ref().take(wanted).read_to_end(&mut bytes) {
-            Ok(_) => Ok(bytes),
-            Err(cause) => Err(Error::Io {
-                path: self.path.clone(),
-                cause,
-            }),
-        }
+        let read = self.source.by_ref().take(wanted).read_to_end(&mut bytes);
+        read.map_err(Error::io(&*self.path))?;
+        Ok(bytes)
     }
 
     fn seek(&mut self, to: SeekFrom) -> Result<u64, Error> {
-        self.source.seek(to).map_err(|cause| Error::Io {
-            path: self.path.clone(),
-            cause,
-        })
+        self.source.seek(to).map_err(Error::io(&*self.path))
     }
 }

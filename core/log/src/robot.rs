@@ -16,7 +16,7 @@ const RADAR: &str = "radar_in_base_link_x_m_y_m_yaw_rad";
 const IMU: &str = "imu_in_base_link_quaternion_w_x_y_z";
 
 /// The robot that a log was recorded on, as far as it is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Robot {
     /// The radar.
     pub sensor: SensorKind,
@@ -24,16 +24,6 @@ pub struct Robot {
     pub radar: Option<[f64; 3]>,
     /// IMU's orientation in `base_link`: quaternion w, x, y, z.
     pub imu: Option<[f64; 4]>,
-}
-
-impl Default for Robot {
-    fn default() -> Self {
-        Self {
-            sensor: SensorKind::Unknown,
-            radar: None,
-            imu: None,
-        }
-    }
 }
 
 impl Robot {

@@ -56,64 +56,61 @@ impl Field {
     }
 }
 
-/// A kind of number, with its Rust name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[expect(missing_docs, reason = "the names say it")]
-pub enum Number {
-    U8,
-    U16,
-    U32,
-    U64,
-    I8,
-    I16,
-    I32,
-    I64,
-    F32,
-    F64,
+/// A number on its way from one size to another.
+#[derive(Clone, Copy)]
+pub(crate) enum Value {
+    Whole(i128),
+    Real(f64),
 }
 
-impl Number {
-    fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "u8" => Self::U8,
-            "u16" => Self::U16,
-            "u32" => Self::U32,
-            "u64" => Self::U64,
-            "i8" => Self::I8,
-            "i16" => Self::I16,
-            "i32" => Self::I32,
-            "i64" => Self::I64,
-            "f32" => Self::F32,
-            "f64" => Self::F64,
-            _ => return None,
-        })
-    }
+macro_rules! numbers {
+    ($( $number:ident = $ty:ident, $value:ident; )+) => {
+        /// A kind of number, with its Rust name.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[expect(missing_docs, reason = "the names say it")]
+        pub enum Number { $($number),+ }
 
-    /// A value in these bytes as text that reads back to it; `None` where they end before it.
-    pub fn text(self, bytes: &[u8]) -> Option<String> {
-        Some(match self {
-            Self::U8 => bytes.first()?.to_string(),
-            Self::U16 => u16::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::U32 => u32::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::U64 => u64::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::I8 => i8::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::I16 => i16::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::I32 => i32::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::I64 => i64::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::F32 => f32::from_le_bytes(*bytes.first_chunk()?).to_string(),
-            Self::F64 => f64::from_le_bytes(*bytes.first_chunk()?).to_string(),
-        })
-    }
+        impl Number {
+            fn from_name(name: &str) -> Option<Self> {
+                match name {
+                    $( stringify!($ty) => Some(Self::$number), )+
+                    _ => None,
+                }
+            }
 
-    /// Bytes.
-    pub fn size(self) -> usize {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::U16 | Self::I16 => 2,
-            Self::U32 | Self::I32 | Self::F32 => 4,
-            Self::U64 | Self::I64 | Self::F64 => 8,
+            /// A value in these bytes as text that reads back to it; `None` where they end before
+            /// it.
+            pub fn text(self, bytes: &[u8]) -> Option<String> {
+                Some(match self {
+                    $( Self::$number => $ty::from_le_bytes(*bytes.first_chunk()?).to_string(), )+
+                })
+            }
+
+            pub(crate) fn read(self, bytes: &[u8]) -> Option<Value> {
+                Some(match self { $(
+                    Self::$number => Value::$value($ty::from_le_bytes(*bytes.first_chunk()?).into()),
+                )+ })
+            }
+
+            /// Bytes.
+            pub fn size(self) -> usize {
+                match self { $( Self::$number => size_of::<$ty>(), )+ }
+            }
         }
-    }
+    };
+}
+
+numbers! {
+    U8 = u8, Whole;
+    U16 = u16, Whole;
+    U32 = u32, Whole;
+    U64 = u64, Whole;
+    I8 = i8, Whole;
+    I16 = i16, Whole;
+    I32 = i32, Whole;
+    I64 = i64, Whole;
+    F32 = f32, Real;
+    F64 = f64, Real;
 }
 
 impl Kind {

@@ -1,9 +1,8 @@
 //! A log as bytes that only ever grow, for a caller that writes them to the disk itself.
 
-use crate::{Channel, ChannelId, Error, LogWriter, Options, RecordHeader};
+use crate::{Error, LogWriter, Options};
 use mcap::write::NoSeek;
-use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::io::{self, Seek, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Puts a log together in memory. What [`LogStream::take`] gives is appended to a file, and
@@ -47,33 +46,10 @@ impl LogStream {
         })
     }
 
-    /// See [`LogWriter::write_metadata`].
-    pub fn write_metadata(
-        &mut self,
-        name: &str,
-        metadata: BTreeMap<String, String>,
-    ) -> Result<(), Error> {
-        self.writer.write_metadata(name, metadata)
-    }
-
-    /// See [`LogWriter::declare`].
-    pub fn declare(&mut self, channel: &Channel) -> Result<ChannelId, Error> {
-        self.writer.declare(channel)
-    }
-
-    /// See [`LogWriter::write_bytes`].
-    pub fn write_bytes(
-        &mut self,
-        channel: ChannelId,
-        record: RecordHeader,
-        bytes: &[u8],
-    ) -> Result<(), Error> {
-        self.writer.write_bytes(channel, record, bytes)
-    }
-
-    /// Ends the chunk: all that was written comes with the next [`LogStream::take`].
-    pub fn flush(&mut self) -> Result<(), Error> {
-        self.writer.flush()
+    /// What writes into it. A chunk that is ended ([`LogWriter::flush`]) comes with the next
+    /// [`LogStream::take`].
+    pub fn writer(&mut self) -> &mut LogWriter<impl Write + Seek + use<>> {
+        &mut self.writer
     }
 
     /// What is ready to be appended to the file: whole chunks.

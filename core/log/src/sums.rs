@@ -14,7 +14,11 @@ const BLOCK: usize = 1 << 16;
 /// and of the summary, the end. The list is empty where nothing is; a log that was never finished
 /// has none of them, which is listed.
 pub fn check_sums(source: impl Read) -> io::Result<Vec<String>> {
-    let mut file = Summed::new(source);
+    let mut file = Summed {
+        source,
+        at: 0,
+        sum: crc32fast::Hasher::new(),
+    };
     let mut wrong = Vec::new();
     let mut magic = [0; mcap::MAGIC.len()];
     if file.fill(&mut magic)? < magic.len() || magic != mcap::MAGIC {
@@ -24,17 +28,15 @@ pub fn check_sums(source: impl Read) -> io::Result<Vec<String>> {
     let data = loop {
         let (at, before) = (file.at, file.sum.clone());
         let Some((opcode, length)) = file.frame()? else {
-            return Ok(vec![format!(
-                "offset {at}: the file ends before its data do"
-            )]);
+            let end = format!("offset {at}: the file ends before its data do");
+            return Ok(vec![end]);
         };
         if opcode == op::DATA_END && length == 4 {
             break before.finalize();
         }
         if !file.skip(length)? {
-            return Ok(vec![format!(
-                "offset {at}: a record is longer than the file"
-            )]);
+            let cut = format!("offset {at}: a record is longer than the file");
+            return Ok(vec![cut]);
         }
     };
     let mut stored = [0; 4];
@@ -63,15 +65,10 @@ fn check_end(rest: &[u8], begin: u64) -> Option<String> {
     if !is_footer {
         return Some("the end: no footer".to_owned());
     }
-    let number = |at: usize| {
-        let bytes = footer.get(at..)?.first_chunk()?;
-        Some(u64::from_le_bytes(*bytes))
-    };
-    let summary = match number(FRAME as usize)? {
+    let start = u64::from_le_bytes(*footer.get(FRAME as usize..)?.first_chunk()?);
+    let summary = match start {
         0 => Some(split),
-        start => start
-            .checked_sub(begin)
-            .and_then(|start| usize::try_from(start).ok()),
+        start => (start.checked_sub(begin)).and_then(|start| usize::try_from(start).ok()),
     };
     let summed = summary.and_then(|summary| rest.get(summary..rest.len() - 4));
     let stored = u32::from_le_bytes(*rest.last_chunk()?);
@@ -92,14 +89,6 @@ struct Summed<R> {
 }
 
 impl<R: Read> Summed<R> {
-    fn new(source: R) -> Self {
-        Self {
-            source,
-            at: 0,
-            sum: crc32fast::Hasher::new(),
-        }
-    }
-
     /// Fills as much as there is.
     fn fill(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let mut filled = 0;

@@ -1,7 +1,7 @@
 //! Messages of another build's layout as those of this one: field by field, by their names.
 
 use crate::describe;
-use crate::stored_layout::{Field, Kind, Number, StoredLayout, Struct};
+use crate::stored_layout::{Field, Kind, Number, StoredLayout, Struct, Value};
 use randt_messages::layout::{Fields, Former};
 use randt_messages::{Layout, Topic};
 use std::cmp::Ordering;
@@ -204,11 +204,8 @@ impl Builder<'_> {
         for (holder, field, bit) in bits {
             push(steps, to_at + holder, to_at + field, How::MoveBit(bit));
         }
-        for field in from
-            .fields
-            .iter()
-            .filter(|field| !read.contains(&&field.name))
-        {
+        let is_unread = |field: &&Field| !read.contains(&&field.name);
+        for field in from.fields.iter().filter(is_unread) {
             add_once(&mut self.translation.unread, &path(&field.name));
         }
     }
@@ -280,7 +277,7 @@ impl Conversion {
             let to = out.get_mut(step.to..)?;
             match &step.how {
                 How::Copy(count) => to.get_mut(..*count)?.copy_from_slice(from.get(..*count)?),
-                How::Widen(narrow, wide) => write(*wide, read(*narrow, from)?, to)?,
+                How::Widen(narrow, wide) => write(*wide, narrow.read(from)?, to)?,
                 How::Recode(codes) => {
                     let code = u32::from_le_bytes(*from.first_chunk()?);
                     let found = codes.iter().find(|(stored, _)| *stored == code);
@@ -313,13 +310,6 @@ fn add_once(names: &mut Vec<String>, name: &str) {
     }
 }
 
-/// A number on its way from one size to another.
-#[derive(Clone, Copy)]
-enum Value {
-    Whole(i128),
-    Real(f64),
-}
-
 /// Whether every value of the one is a value of the other.
 fn is_wider(from: Number, to: Number) -> bool {
     let is_real = |number| matches!(number, Number::F32 | Number::F64);
@@ -330,21 +320,6 @@ fn is_wider(from: Number, to: Number) -> bool {
         (false, false) => is_signed(to) && to.size() > from.size(),
         _ => false,
     }
-}
-
-fn read(number: Number, bytes: &[u8]) -> Option<Value> {
-    Some(match number {
-        Number::U8 => Value::Whole((*bytes.first()?).into()),
-        Number::U16 => Value::Whole(u16::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::U32 => Value::Whole(u32::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::U64 => Value::Whole(u64::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::I8 => Value::Whole(i8::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::I16 => Value::Whole(i16::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::I32 => Value::Whole(i32::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::I64 => Value::Whole(i64::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::F32 => Value::Real(f32::from_le_bytes(*bytes.first_chunk()?).into()),
-        Number::F64 => Value::Real(f64::from_le_bytes(*bytes.first_chunk()?)),
-    })
 }
 
 /// Writes a value where every one fits ([`is_wider`]).

@@ -1,28 +1,18 @@
 //! Writes a log into anything that can seek.
 
 use crate::{Channel, Error, RecordHeader};
+use mcap::Compression;
 use mcap::records::{MessageHeader, Metadata};
 use randt_messages::{MessageRef, Topic};
 use std::collections::BTreeMap;
 use std::io::{Seek, Write};
 
-/// How a log's chunks are compressed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Compression {
-    /// Not at all.
-    None,
-    /// Quick to write and to read.
-    #[default]
-    Lz4,
-    /// About two thirds of lz4's size, at half its speed.
-    Zstd,
-}
-
 /// How a log is written.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Compression of chunks.
-    pub compression: Compression,
+    /// Compression of chunks: lz4 is quick to write and to read; zstd has about two thirds of its
+    /// size, at half its speed.
+    pub compression: Option<Compression>,
     /// Level of the compression; 0 leaves it to the library.
     pub level: u32,
     /// A chunk ends when it has more bytes than this, before compression.
@@ -36,7 +26,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            compression: Compression::default(),
+            compression: Some(Compression::Lz4),
             level: 0,
             // MCAP's own default.
             chunk_bytes: 1 << 20,
@@ -77,15 +67,10 @@ impl<W: Write + Seek> LogWriter<W> {
         append_only: bool,
     ) -> Result<Self, Error> {
         let path = path.into();
-        let compression = match options.compression {
-            Compression::None => None,
-            Compression::Lz4 => Some(mcap::Compression::Lz4),
-            Compression::Zstd => Some(mcap::Compression::Zstd),
-        };
         let created = mcap::WriteOptions::new()
             .profile(options.profile)
             .library(options.written_by)
-            .compression(compression)
+            .compression(options.compression)
             .compression_level(options.level)
             .chunk_size(Some(options.chunk_bytes))
             .disable_seeking(append_only)
@@ -136,14 +121,11 @@ impl<W: Write + Seek> LogWriter<W> {
     pub fn declare(&mut self, channel: &Channel) -> Result<ChannelId, Error> {
         let schema = match channel.schema_encoding.as_str() {
             "" => Ok(0),
-            encoding => self
-                .inner
-                .add_schema(&channel.type_name, encoding, &channel.schema),
+            encoding => (self.inner).add_schema(&channel.type_name, encoding, &channel.schema),
         };
         let added = schema.and_then(|schema| {
-            let encoding = &channel.message_encoding;
-            self.inner
-                .add_channel(schema, &channel.topic, encoding, &BTreeMap::new())
+            let (topic, encoding) = (&channel.topic, &channel.message_encoding);
+            (self.inner).add_channel(schema, topic, encoding, &BTreeMap::new())
         });
         added.map(ChannelId).map_err(|cause| self.failed(cause))
     }
@@ -178,13 +160,8 @@ impl<W: Write + Seek> LogWriter<W> {
         let result = self.inner.finish().map(|_| ());
         self.check(result)?;
         let mut sink = self.inner.into_inner();
-        match sink.flush() {
-            Ok(()) => Ok(sink),
-            Err(cause) => Err(Error::Io {
-                path: self.path,
-                cause,
-            }),
-        }
+        sink.flush().map_err(Error::io(self.path))?;
+        Ok(sink)
     }
 
     fn channel<T: Topic>(&mut self) -> Result<ChannelId, Error> {

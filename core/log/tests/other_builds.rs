@@ -71,7 +71,7 @@ mod other {
         }
     }
     /// Of these.
-    #[derive(Debug)]
+    #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Sweeps;
     impl randt_messages::Topic for Sweeps {
         const NAME: &'static str = "test/sweep/v1";

@@ -22,6 +22,7 @@
 
 mod checkpoint;
 mod drop;
+mod event;
 pub mod health;
 mod imu;
 mod keyframe;
@@ -37,6 +38,7 @@ mod truth;
 
 pub use checkpoint::{LastRecorded, PoseRecord};
 pub use drop::{DropCause, LogDrop};
+pub use event::Event;
 pub use health::{HEALTH_PORTS, PortHealth, StageHealth, StageState};
 pub use imu::ImuSample;
 pub use keyframe::{KeyframeBeam, KeyframeHead, KeyframePoint};

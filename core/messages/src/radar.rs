@@ -24,16 +24,13 @@ impl SensorKind {
     /// The kind that the configuration calls so; `Unknown` for any other.
     pub fn from_name(name: &str) -> Self {
         let kinds = [Self::IsdrC, Self::NavtechCts];
-        let named = kinds.into_iter().find(|kind| kind.name() == Some(name));
-        named.unwrap_or(Self::Unknown)
+        let named = kinds.into_iter().find(|kind| kind.as_str() == name);
+        named.unwrap_or_default()
     }
 
     /// What the configuration calls it; `None` where the input does not say.
     pub fn name(self) -> Option<&'static str> {
-        match self {
-            Self::Unknown => None,
-            known => Some(known.as_str()),
-        }
+        (self != Self::Unknown).then_some(self.as_str())
     }
 }
 
@@ -124,15 +121,12 @@ impl SweepHead {
 
     /// The index range of a beam's returns in a slice of `total`; empty where the table is broken.
     pub fn returns_of(&self, beam: usize, total: usize) -> core::ops::Range<usize> {
-        let beams = self.beams();
-        let first = beams
-            .get(beam)
-            .map_or(total, |b| b.first_return as usize)
-            .min(total);
-        let end = beams
-            .get(beam + 1)
-            .map_or(total, |b| b.first_return as usize)
-            .min(total);
+        let first_of = |beam: usize| {
+            let beam = self.beams().get(beam);
+            beam.map_or(total, |beam| beam.first_return as usize)
+                .min(total)
+        };
+        let (first, end) = (first_of(beam), first_of(beam + 1));
         first..end.max(first)
     }
 }

@@ -5,7 +5,7 @@ use bytemuck::Pod;
 
 /// One topic of the bus and of the log. A message is one `Head` followed by up to `MAX_ITEMS`
 /// items.
-pub trait Topic: core::fmt::Debug + 'static {
+pub trait Topic: Copy + core::fmt::Debug + PartialEq + 'static {
     /// Name with version, such as `radar/scan/v1`.
     const NAME: &'static str;
     /// Marker name, a dash and the layout hash of head and item.
@@ -19,7 +19,7 @@ pub trait Topic: core::fmt::Debug + 'static {
 }
 
 /// A message that owns its memory. Reuse it: `items` keeps its capacity.
-#[derive(Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Message<T: Topic> {
     /// The fixed part.
     pub head: Box<T::Head>,
@@ -28,38 +28,12 @@ pub struct Message<T: Topic> {
 }
 
 /// A message in borrowed memory: shared memory, a log's chunk, an owned [`Message`].
-#[derive(Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct MessageRef<'a, T: Topic> {
     /// The fixed part.
     pub head: &'a T::Head,
     /// The slice.
     pub items: &'a [T::Item],
-}
-
-impl<T: Topic> Clone for MessageRef<'_, T> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-impl<T: Topic> Copy for MessageRef<'_, T> {}
-
-impl<T: Topic> Clone for Message<T> {
-    fn clone(&self) -> Self {
-        Self {
-            head: self.head.clone(),
-            items: self.items.clone(),
-        }
-    }
-}
-
-impl<T: Topic> PartialEq for Message<T>
-where
-    T::Head: PartialEq,
-    T::Item: PartialEq,
-{
-    fn eq(&self, other: &Self) -> bool {
-        self.head == other.head && self.items == other.items
-    }
 }
 
 impl<T: Topic> Default for Message<T> {

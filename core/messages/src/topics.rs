@@ -97,12 +97,10 @@ macro_rules! topics {
             $log:ident = $log_name:literal : $log_head:ty, [$log_item:ty; $log_max:expr];
         )+ }
     ) => {
-        topic! { $(
-            $(#[$bus_meta])* $bus = $bus_name: $bus_head, [$bus_item; $bus_max];
-        )+ }
-        topic! { $(
-            $(#[$log_meta])* $log = $log_name: $log_head, [$log_item; $log_max];
-        )+ }
+        topic! {
+            $( $(#[$bus_meta])* $bus = $bus_name: $bus_head, [$bus_item; $bus_max]; )+
+            $( $(#[$log_meta])* $log = $log_name: $log_head, [$log_item; $log_max]; )+
+        }
 
         /// Every topic of the bus.
         pub const BUS_TOPICS: &[BusTopic] = &[$( BusTopic::new::<$bus>($qos) ),+];

@@ -49,9 +49,9 @@ impl Association {
         out: &mut Vec<Self>,
     ) {
         out.clear();
-        out.extend(cells.iter().map(|cell| {
-            Self::nearest_to(map, &cell.cell, pose, neighbours.clamp(1, NEIGHBOURS_MAX))
-        }));
+        let neighbours = neighbours.clamp(1, NEIGHBOURS_MAX);
+        let cells = cells.iter().map(|scan| &scan.cell);
+        out.extend(cells.map(|cell| Self::nearest_to(map, cell, pose, neighbours)));
     }
 
     /// Takes what the grid's own cuts seem to say out of the comparison: along an axis in which a
@@ -94,20 +94,16 @@ impl Association {
     fn nearest_to(map: &Grid, cell: &Cell, pose: &Pose2, neighbours: usize) -> Self {
         let moved = scalar::moved(cell, pose);
         let mut best = [(f64::INFINITY, NO_CELL); NEIGHBOURS_MAX];
-        map.for_each_near(
-            moved.mean[0],
-            moved.mean[1],
-            SEARCH_RADIUS,
-            |index, other| {
-                let mut entry = (scalar::squared_distance(&moved, other), index);
-                // Insertion keeps the first of equals, so ties go by the grid's order.
-                for held in best.iter_mut().take(neighbours) {
-                    if entry.0 < held.0 {
-                        core::mem::swap(&mut entry, held);
-                    }
+        let [x_m, y_m, _] = moved.mean;
+        map.for_each_near(x_m, y_m, SEARCH_RADIUS, |index, other| {
+            let mut entry = (scalar::squared_distance(&moved, other), index);
+            // Insertion keeps the first of equals, so ties go by the grid's order.
+            for held in best.iter_mut().take(neighbours) {
+                if entry.0 < held.0 {
+                    core::mem::swap(&mut entry, held);
                 }
-            },
-        );
+            }
+        });
         let mut association = Self::EMPTY;
         association.nearest = best[0].0;
         for (lane, (_, index)) in best.iter().enumerate() {

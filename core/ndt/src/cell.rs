@@ -92,49 +92,36 @@ impl Cell {
 /// A wall that runs through a square is cut by it, so the middle of the piece shows where the
 /// square is, not where the wall is: squares of a scan move with the robot, and pull the estimate
 /// towards standing still.
-fn slacken([xx, xy, yy]: [f64; 3], full: f64, slack: f64) -> [f64; 3] {
-    let half_difference = 0.5 * (xx - yy);
-    let radius = (half_difference * half_difference + xy * xy).sqrt();
-    let half_trace = 0.5 * (xx + yy);
+fn slacken(plane: [f64; 3], full: f64, slack: f64) -> [f64; 3] {
     let widened = |l: f64| l * (1.0 + slack * (l / full) * (l / full));
-    let (large, small) = (
-        widened(half_trace + radius),
-        widened((half_trace - radius).max(0.0)),
-    );
-    along_same_axes([half_difference, xy], radius, large, small)
+    map_eigenvalues(plane, |large, small| {
+        (widened(large), widened(small.max(0.0)))
+    })
 }
 
-/// The symmetric matrix of the same axes, whose half difference and off-diagonal are given with
-/// their length, and of these eigenvalues.
-fn along_same_axes(
-    [half_difference, xy]: [f64; 2],
-    radius: f64,
-    large: f64,
-    small: f64,
-) -> [f64; 3] {
+/// Raises the smaller eigenvalues of a symmetric 2 x 2 matrix (xx, xy, yy), keeping its axes.
+fn floor_eigenvalues(plane: [f64; 3]) -> [f64; 3] {
+    map_eigenvalues(plane, |large, small| {
+        let large = large.max(POSITION_VARIANCE_MIN);
+        let least = small.max(EIGENVALUE_RATIO_MIN * large);
+        (large, least.max(POSITION_VARIANCE_MIN))
+    })
+}
+
+/// The symmetric matrix (xx, xy, yy) of the same axes, whose eigenvalues are a function of those of
+/// the given one.
+fn map_eigenvalues([xx, xy, yy]: [f64; 3], map: impl Fn(f64, f64) -> (f64, f64)) -> [f64; 3] {
+    let half_trace = 0.5 * (xx + yy);
+    let half_difference = 0.5 * (xx - yy);
+    let radius = (half_difference * half_difference + xy * xy).sqrt();
+    let (large, small) = map(half_trace + radius, half_trace - radius);
     if radius <= 0.0 {
         return [large, 0.0, large];
     }
     // M = half_trace I + radius N with N of eigenvalues +1 and -1; only the two scalars change.
     let (trace, scale) = (0.5 * (large + small), 0.5 * (large - small) / radius);
-    [
-        trace + half_difference * scale,
-        xy * scale,
-        trace - half_difference * scale,
-    ]
-}
-
-/// Raises the smaller eigenvalues of a symmetric 2 x 2 matrix (xx, xy, yy), keeping its axes.
-fn floor_eigenvalues([xx, xy, yy]: [f64; 3]) -> [f64; 3] {
-    let half_trace = 0.5 * (xx + yy);
-    let half_difference = 0.5 * (xx - yy);
-    let radius = (half_difference * half_difference + xy * xy).sqrt();
-    let (large, small) = (half_trace + radius, half_trace - radius);
-    let new_large = large.max(POSITION_VARIANCE_MIN);
-    let new_small = small
-        .max(EIGENVALUE_RATIO_MIN * new_large)
-        .max(POSITION_VARIANCE_MIN);
-    along_same_axes([half_difference, xy], radius, new_large, new_small)
+    let half_difference = half_difference * scale;
+    [trace + half_difference, xy * scale, trace - half_difference]
 }
 
 /// A cell of a scan that is being registered.

@@ -27,11 +27,7 @@ impl Distribution {
     #[inline]
     pub fn add(&mut self, point: [f64; 3]) {
         let count = f64::from(self.count) + 1.0;
-        let d = [
-            point[0] - self.mean[0],
-            point[1] - self.mean[1],
-            point[2] - self.mean[2],
-        ];
+        let d = difference(point, self.mean);
         let inverse = 1.0 / count;
         for (mean, d) in self.mean.iter_mut().zip(d) {
             *mean += d * inverse;
@@ -47,11 +43,7 @@ impl Distribution {
             return;
         }
         let (a, b) = (f64::from(self.count), f64::from(other.count));
-        let d = [
-            other.mean[0] - self.mean[0],
-            other.mean[1] - self.mean[1],
-            other.mean[2] - self.mean[2],
-        ];
+        let d = difference(other.mean, self.mean);
         for (mean, d) in self.mean.iter_mut().zip(d) {
             *mean += d * (b / (a + b));
         }
@@ -65,14 +57,16 @@ impl Distribution {
     #[inline]
     fn add_outer(&mut self, d: [f64; 3], weight: f64) {
         let [x, y, i] = d;
-        for (sum, product) in
-            self.scatter
-                .iter_mut()
-                .zip([x * x, x * y, y * y, x * i, y * i, i * i])
-        {
+        let products = [x * x, x * y, y * y, x * i, y * i, i * i];
+        for (sum, product) in self.scatter.iter_mut().zip(products) {
             *sum += product * weight;
         }
     }
+}
+
+#[inline]
+pub(crate) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 #[cfg(test)]

@@ -75,10 +75,8 @@ impl Grid {
     /// large as others.
     #[inline]
     fn square_of(&self, x_m: f64, y_m: f64) -> (i64, i64) {
-        (
-            floor(x_m * self.inverse_size),
-            floor(y_m * self.inverse_size),
-        )
+        let index = |position_m: f64| floor(position_m * self.inverse_size);
+        (index(x_m), index(y_m))
     }
 
     #[inline]
@@ -165,25 +163,14 @@ impl Grid {
         let (column, row) = self.square_of(x_m, y_m);
         let low = -self.half_cells;
         let high = self.half_cells - 1;
-        let columns = (
-            column.saturating_sub(radius).max(low),
-            column.saturating_add(radius).min(high),
-        );
-        let rows = (
-            row.saturating_sub(radius).max(low),
-            row.saturating_add(radius).min(high),
-        );
-        for r in rows.0..=rows.1 {
+        let near =
+            |at: i64| at.saturating_sub(radius).max(low)..=at.saturating_add(radius).min(high);
+        for r in near(row) {
             let start = (r + self.half_cells) as usize * self.width;
-            for c in columns.0..=columns.1 {
-                let index = self
-                    .cell_of_square
-                    .get(start + (c + self.half_cells) as usize)
-                    .copied()
-                    .unwrap_or(NONE);
-                if let Some(cell) = self.cells.get(index as usize)
-                    && cell.count > 0
-                {
+            for c in near(column) {
+                let square = start + (c + self.half_cells) as usize;
+                let index = self.cell_of_square.get(square).copied().unwrap_or(NONE);
+                if let Some(cell) = self.cell(index as usize) {
                     visit(index, cell);
                 }
             }

@@ -54,10 +54,7 @@ impl<'a> Reader<'a> {
 
     /// Makes sure that nothing is left.
     pub fn end(&self) -> Result<(), Error> {
-        if self.bytes.is_empty() {
-            Ok(())
-        } else {
-            Err(Error::Shape)
-        }
+        let is_at_end = self.bytes.is_empty();
+        is_at_end.then_some(()).ok_or(Error::Shape)
     }
 }

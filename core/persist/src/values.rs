@@ -87,8 +87,7 @@ impl Persist for String {
         out.bytes(self.as_bytes());
     }
     fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
-        let mut length = 0_usize;
-        length.restore(from)?;
+        let length: usize = next(from)?;
         let text = str::from_utf8(from.bytes(length)?).map_err(|_| Error::Unsound("String"))?;
         text.clone_into(self);
         Ok(())
@@ -101,9 +100,7 @@ impl<T: Persist + Default> Persist for Option<T> {
         self.iter().for_each(|value| value.save(out));
     }
     fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
-        let mut is_some = false;
-        is_some.restore(from)?;
-        *self = if is_some { Some(next(from)?) } else { None };
+        *self = if next(from)? { Some(next(from)?) } else { None };
         Ok(())
     }
 }
@@ -119,8 +116,7 @@ macro_rules! list {
             }
             fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
                 self.clear();
-                let mut count = 0_usize;
-                count.restore(from)?;
+                let count: usize = next(from)?;
                 for _ in 0..count {
                     self.$push(next(from)?);
                 }

@@ -20,7 +20,7 @@ mod service_slots;
 pub(crate) use leftovers::remove_all;
 pub use leftovers::{Leftover, leftovers, wipe};
 pub(crate) use node_files::NodeFiles;
-pub(crate) use service_slots::{ServiceSlots, is_own_file, owner_of, services};
+pub(crate) use service_slots::{is_own_file, owner_of, services};
 
 use crate::domain::{SHARED_MEMORY, close_to_others};
 use crate::{Domain, Error, ports};
@@ -30,7 +30,7 @@ use iceoryx2::service::{internal::ServiceInternal, service_hash::ServiceHash};
 use service_slots::{Service, ServiceSlot, segments};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, Metadata};
-use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -79,15 +79,11 @@ pub(crate) fn clean_up_before_start(domain: &Domain) -> Result<CleanUp, Error> {
     for _ in 0..ROUNDS {
         done.slots += free_slots(domain, None)?;
         // Deaths first: a node that is dead takes no slot after that.
-        let dead: Vec<u128> = files
-            .ids()
-            .into_iter()
-            .filter(|id| !files.lives(*id))
-            .collect();
+        let ids = files.ids().into_iter();
+        let dead: Vec<u128> = ids.filter(|id| !files.lives(*id)).collect();
         let holders = holders(domain);
-        let (held, free): (Vec<u128>, Vec<u128>) = dead
-            .into_iter()
-            .partition(|id| holders.contains(&owner_of(*id)));
+        let is_held = |id: &u128| holders.contains(&owner_of(*id));
+        let (held, free): (Vec<u128>, Vec<u128>) = dead.into_iter().partition(is_held);
         free.iter().for_each(|id| files.remove(*id));
         done.nodes += free.len();
         if held.is_empty() {
@@ -131,10 +127,7 @@ pub(crate) fn free_slots(domain: &Domain, own: Option<u128>) -> Result<usize, Er
             // What it could not free is found below, in the slots.
             let _ = ipc::Service::__internal_remove_node_from_service(&id, &hash, &configuration);
         }
-        let still = match service.slots() {
-            ServiceSlots::Open(still) => still,
-            ServiceSlots::Closed | ServiceSlots::Unusable => Vec::new(),
-        };
+        let still = service.slots().unwrap_or_default();
         freed += slots.iter().filter(|slot| !still.contains(slot)).count();
     }
     Ok(freed)
@@ -145,7 +138,7 @@ fn dead_slots(domain: &Domain, files: &NodeFiles) -> Vec<(Service, Vec<ServiceSl
     let mut lives = BTreeMap::new();
     let mut found = Vec::new();
     for service in services(domain) {
-        let ServiceSlots::Open(mut slots) = service.slots() else {
+        let Some(mut slots) = service.slots() else {
             continue;
         };
         // Checked after the slot was read.
@@ -164,11 +157,8 @@ fn dead_slots(domain: &Domain, files: &NodeFiles) -> Vec<(Service, Vec<ServiceSl
 
 /// The owners of all slots of all services.
 fn holders(domain: &Domain) -> BTreeSet<u64> {
-    let slots = services(domain).into_iter().map(|service| service.slots());
-    let open = slots.filter_map(|slots| match slots {
-        ServiceSlots::Open(slots) => Some(slots),
-        ServiceSlots::Closed | ServiceSlots::Unusable => None,
-    });
+    let services = services(domain).into_iter();
+    let open = services.filter_map(|service| service.slots());
     open.flatten().map(|slot| slot.owner).collect()
 }
 
@@ -202,8 +192,7 @@ fn node_id(node: u128) -> Option<UniqueNodeId> {
 fn remove_unusable_services(domain: &Domain) -> usize {
     let unusable = || -> Vec<Service> {
         let all = services(domain).into_iter();
-        all.filter(|service| !matches!(service.slots(), ServiceSlots::Open(_)))
-            .collect()
+        all.filter(|service| service.slots().is_none()).collect()
     };
     let before = unusable();
     if before.is_empty() {
@@ -228,19 +217,19 @@ fn remove_unusable_services(domain: &Domain) -> usize {
 fn remove_orphans(domain: &Domain, files: &NodeFiles) {
     // What is found is searched for among owners that are read later: none is made before its
     // owner.
-    let segments = segments(&domain.segment_prefix());
+    let segments = segments(domain);
     let memory = files_of(domain, Path::new(SHARED_MEMORY));
     let found: Vec<(PathBuf, Metadata)> = memory.chain(files_of(domain, &domain.root())).collect();
     let services = services(domain).into_iter();
     let defined: BTreeSet<PathBuf> = services.filter_map(|service| service.segment).collect();
     let ports = files.ports();
-    let orphan_segments = segments
-        .into_values()
-        .filter(|path| !defined.contains(path));
+    let segments = segments.into_values();
+    let orphan_segments = segments.filter(|path| !defined.contains(path));
     let orphans = found.into_iter().filter_map(|(path, _)| {
         let (named, kind) = ports_of(domain, &path)?;
-        let is_port = matches!(kind.as_str(), "data" | "event_mgmt" | "event" | CONNECTION);
-        (is_port && named.iter().any(|port| !ports.contains(port))).then_some(path)
+        let is_port = matches!(kind, "data" | "event_mgmt" | "event" | CONNECTION);
+        let is_orphan = is_port && named.iter().any(|port| !ports.contains(port));
+        is_orphan.then_some(path)
     });
     for path in orphans.chain(orphan_segments) {
         // Best effort, as with nodes.
@@ -251,61 +240,55 @@ fn remove_orphans(domain: &Domain, files: &NodeFiles) {
 /// Connections of a dead port that are not whole: iceoryx2 cannot open them, and leaves the port's
 /// slot taken.
 fn remove_half_made_connections(domain: &Domain, port: u128) {
-    for (path, found) in files_of(domain, Path::new(SHARED_MEMORY)) {
-        let is_half_made = found.len() == 0 || found.permissions().mode() & WHOLE == 0;
-        let is_of_port = ports_of(domain, &path)
+    remove_files(domain, Path::new(SHARED_MEMORY), |path, found| {
+        let is_of_port = ports_of(domain, path)
             .is_some_and(|(ports, kind)| kind == CONNECTION && ports.contains(&port));
-        if is_half_made && is_of_port {
-            // Best effort, as with nodes.
-            let _ = fs::remove_file(path);
-        }
-    }
+        !is_whole(found) && is_of_port
+    });
 }
 
 /// Services whose maker died while it made them; no process can join them.
 fn remove_half_made(domain: &Domain) {
-    for (path, found) in files_of(domain, &domain.root().join("services")) {
-        if found.permissions().mode() & HALF_MADE != 0 {
-            // Best effort, as with nodes.
-            let _ = fs::remove_file(path);
-        }
-    }
+    let folder = domain.root().join("services");
+    remove_files(domain, &folder, |_, found| found.mode() & HALF_MADE != 0);
 }
 
 /// Shared memory whose maker died while it made it, or that was emptied: iceoryx2 cannot open it,
 /// or waits for ever.
 fn remove_half_made_memory(domain: &Domain) {
-    for (path, found) in files_of(domain, Path::new(SHARED_MEMORY)) {
+    remove_files(domain, Path::new(SHARED_MEMORY), |path, found| {
         let kind = path.extension().unwrap_or_default();
         let age = found.modified().ok().and_then(|made| made.elapsed().ok());
         let may_be_in_the_making = kind == CONNECTION && age.is_none_or(|age| age < MADE_WITHIN);
-        let is_whole = found.permissions().mode() & WHOLE != 0 && found.len() > 0;
-        if !is_whole && !may_be_in_the_making {
-            // Best effort, as with nodes.
-            let _ = fs::remove_file(path);
-        }
+        !is_whole(found) && !may_be_in_the_making
+    });
+}
+
+/// Whether a piece of shared memory was made to its end, and not emptied.
+fn is_whole(memory: &Metadata) -> bool {
+    memory.mode() & WHOLE != 0 && memory.len() > 0
+}
+
+fn remove_files(domain: &Domain, folder: &Path, is_dead: impl Fn(&Path, &Metadata) -> bool) {
+    for (path, _) in files_of(domain, folder).filter(|(path, found)| is_dead(path, found)) {
+        // Best effort, as with nodes.
+        let _ = fs::remove_file(path);
     }
 }
 
 /// The domain's files in a folder: this user's, because any user can make one in /dev/shm.
 fn files_of(domain: &Domain, folder: &Path) -> impl Iterator<Item = (PathBuf, Metadata)> {
-    let prefix = domain.segment_prefix();
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
-    entries.filter_map(move |entry| {
-        let found = entry.metadata().ok()?;
-        let is_ours = entry.file_name().to_string_lossy().starts_with(&prefix);
+    domain.files_in(folder).filter_map(|path| {
+        let found = fs::symlink_metadata(&path).ok()?;
         let is_memory = is_own_file(&found) || found.file_type().is_socket();
-        (is_ours && is_memory).then(|| (entry.path(), found))
+        is_memory.then_some((path, found))
     })
 }
 
 /// The ports that a file is named by, one or two, and its kind.
-fn ports_of(domain: &Domain, path: &Path) -> Option<(Vec<u128>, String)> {
-    let name = path.file_name()?.to_str()?;
-    let (stem, kind) = name
-        .strip_prefix(&domain.segment_prefix())?
-        .split_once('.')?;
+fn ports_of<'a>(domain: &Domain, path: &'a Path) -> Option<(Vec<u128>, &'a str)> {
+    let (stem, kind) = domain.name_parts(path)?;
     let count = if kind == CONNECTION { 2 } else { 1 };
     let ports = stem.rsplit('_').take(count).map(str::parse);
-    Some((ports.collect::<Result<_, _>>().ok()?, kind.to_owned()))
+    Some((ports.collect::<Result<_, _>>().ok()?, kind))
 }

@@ -55,22 +55,19 @@ fn write(command: Command, folder: &Path) -> Result<(), Error> {
         // clap_complete writes a program's hyphen in two ways for bash, so that options of its
         // commands are not found.
         let [two, one] = ["__subcmd__", "__"].map(|mark| name.replace('-', mark));
-        let text = String::from_utf8_lossy(&text)
-            .replace(&two, &one)
-            .into_bytes();
+        let text = String::from_utf8_lossy(&text).replace(&two, &one);
         let file = match shell {
             // Every version of bash-completion finds this name.
             Shell::Bash => name.clone(),
             _ => shell.file_name(&name),
         };
-        put(&folder.join(subfolder).join(file), &text)?;
+        put(&folder.join(subfolder).join(file), text.as_bytes())?;
     }
     let mut command = command.disable_help_subcommand(true).bin_name(name);
     command.build();
-    let section = if command.has_subcommands() {
-        COMMANDS
-    } else {
-        DAEMONS
+    let section = match command.has_subcommands() {
+        true => COMMANDS,
+        false => DAEMONS,
     };
     write_pages(&command, section, &folder.join(format!("man/man{section}")))
 }

@@ -9,6 +9,7 @@ mod rights;
 
 pub use clock::Clock;
 pub use locks::Presence;
+pub(crate) use locks::open_private;
 pub(crate) use membership::Membership;
 pub use registry::{Entry, Registry};
 pub(crate) use rights::close_to_others;
@@ -45,9 +46,7 @@ impl Domain {
     pub fn new(prefix: &str, run: Option<&Path>) -> Result<Self, Error> {
         let good = |c: char| c.is_ascii_alphanumeric() || c == '-';
         if prefix.is_empty() || prefix.len() > 24 || !prefix.chars().all(good) {
-            return Err(Error::BadPrefix {
-                name: prefix.to_owned(),
-            });
+            return Err(Error::BadPrefix(prefix.to_owned()));
         }
         let run = match run {
             // Two stages that name it relative to different folders get the same one.
@@ -118,6 +117,21 @@ impl Domain {
         format!("{}-{:04x}_", self.prefix, hash as u16)
     }
 
+    /// The files of a folder whose names begin as this domain's do.
+    pub(crate) fn files_in(&self, folder: &Path) -> impl Iterator<Item = PathBuf> + use<> {
+        let prefix = self.segment_prefix();
+        let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+        entries
+            .filter(move |entry| entry.file_name().to_string_lossy().starts_with(&prefix))
+            .map(|entry| entry.path())
+    }
+
+    /// What follows in such a file's name: what it is of, and its kind.
+    pub(crate) fn name_parts<'a>(&self, path: &'a Path) -> Option<(&'a str, &'a str)> {
+        let name = path.file_name()?.to_str()?;
+        name.strip_prefix(&self.segment_prefix())?.split_once('.')
+    }
+
     /// Makes the folders; refuses those in which another user could change anything.
     pub fn make(&self) -> Result<(), Error> {
         private_folder::check_way_to(&self.run, true)?;
@@ -147,11 +161,7 @@ impl Domain {
         if fs::symlink_metadata(&folder).is_ok() {
             private_folder::check_own(&folder)?;
         } else if owner != user() && !is_writable(&self.run) {
-            return Err(Error::OtherUser {
-                path: self.run.clone(),
-                owner,
-                user: user(),
-            });
+            return Err(private_folder::other_user(&self.run, owner));
         }
         Ok(())
     }

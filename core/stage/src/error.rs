@@ -7,11 +7,8 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A name that cannot be part of a file's.
-    #[error("prefix \"{name}\": expected 1 to 24 letters, digits or hyphens")]
-    BadPrefix {
-        /// As given.
-        name: String,
-    },
+    #[error("prefix \"{0}\": expected 1 to 24 letters, digits or hyphens")]
+    BadPrefix(String),
     /// Sockets in the folder would have longer paths than the system allows.
     #[error("{}: {over} characters too long for the sockets in it: give --run a shorter folder, or a shorter --prefix, which counts twice", path.display())]
     LongPath {
@@ -128,12 +125,9 @@ pub enum Error {
         /// How many files.
         files: usize,
     },
-    /// The system gives this process no more.
-    #[error("out of {what}; without it, ports that are opened later would not connect")]
-    Exhausted {
-        /// What it has run out of.
-        what: String,
-    },
+    /// The system gives this process no more of something.
+    #[error("out of {0}; without it, ports that are opened later would not connect")]
+    Exhausted(String),
     /// iceoryx2 refused.
     #[error("{what}: {cause}{}", hint(cause))]
     Bus {

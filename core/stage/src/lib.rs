@@ -43,8 +43,8 @@ pub use memory::memory_gone;
 pub use observer::{Observer, stop_requested};
 pub use persist::{Checkpoint, FileBytes, KeyframeRing};
 pub use ports::{
-    Descriptor, Loan, Publisher, Qos, Received, Subscriber, TOPICS, Waitable, WakeReason,
+    Descriptor, Loan, Publisher, Received, Subscriber, Waitable, WakeReason, bytes_in_use,
 };
 pub use stage::Stage;
-pub use stages::{COMPUTING_STAGES, STAGES, StageDescription, StageRole};
+pub use stages::{COMPUTING_STAGES, STAGES};
 pub use supervise::{end_with, ended, lower_priority};

@@ -56,11 +56,7 @@ impl Observer {
 
     /// Fails if the memory that it reads was removed or cut: leave it then, and enter anew.
     pub fn check_memory(&self) -> Result<(), Error> {
-        let gone = self.memory_watch.check("top", &self.presence);
-        if gone.is_err() {
-            self.bus.memory_loss().set();
-        }
-        gone
+        self.memory_watch.check("top", &self.presence, &self.bus)
     }
 
     /// Opens a topic for reading. Open one that a stage has open, and drop it when none has any

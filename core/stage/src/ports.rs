@@ -5,7 +5,7 @@ mod bus;
 mod counters;
 mod exhausted;
 mod publisher;
-mod qos;
+pub(crate) mod qos;
 mod resource;
 mod subscriber;
 mod waiter;
@@ -15,22 +15,16 @@ pub(crate) use bus::{Bus, configuration};
 pub(crate) use counters::PortCounters;
 pub(crate) use exhausted::exhausted_resource;
 pub use publisher::{Loan, Publisher};
-pub use qos::{Qos, TOPICS};
+pub use qos::bytes_in_use;
 pub(crate) use resource::BusResource;
 pub use subscriber::{Received, Subscriber};
 pub(crate) use waiter::WaitOutcome;
 pub use waiter::{Descriptor, Waitable, WakeReason};
 
-use crate::{
-    Error,
-    domain::Membership,
-    memory::{MemoryBudget, take_tables},
-    supervise::LastMessage,
-};
+use crate::{Error, domain::Membership, memory::MemoryBudget, supervise::LastMessage};
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::prelude::ipc;
 use publisher::HistoryDelivery;
-use randt_config::Sensor;
 use randt_messages::{MessageRef, PortHealth, StageHealthTopic, Topic};
 use std::rc::Rc;
 use std::time::Duration;
@@ -42,9 +36,6 @@ pub(crate) const JOINED: &str = "stage/joined";
 /// Shared memory that a process needs beside its topics, such as the services' own tables, bytes.
 pub(crate) const TABLE_BYTES: usize = 500_000;
 
-/// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
-const LONG_RANGE_M: f64 = 50.0;
-
 /// All ports of a stage, and the node that they belong to.
 pub(crate) struct StagePorts {
     // Fields are dropped in order: ports before the node.
@@ -52,7 +43,7 @@ pub(crate) struct StagePorts {
     join: BusResource<Notifier<ipc::Service>>,
     writers: Vec<Rc<dyn HistoryDelivery>>,
     waiter: PortWaiter,
-    bus: Bus,
+    pub bus: Bus,
     counters: Vec<Rc<PortCounters>>,
     /// Whether scans are as large as a Navtech's.
     pub is_long_range: bool,
@@ -62,7 +53,7 @@ impl StagePorts {
     /// Makes the node and the port for health. Call it under the lock of those who start.
     pub(crate) fn open(membership: &mut Membership, budget: &MemoryBudget) -> Result<Self, Error> {
         budget.require("tables", TABLE_BYTES)?;
-        let bus = Bus::open(membership.domain(), membership.name())?;
+        let bus = Bus::open(&membership.domain, membership.name())?;
         // Not among the counted ports: it would only report itself.
         let counters = PortCounters::new(StageHealthTopic::NAME, true);
         let health = open_publisher(&bus, membership, budget, counters, false)?;
@@ -75,15 +66,6 @@ impl StagePorts {
             counters: Vec::new(),
             is_long_range: false,
         })
-    }
-
-    pub(crate) fn bus(&self) -> &Bus {
-        &self.bus
-    }
-
-    /// See [`crate::Stage::expect_sensor`].
-    pub(crate) fn expect_sensor(&mut self, sensor: &Sensor) {
-        self.is_long_range = sensor.range_max_m > LONG_RANGE_M;
     }
 
     /// Opens a topic for writing.
@@ -125,11 +107,8 @@ impl StagePorts {
 
     /// From now on health has them.
     fn keep_counters(&mut self, counters: Rc<PortCounters>) {
-        if !self
-            .counters
-            .iter()
-            .any(|known| Rc::ptr_eq(known, &counters))
-        {
+        let mut known = self.counters.iter();
+        if !known.any(|known| Rc::ptr_eq(known, &counters)) {
             self.counters.push(counters);
         }
     }
@@ -151,13 +130,7 @@ impl StagePorts {
 
     /// What a topic costs in memory, as a line for people.
     pub(crate) fn budget<T: Topic>(&self) -> String {
-        Qos::for_topic::<T>().budget(self.is_long_range)
-    }
-
-    /// Takes the memory of all tables of the domain, also of those to which the others' ports will
-    /// write on this process's account.
-    pub(crate) fn take_tables(&self) -> Result<(), Error> {
-        take_tables(self.bus.domain())
+        qos::budget(&qos::topic::<T>(), self.is_long_range)
     }
 
     pub(crate) fn publish_health(
@@ -175,9 +148,8 @@ impl StagePorts {
     ) -> Result<WaitOutcome, Error> {
         let outcome = self.waiter.sleep(on, pause)?;
         if outcome.joins {
-            self.writers
-                .iter()
-                .for_each(|writer| writer.deliver_history());
+            let writers = self.writers.iter();
+            writers.for_each(|writer| writer.deliver_history());
         }
         Ok(outcome)
     }
@@ -191,10 +163,10 @@ fn open_publisher<T: Topic>(
     counters: Rc<PortCounters>,
     is_long_range: bool,
 ) -> Result<Publisher<T>, Error> {
-    let bytes = Qos::for_topic::<T>().bytes_in_use(is_long_range);
+    let bytes = bytes_in_use(&qos::topic::<T>(), is_long_range);
     budget.require(T::NAME, bytes)?;
     let service = bus.topic::<T>()?;
     membership.add_topic::<T>()?;
-    let (clock, epoch) = (membership.clock(), membership.epoch());
+    let (clock, epoch) = (membership.clock, membership.epoch());
     Publisher::new(bus, service, clock, epoch, counters, is_long_range)
 }

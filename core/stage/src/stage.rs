@@ -3,9 +3,9 @@
 use crate::{
     Clock, Domain, Error, Publisher, Subscriber,
     domain::Membership,
-    memory::{MemoryBudget, MemoryWatch},
+    memory::{MemoryBudget, MemoryWatch, take_tables},
     ports::{StagePorts, WaitOutcome, Waitable, WakeReason},
-    supervise::{Priority, Request, StageStatus, Supervision},
+    supervise::{FollowedConfiguration, Priority, Request, StageStatus, Supervision},
 };
 use randt_config::{Config, SelectionArguments, Sensor};
 use randt_messages::{MessageRef, StageHealthTopic, StageState, Topic};
@@ -33,8 +33,10 @@ impl Stage {
         let mut membership = Membership::enter(domain, name)?;
         let budget = MemoryBudget::new(name);
         let ports = StagePorts::open(&mut membership, &budget)?;
-        let memory_watch = MemoryWatch::new(domain, ports.bus().node_id());
-        membership.set_left_files(memory_watch.left_files())?;
+        let memory_watch = MemoryWatch::new(domain, ports.bus.node_id());
+        membership
+            .registry
+            .set_left_files(memory_watch.left_files())?;
         let stage = Self {
             ports,
             membership,
@@ -49,7 +51,7 @@ impl Stage {
 
     /// Sets which radar's scans are expected: they decide how much memory is needed.
     pub fn expect_sensor(&mut self, sensor: &Sensor) {
-        self.ports.expect_sensor(sensor);
+        self.ports.is_long_range = sensor.range_max_m > LONG_RANGE_M;
     }
 
     /// Sets how the configuration is read again on SIGHUP. `reads`: the sections that matter to
@@ -62,8 +64,8 @@ impl Stage {
         reads: &[&'static str],
         live: Option<&'static str>,
     ) {
-        self.supervision
-            .follow_configuration(selection, config, reads, live);
+        let followed = FollowedConfiguration::new(selection, config, reads, live);
+        self.supervision.follow(followed);
     }
 
     /// A configuration to take over, once.
@@ -73,12 +75,12 @@ impl Stage {
 
     /// The domain that it is in.
     pub fn domain(&self) -> &Domain {
-        self.membership.domain()
+        &self.membership.domain
     }
 
     /// The one clock.
     pub fn clock(&self) -> Clock {
-        self.membership.clock()
+        self.membership.clock
     }
 
     /// This process's epoch: new at each start, rising.
@@ -106,7 +108,8 @@ impl Stage {
     /// The loop begins: publishes that at once.
     pub fn running(&mut self) -> Result<(), Error> {
         self.status.state = StageState::Running;
-        self.ports.take_tables()?;
+        // Also of those to which the others' ports will write on this process's account.
+        take_tables(&self.membership.domain)?;
         self.membership.end_start();
         self.publish_health()
     }
@@ -127,7 +130,7 @@ impl Stage {
 
     /// Something that `systemctl status` shall show beside rate and age, such as "trust good".
     pub fn set_status_note(&mut self, note: &str) {
-        self.supervision.set_note(note);
+        note.clone_into(&mut self.supervision.note);
     }
 
     /// There is nothing more to do, but what was sent last stays in reach.
@@ -143,7 +146,7 @@ impl Stage {
 
     fn log(&self, priority: Priority, text: &str) {
         let last = self.ports.last_message(self.epoch());
-        self.supervision.log(priority, last, text);
+        self.supervision.journal.log(priority, last, text);
     }
 
     /// Sleeps until one of `on` has something, a reader has joined, or the time is over. Health
@@ -156,7 +159,7 @@ impl Stage {
     ) -> Result<WakeReason, Error> {
         let end = timeout.map(|timeout| Instant::now() + timeout);
         loop {
-            self.ports.bus().exhausted.check()?;
+            self.ports.bus.exhausted.check()?;
             match self.supervision.take_request() {
                 Some(Request::Stop) => return Ok(WakeReason::Stop),
                 Some(Request::Reload) if self.reload() => return Ok(WakeReason::Event),
@@ -165,11 +168,12 @@ impl Stage {
             let now_ns = self.clock().now_ns();
             if self.status.is_due(now_ns) {
                 // First: publishing writes to that memory.
-                self.check_memory()?;
+                let (name, presence) = (self.membership.name(), &self.membership.presence);
+                self.memory_watch.check(name, presence, &self.ports.bus)?;
                 self.publish_health()?;
             }
-            let watchdog_ns = self.supervision.feed_watchdog(now_ns);
-            let next_ns = watchdog_ns.min(self.status.next_publish_ns());
+            let watchdog_ns = self.supervision.notify.feed_watchdog(now_ns);
+            let next_ns = watchdog_ns.min(self.status.next_publish_ns);
             let to_next = next_ns.saturating_sub(now_ns).max(0);
             let mut pause = Duration::from_nanos(to_next.unsigned_abs());
             if let Some(end) = end {
@@ -195,16 +199,6 @@ impl Stage {
         self.ports.sleep(&on, pause)
     }
 
-    fn check_memory(&self) -> Result<(), Error> {
-        let checked = self
-            .memory_watch
-            .check(self.membership.name(), self.membership.presence());
-        if checked.is_err() {
-            self.ports.bus().memory_loss().set();
-        }
-        checked
-    }
-
     /// Reads the configuration again; returns whether the stage has to take one over. An error in
     /// a file is logged, and the configuration in force stays.
     fn reload(&mut self) -> bool {
@@ -227,11 +221,9 @@ impl Stage {
     fn publish_health(&mut self) -> Result<(), Error> {
         let now_ns = self.clock().now_ns();
         let ports = self.ports.health();
-        let head = self
-            .status
-            .health(now_ns, self.membership.register_entry(), &ports);
-        self.supervision
-            .publish_status(now_ns, &self.status, &ports);
+        let (status, entry) = (&mut self.status, self.membership.registry.entry());
+        let head = status.health(now_ns, entry, &ports);
+        self.supervision.publish_status(now_ns, status, &ports);
         self.ports.publish_health(MessageRef {
             head: &head,
             items: &[],
@@ -244,9 +236,12 @@ impl Stage {
         self.status.state = StageState::Stopping;
         self.publish_health()?;
         std::thread::sleep(PARTING);
-        self.membership.mark_ended()
+        self.membership.registry.end()
     }
 }
+
+/// Radars that see farther than this send scans like a Navtech's, others like an iSDR-C's.
+const LONG_RANGE_M: f64 = 50.0;
 
 /// Readers wake within a tenth of a millisecond; this is a hundred times that.
 const PARTING: Duration = Duration::from_millis(10);

@@ -1,67 +1,14 @@
-//! Every stage of the pipeline, once: its name, and with it its program and its unit.
+//! Every stage of the pipeline, once: its name, and with it its program (`randt-NAME`) and its
+//! unit.
 
-/// What a stage is in the pipeline for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StageRole {
-    /// Drives a sensor.
-    Driver,
-    /// Computes what lies between the sensors and the map.
-    Computing,
-    /// Reads along: the pipeline runs without it.
-    Reading,
-}
-
-/// A stage of the pipeline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct StageDescription {
-    /// Name such as `odometry`.
-    pub name: &'static str,
-    /// What it is for.
-    pub role: StageRole,
-}
-
-/// All stages in the order of the data's way, which is the order in which they are ended: each
-/// gets what the one before sent last.
-pub const STAGES: [StageDescription; 7] = [
-    stage("radar", StageRole::Driver),
-    stage("imu", StageRole::Driver),
-    stage("filter", StageRole::Computing),
-    stage("odometry", StageRole::Computing),
-    stage("mapper", StageRole::Computing),
-    stage("view", StageRole::Reading),
-    stage("recorder", StageRole::Reading),
+/// Names of all stages in the order of the data's way, which is the order in which they are ended:
+/// each gets what the one before sent last.
+pub const STAGES: [&str; 7] = [
+    "radar", "imu", "filter", "odometry", "mapper", "view", "recorder",
 ];
 
-/// Names of the stages that compute, in that order.
-pub const COMPUTING_STAGES: [&str; 3] = {
-    let mut names = [""; 3];
-    let (mut i, mut count) = (0, 0);
-    while i < STAGES.len() {
-        if matches!(STAGES[i].role, StageRole::Computing) {
-            names[count] = STAGES[i].name;
-            count += 1;
-        }
-        i += 1;
-    }
-    assert!(count == names.len());
-    names
-};
-
-const fn stage(name: &'static str, role: StageRole) -> StageDescription {
-    StageDescription { name, role }
-}
-
-impl StageDescription {
-    /// Its program.
-    pub fn program(&self) -> String {
-        format!("randt-{}", self.name)
-    }
-
-    /// Its unit of systemd.
-    pub fn unit(&self) -> String {
-        format!("{}.service", self.program())
-    }
-}
+/// Those that compute what lies between the sensors and the map, in that order.
+pub const COMPUTING_STAGES: [&str; 3] = [STAGES[2], STAGES[3], STAGES[4]];
 
 #[cfg(test)]
 mod tests {
@@ -74,8 +21,8 @@ mod tests {
         let systemd = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../systemd");
         let packaged = fs::read_to_string(systemd.join("package/programs")).unwrap();
         for stage in STAGES {
-            let unit = fs::read_to_string(systemd.join(stage.unit())).unwrap();
-            let program = stage.program();
+            let program = format!("randt-{stage}");
+            let unit = fs::read_to_string(systemd.join(format!("{program}.service"))).unwrap();
             assert!(
                 unit.contains(&format!("ExecStart=/usr/bin/{program} ")),
                 "{program}"

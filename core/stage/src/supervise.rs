@@ -15,6 +15,7 @@ pub use exit::ended;
 pub(crate) use journal::{LastMessage, Priority};
 pub use parent::end_with;
 pub use priority::lower_priority;
+pub(crate) use reload::FollowedConfiguration;
 pub(crate) use requests::Request;
 pub(crate) use status::StageStatus;
 
@@ -22,22 +23,21 @@ use crate::{Error, ports::Descriptor};
 use data_flow::DataFlow;
 use journal::Journal;
 use notify::Notify;
-use randt_config::{Config, SelectionArguments};
+use randt_config::Config;
 use randt_messages::{PortHealth, StageState};
-use reload::FollowedConfiguration;
 use requests::Requests;
 
 /// The stage's side towards systemd and journald; does nothing where neither is there.
 #[derive(Debug)]
 pub(crate) struct Supervision {
-    notify: Notify,
+    pub notify: Notify,
     /// Under systemd only: elsewhere SIGHUP says that the terminal has gone, and ends the stage.
     requests: Option<Requests>,
     configuration: Option<FollowedConfiguration>,
     data_flow: DataFlow,
     /// What the stage adds to its status.
-    note: String,
-    journal: Journal,
+    pub note: String,
+    pub journal: Journal,
 }
 
 impl Supervision {
@@ -55,34 +55,9 @@ impl Supervision {
         })
     }
 
-    /// Writes a line to the journal.
-    pub(crate) fn log(&self, priority: Priority, last: LastMessage, text: &str) {
-        self.journal.log(priority, last, text);
-    }
-
-    /// See [`crate::Stage::set_status_note`].
-    pub(crate) fn set_note(&mut self, note: &str) {
-        if self.note != note {
-            note.clone_into(&mut self.note);
-        }
-    }
-
     /// See [`crate::Stage::follow_configuration`].
-    pub(crate) fn follow_configuration(
-        &mut self,
-        selection: &SelectionArguments,
-        config: &Config,
-        reads: &[&'static str],
-        live: Option<&'static str>,
-    ) {
-        if self.requests.is_some() {
-            self.configuration = Some(FollowedConfiguration::new(selection, config, reads, live));
-        }
-    }
-
-    /// Tells the watchdog that the loop works, when that is due; returns when it is due next, ns.
-    pub(crate) fn feed_watchdog(&mut self, now_ns: i64) -> i64 {
-        self.notify.feed_watchdog(now_ns)
+    pub(crate) fn follow(&mut self, configuration: FollowedConfiguration) {
+        self.configuration = Some(configuration).filter(|_| self.requests.is_some());
     }
 
     /// Sends the status to systemd.
@@ -100,7 +75,7 @@ impl Supervision {
             StageState::Stopping => self.notify.stopping(),
             StageState::Running | StageState::Degraded | StageState::Finished => {
                 let flow = &mut self.data_flow;
-                let (text, is_fresh) = flow.describe(now_ns, ports, &self.note, status.message());
+                let (text, is_fresh) = flow.describe(now_ns, ports, &self.note, &status.message);
                 self.notify.ready(now_ns, &text, is_fresh);
             }
         }
@@ -129,11 +104,11 @@ impl Supervision {
     /// Whether a configuration waits to be taken over.
     pub(crate) fn has_changed(&self) -> bool {
         let followed = self.configuration.as_ref();
-        followed.is_some_and(FollowedConfiguration::has_changed)
+        followed.is_some_and(|followed| followed.changed.is_some())
     }
 
     /// A configuration to take over, once.
     pub(crate) fn take_changed(&mut self) -> Option<Config> {
-        self.configuration.as_mut()?.take_changed()
+        self.configuration.as_mut()?.changed.take()
     }
 }

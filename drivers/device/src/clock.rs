@@ -88,9 +88,8 @@ impl DeviceClock {
         let Some((last_device_ns, _)) = self.last else {
             return false;
         };
-        let early = self
-            .estimate(device_ns)
-            .is_some_and(|host_ns| host_ns.saturating_sub(arrival_ns) > SET_NS);
+        let host_ns = self.estimate(device_ns);
+        let early = host_ns.is_some_and(|host_ns| host_ns.saturating_sub(arrival_ns) > SET_NS);
         device_ns < last_device_ns || early || self.late_stretches > LATE_STRETCHES_MAX
     }
 

@@ -63,20 +63,14 @@ pub struct Count {
 impl Count {
     /// Something that happened, no more.
     pub fn event(name: &'static str, value: u64) -> Self {
-        Self {
-            name,
-            value,
-            loss: false,
-        }
+        let loss = false;
+        Self { name, value, loss }
     }
 
     /// Data that are missing.
     pub fn loss(name: &'static str, value: u64) -> Self {
-        Self {
-            name,
-            value,
-            loss: true,
-        }
+        let loss = true;
+        Self { name, value, loss }
     }
 }
 

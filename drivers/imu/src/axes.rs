@@ -12,34 +12,20 @@ pub struct Axes {
 impl Axes {
     /// Reads the value of a key of the configuration.
     pub fn read(key: &'static str, text: &str) -> Result<Self, Error> {
-        let refused = || Error::Value {
-            key,
-            found: text.to_owned(),
-            expected: "three different axes with their signs, such as \"+x +y +z\"",
-        };
-        let axes: Vec<(usize, f64)> = text
-            .split_whitespace()
-            .map(axis)
-            .collect::<Option<_>>()
-            .ok_or_else(refused)?;
-        let rows: [(usize, f64); 3] = axes.try_into().map_err(|_| refused())?;
-        let is_there = |axis| rows.iter().any(|row| row.0 == axis);
-        if (0..3).all(is_there) {
-            Ok(Self { rows })
-        } else {
-            Err(refused())
-        }
+        let expected = "three different axes with their signs, such as \"+x +y +z\"";
+        let axes: Option<Vec<(usize, f64)>> = text.split_whitespace().map(axis).collect();
+        let rows: Option<[(usize, f64); 3]> = axes.and_then(|axes| axes.try_into().ok());
+        let all = rows.filter(|rows| (0..3).all(|axis| rows.iter().any(|row| row.0 == axis)));
+        all.map(|rows| Self { rows })
+            .ok_or_else(|| Error::new(key, text, expected))
     }
 
     /// The same for rates: a mirror image would turn left into right.
     pub fn read_for_rates(key: &'static str, text: &str) -> Result<Self, Error> {
         let axes = Self::read(key, text)?;
         if axes.mirrors() {
-            return Err(Error::Value {
-                key,
-                found: text.to_owned(),
-                expected: "right-handed: a mirror image turns left into right; change one sign",
-            });
+            let expected = "right-handed: a mirror image turns left into right; change one sign";
+            return Err(Error::new(key, text, expected));
         }
         Ok(axes)
     }

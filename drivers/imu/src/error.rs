@@ -3,31 +3,32 @@
 
 use randt_config::Origins;
 
-/// Why an IMU cannot be driven at all.
+/// A value of the configuration that its type allows but its meaning does not.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum Error {
-    /// A value that its type allows but its meaning does not.
-    #[error("imu.{key} is {found:?}, it must be {expected}")]
-    Value {
-        /// The key in section `imu`.
-        key: &'static str,
-        /// Its value.
-        found: String,
-        /// What would be right.
-        expected: &'static str,
-    },
+#[error("imu.{key} is {found:?}, it must be {expected}")]
+pub struct Error {
+    /// The key in section `imu`.
+    key: &'static str,
+    /// Its value.
+    found: String,
+    /// What would be right.
+    expected: &'static str,
 }
 
 impl Error {
-    /// As an error of the configuration, which has the origin of the value and ends a process as
-    /// bad configuration.
-    pub fn in_configuration(self, origins: &Origins) -> randt_config::Error {
-        let Self::Value {
+    pub(crate) fn new(key: &'static str, found: &str, expected: &'static str) -> Self {
+        let found = found.to_owned();
+        Self {
             key,
             found,
             expected,
-        } = self;
-        randt_config::Error::value(origins, ("imu", key), &found, expected.to_owned())
+        }
+    }
+
+    /// As an error of the configuration, which has the origin of the value and ends a process as
+    /// bad configuration.
+    pub fn in_configuration(self, origins: &Origins) -> randt_config::Error {
+        let key = ("imu", self.key);
+        randt_config::Error::value(origins, key, &self.found, self.expected.to_owned())
     }
 }

@@ -70,21 +70,11 @@ pub struct FrameCounts {
 }
 
 /// The bytes that are not yet a whole frame.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Frames<F> {
     bytes: Vec<u8>,
     counts: FrameCounts,
     framing: PhantomData<F>,
-}
-
-impl<F: Framing> Default for Frames<F> {
-    fn default() -> Self {
-        Self {
-            bytes: Vec::new(),
-            counts: FrameCounts::default(),
-            framing: PhantomData,
-        }
-    }
 }
 
 impl<F: Framing> Frames<F> {

@@ -155,15 +155,12 @@ impl Imu {
         self.link = if !self.source.fault().is_empty() {
             Link::Down(self.source.fault().to_owned())
         } else if silent_ns > self.silence_ns {
-            Link::Down(format!(
-                "{} for over {}",
-                self.source.silence(),
-                self.silent(silent_ns)
-            ))
+            let (silence, silent) = (self.source.silence(), self.silent(silent_ns));
+            Link::Down(format!("{silence} for over {silent}"))
         } else if self.counts.samples == 0 {
             Link::Starting
-        } else if !self.upright.complaint().is_empty() {
-            Link::Warning(self.upright.complaint().to_owned())
+        } else if !self.upright.complaint.is_empty() {
+            Link::Warning(self.upright.complaint.clone())
         } else if !self.source.complaint().is_empty() {
             Link::Warning(self.source.complaint().to_owned())
         } else if let Some((is_hz, asked_hz)) = self.sequence.wrong_rate() {
@@ -197,9 +194,8 @@ impl Imu {
 
     /// Whether gravity was measured, and points as the configured axes have it.
     pub fn is_upright(&self) -> Option<bool> {
-        self.upright
-            .known()
-            .then(|| self.upright.complaint().is_empty())
+        let is_upright = self.upright.complaint.is_empty();
+        self.upright.known.then_some(is_upright)
     }
 
     /// Everything that was counted.

@@ -46,11 +46,8 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let pause_ns = imu.due_ns().saturating_sub(stage.clock().now_ns()).max(0);
         let pause = Duration::from_nanos(pause_ns.unsigned_abs());
         let descriptor = imu.descriptor().map(Descriptor::new).transpose()?;
-        let on: Vec<&dyn Waitable> = descriptor
-            .iter()
-            .map(|device| device as &dyn Waitable)
-            .collect();
-        if stage.wait(&on, Some(pause))? == WakeReason::Stop {
+        let device = descriptor.as_ref().map(|device| device as &dyn Waitable);
+        if stage.wait(device.as_slice(), Some(pause))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         match stage.take_changed().map(|config| Imu::new(&config)) {

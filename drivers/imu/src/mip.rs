@@ -10,5 +10,5 @@ mod setup;
 
 pub use field::{Field, GpsTime, SENSOR_DATA};
 pub use packet::{Fields, MipFraming, Packet, checksum};
-pub use protocol::{Mip, MipCodec};
-pub use setup::{MipSetup, Step, command};
+pub use protocol::Mip;
+pub use setup::{MipCodec, Step, command};

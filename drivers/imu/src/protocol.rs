@@ -5,40 +5,15 @@ use crate::frames::{FrameCounts, Frames, Framing};
 use crate::reading::Reading;
 use std::fmt::Debug;
 
-/// A protocol, without its port: bytes in, readings and commands out.
-pub trait Protocol: Debug {
-    /// The port was opened: half a frame is forgotten, and the device is configured again.
-    fn opened(&mut self);
-
-    /// Takes what was read.
-    fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>);
-
-    /// A command that is to be sent now.
-    fn send(&mut self, now_ns: i64) -> Option<Vec<u8>>;
-
-    /// When [`Self::send`] may have something; none once the device is configured.
-    fn due_ns(&self) -> Option<i64>;
-
-    /// Whether the device is being configured, and answers.
-    fn is_under_way(&self) -> bool;
-
-    /// What was counted.
-    fn counts(&self) -> FrameCounts;
-
-    /// What the device refused, or an empty text.
-    fn complaint(&self) -> &str;
-
-    /// From one reading to the next, ns, as the device has agreed to, else as it is configured
-    /// here.
-    fn interval_ns(&self) -> i64;
-}
-
 /// What a protocol's frames and commands mean.
-pub trait Codec: Debug {
+pub trait Codec: Debug + Sized {
     /// The form of its frames.
-    type Framing: Framing + Debug;
+    type Framing: Framing + Debug + Default;
     /// What is asked of a device after its port was opened.
     type Step: Step;
+
+    /// One whose device is asked for this many readings a second.
+    fn new(rate_hz: f64) -> Self;
 
     /// The port was opened: the device is configured from the beginning.
     fn restart(&mut self);
@@ -58,7 +33,7 @@ pub trait Codec: Debug {
     fn interval_ns(&self) -> i64;
 }
 
-/// A protocol of frames and commands.
+/// A protocol of frames and commands, without its port: bytes in, readings and commands out.
 #[derive(Debug)]
 pub struct Framed<C: Codec> {
     frames: Frames<C::Framing>,
@@ -67,52 +42,59 @@ pub struct Framed<C: Codec> {
 }
 
 impl<C: Codec> Framed<C> {
-    /// One that has not begun.
-    pub(crate) fn with_codec(codec: C) -> Self {
+    /// One whose device is asked for this many readings a second.
+    pub fn new(rate_hz: f64) -> Self {
         Self {
             frames: Frames::default(),
             commands: CommandSequence::default(),
-            codec,
+            codec: C::new(rate_hz),
         }
     }
-}
 
-impl<C: Codec> Protocol for Framed<C> {
-    fn opened(&mut self) {
+    /// The port was opened: half a frame is forgotten, and the device is configured again.
+    pub fn opened(&mut self) {
         self.frames.cut();
         self.commands = CommandSequence::default();
         self.codec.restart();
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>) {
+    /// Takes what was read.
+    pub fn take(&mut self, bytes: &[u8], arrival_ns: i64, readings: &mut Vec<Reading>) {
         let (codec, commands) = (&mut self.codec, &mut self.commands);
         self.frames.push(bytes, &mut |frame| {
             readings.extend(codec.take(frame, commands, arrival_ns));
         });
     }
 
-    fn send(&mut self, now_ns: i64) -> Option<Vec<u8>> {
+    /// A command that is to be sent now.
+    pub fn send(&mut self, now_ns: i64) -> Option<Vec<u8>> {
         let step = self.commands.send(now_ns)?;
         Some(self.codec.command(step))
     }
 
-    fn due_ns(&self) -> Option<i64> {
+    /// When [`Self::send`] may have something; none once the device is configured.
+    pub fn due_ns(&self) -> Option<i64> {
         self.commands.due_ns()
     }
 
-    fn is_under_way(&self) -> bool {
+    /// Whether the device is being configured, and answers.
+    pub fn is_under_way(&self) -> bool {
         self.commands.is_under_way()
     }
 
-    fn counts(&self) -> FrameCounts {
+    /// What was counted.
+    pub fn counts(&self) -> FrameCounts {
         self.frames.counts()
     }
 
-    fn complaint(&self) -> &str {
+    /// What the device refused, or an empty text.
+    pub fn complaint(&self) -> &str {
         self.commands.complaint()
     }
 
-    fn interval_ns(&self) -> i64 {
+    /// From one reading to the next, ns, as the device has agreed to, else as it is configured
+    /// here.
+    pub fn interval_ns(&self) -> i64 {
         self.codec.interval_ns()
     }
 }

@@ -1,6 +1,6 @@
 //! Where readings come from.
 
-use crate::{Error, Reading, Serial, mip::Mip, phidget::Spatial, xsens::Xsens};
+use crate::{Error, Reading, Serial, mip::MipCodec, phidget::Spatial, xsens::XsensCodec};
 use randt_config::{ImuDriver, ImuSource};
 use randt_device::Count;
 use std::fmt::Debug;
@@ -40,15 +40,12 @@ pub trait ReadingSource: Debug {
 /// The source that the configuration names.
 pub(crate) fn reading_source(config: &ImuDriver) -> Result<Box<dyn ReadingSource>, Error> {
     if config.source != ImuSource::Phidget22 && config.device.is_empty() {
-        return Err(Error::Value {
-            key: "device",
-            found: String::new(),
-            expected: "the serial port's path, such as /dev/serial/by-id/...",
-        });
+        let expected = "the serial port's path, such as /dev/serial/by-id/...";
+        return Err(Error::new("device", "", expected));
     }
     Ok(match config.source {
         ImuSource::Phidget22 => Box::new(Spatial::new(config)?),
-        ImuSource::Mip => Box::new(Serial::new(config, Box::new(Mip::new(config.rate_hz)))),
-        ImuSource::Xsens => Box::new(Serial::new(config, Box::new(Xsens::new(config.rate_hz)))),
+        ImuSource::Mip => Box::new(Serial::<MipCodec>::new(config)),
+        ImuSource::Xsens => Box::new(Serial::<XsensCodec>::new(config)),
     })
 }

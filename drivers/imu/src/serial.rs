@@ -6,7 +6,8 @@
 //! for the protocol's bytes.
 
 use crate::port::{KERNEL_BUFFER, Port};
-use crate::{Reading, protocol::Protocol, reading_source::ReadingSource};
+use crate::protocol::{Codec, Framed};
+use crate::{Reading, reading_source::ReadingSource};
 use randt_config::ImuDriver;
 use randt_device::{Backoff, Count};
 use std::os::fd::BorrowedFd;
@@ -19,10 +20,10 @@ const READS_MAX: usize = 16;
 
 /// An IMU on a serial port.
 #[derive(Debug)]
-pub struct Serial {
+pub struct Serial<C: Codec> {
     path: PathBuf,
     baud: u32,
-    protocol: Box<dyn Protocol>,
+    protocol: Framed<C>,
     patience_ns: i64,
     port: Option<Port>,
     backoff: Backoff,
@@ -43,13 +44,13 @@ struct Session {
     frames_before: u64,
 }
 
-impl Serial {
-    /// One that speaks a protocol.
-    pub fn new(config: &ImuDriver, protocol: Box<dyn Protocol>) -> Self {
+impl<C: Codec> Serial<C> {
+    /// By its configuration.
+    pub fn new(config: &ImuDriver) -> Self {
         Self {
             path: PathBuf::from(&config.device),
             baud: config.baud,
-            protocol,
+            protocol: Framed::new(config.rate_hz),
             patience_ns: ((config.silence_s * 1e9) as i64).max(SETTLING_NS),
             port: None,
             backoff: Backoff::default(),
@@ -119,7 +120,7 @@ impl Serial {
     }
 }
 
-impl ReadingSource for Serial {
+impl<C: Codec> ReadingSource for Serial<C> {
     fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.port.as_ref().map(Port::descriptor)
     }
@@ -130,10 +131,8 @@ impl ReadingSource for Serial {
             self.open(now_ns);
         }
         if let Err(error) = self.read(clock, readings) {
-            self.gone(
-                now_ns,
-                format!("{}: unplugged ({error})", self.path.display()),
-            );
+            let why = format!("{}: unplugged ({error})", self.path.display());
+            self.gone(now_ns, why);
         } else if self.port.is_some() && now_ns - self.active_ns > self.patience_ns {
             // It is there, so there is nothing to be patient with.
             self.port = None;

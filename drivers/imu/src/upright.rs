@@ -11,8 +11,10 @@ pub(crate) struct Upright {
     /// IMU to base_link.
     mounting: Quaternion,
     check: MountingCheck,
-    known: bool,
-    complaint: String,
+    /// Whether gravity was seen.
+    pub known: bool,
+    /// What is wrong, or an empty text.
+    pub complaint: String,
 }
 
 impl Upright {
@@ -54,15 +56,5 @@ impl Upright {
              imu_pitch_rad (how it is mounted)",
             result.up_axis()
         );
-    }
-
-    /// Whether gravity was seen.
-    pub(crate) fn known(&self) -> bool {
-        self.known
-    }
-
-    /// What is wrong, or an empty text.
-    pub(crate) fn complaint(&self) -> &str {
-        &self.complaint
     }
 }

@@ -9,5 +9,5 @@ mod setup;
 
 pub use item::Item;
 pub use message::{Items, Message, XsensFraming};
-pub use protocol::{Xsens, XsensCodec};
-pub use setup::{Step, XsensSetup, id};
+pub use protocol::Xsens;
+pub use setup::{Step, XsensCodec, id};

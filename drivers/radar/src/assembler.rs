@@ -101,9 +101,9 @@ impl Assembler {
         self.counters.beams += 1;
         self.doubts.contradicted += u64::from(beam.contradicted);
         self.counters.contradicted += u64::from(beam.contradicted);
-        if beam.layout.beams != self.locator.beams() {
+        if beam.layout.beams != self.locator.beams {
             self.restart(whole);
-            self.locator.set_beams(beam.layout.beams);
+            self.locator.beams = beam.layout.beams;
         }
         if self.locator.turns_round(beam) {
             self.restart(whole);
@@ -140,32 +140,24 @@ impl Assembler {
 
     /// Gives all counters.
     pub fn counts(&self, visit: &mut dyn FnMut(Count)) {
-        let clock_restarts = self.counters.clock_restarts + self.clock.restarts();
-        let counters = Counters {
-            clock_restarts,
-            ..self.counters
-        };
+        let mut counters = self.counters;
+        counters.clock_restarts += self.clock.restarts();
         counters.visit(visit);
     }
 
     /// Whether a sweep begins here, so that what comes from now on is collected.
     fn begin(&mut self, beam: &RawBeam, id: i64, number: i64) -> bool {
         let cut = *self.cut.get_or_insert(id);
-        match beam.position {
-            BeamPosition::Numbered { beam, .. } => self.begin_at(
-                beam == 0 || id > cut,
-                id,
-                id * i64::from(self.locator.beams()),
-            ),
+        let (begins, first) = match beam.position {
+            BeamPosition::Numbered { beam, .. } => {
+                (beam == 0 || id > cut, id * i64::from(self.locator.beams))
+            }
             BeamPosition::Running(_) => {
                 let at_begin = i64::from(self.locator.past_border(beam)) < self.locator.step();
                 let begins = (at_begin || id > cut) && self.locator.knows_sense();
-                self.begin_at(begins, id, number)
+                (begins, number)
             }
-        }
-    }
-
-    fn begin_at(&mut self, begins: bool, id: i64, first: i64) -> bool {
+        };
         if begins {
             self.done = Some(id - 1);
             self.accounted = first;
@@ -238,7 +230,7 @@ impl Assembler {
     /// Whether no beam can be missing any more. A running counter's sweep ends where the next
     /// step, even a short one, passes the border.
     fn is_whole(&self, sweep: &Sweep, beam: &RawBeam) -> bool {
-        let all = sweep.beams() >= usize::from(self.locator.beams());
+        let all = sweep.beams() >= usize::from(self.locator.beams);
         let at_end = match beam.position {
             BeamPosition::Numbered { .. } => true,
             BeamPosition::Running(_) => {
@@ -255,14 +247,12 @@ impl Assembler {
         };
         self.current = self.next.take();
         // A running counter's sweep has every number up to the next one's first.
-        let follower = self
-            .current
-            .as_ref()
-            .and_then(|open| open.sweep.slots().first());
+        let follower = self.current.as_ref();
+        let follower = follower.and_then(|open| open.sweep.slots.first());
         let end = match (self.locator.is_running(), follower) {
-            (false, _) => (id + 1) * i64::from(self.locator.beams()),
+            (false, _) => (id + 1) * i64::from(self.locator.beams),
             (true, Some(first)) => first.number,
-            (true, None) => sweep.newest() + 1,
+            (true, None) => sweep.newest + 1,
         };
         let expected = end.saturating_sub(self.accounted).max(0);
         self.accounted = self.accounted.max(end);
@@ -271,11 +261,7 @@ impl Assembler {
         self.counters.lost += missing.unsigned_abs();
         // What a radar that has gone would have sent is missing in the sweep, but was not lost on
         // the way.
-        let whole_turn = if cut {
-            i64::from(self.locator.beams())
-        } else {
-            0
-        };
+        let whole_turn = i64::from(self.locator.beams) * i64::from(cut);
         sweep.finish(expected.max(whole_turn));
         std::mem::swap(&mut self.finished, &mut sweep);
         self.spare.push(sweep);
@@ -286,20 +272,16 @@ impl Assembler {
         let sweep = &mut self.finished;
         let counters = &mut self.counters;
         // Nothing can be registered with less than half a turn.
-        if 2 * sweep.beams() < usize::from(self.locator.beams()) {
+        if 2 * sweep.beams() < usize::from(self.locator.beams) {
             counters.discarded += sweep.beams() as u64;
             return;
         }
         let turn_ns = sweep.layout().turn_ns.unwrap_or(self.turn_ns);
-        let timing = Timing::from_beams(
-            sweep.slots(),
-            self.locator.beams(),
-            turn_ns,
-            &mut self.clock,
-        );
-        sweep.timed(timing);
+        let (beams, clock) = (self.locator.beams, &mut self.clock);
+        let timing = Timing::from_beams(&sweep.slots, beams, turn_ns, clock);
+        sweep.timing = timing;
         let doubts = std::mem::take(&mut self.doubts);
-        sweep.contest(doubts.contest(self.locator.beams()));
+        sweep.contested = doubts.contest(self.locator.beams);
         counters.contested += u64::from(sweep.is_contested());
         counters.sweeps += 1;
         counters.partial += u64::from(sweep.beams_lost() > 0);

@@ -49,7 +49,7 @@ pub struct Echo {
 }
 
 /// One beam as it came. Decoders use one over and over, so that nothing is allocated.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RawBeam {
     /// Its sender.
     pub sender: Sender,
@@ -76,20 +76,8 @@ pub struct RawBeam {
     pub powers: Vec<u8>,
 }
 
-impl Default for RawBeam {
+impl Default for BeamPosition {
     fn default() -> Self {
-        Self {
-            sender: Sender::default(),
-            fingerprint: 0,
-            contradicted: false,
-            position: BeamPosition::Running(0),
-            azimuth: 0,
-            device_ns: None,
-            arrival_ns: 0,
-            layout: BeamLayout::default(),
-            echoes: Vec::new(),
-            dropped: 0,
-            powers: Vec::new(),
-        }
+        Self::Running(0)
     }
 }

@@ -27,9 +27,6 @@ pub trait BeamSource {
     /// The state of the radar's link: whether beams come.
     fn link(&self) -> &Link;
 
-    /// What is known of the radar, for people, such as its model.
-    fn about(&self) -> String;
-
     /// Gives all counters.
     fn counts(&self, visit: &mut dyn FnMut(Count));
 }

@@ -18,18 +18,12 @@ pub enum Error {
     },
     /// The interface is no address.
     #[error(
-        "radar.interface {interface:?} is not the IP of one of this host's interfaces, such as 192.168.0.10"
+        "radar.interface {0:?} is not the IP of one of this host's interfaces, such as 192.168.0.10"
     )]
-    Interface {
-        /// What was given.
-        interface: String,
-    },
+    Interface(String),
     /// A multicast group that cannot be joined.
-    #[error("radar.address {address}: only IPv4 groups can be joined")]
-    Group {
-        /// What was given.
-        address: std::net::SocketAddr,
-    },
+    #[error("radar.address {0}: only IPv4 groups can be joined")]
+    Group(std::net::SocketAddr),
     /// Nothing can be recorded there.
     #[error("record.dense {}: {source}", folder.display())]
     Record {
@@ -44,6 +38,11 @@ pub enum Error {
 }
 
 impl Error {
+    pub(crate) fn address(address: &str, example: &'static str) -> Self {
+        let address = address.to_owned();
+        Self::Address { address, example }
+    }
+
     /// As an error of the configuration, where it is one: it has the origin of the value, and ends
     /// a process as bad configuration.
     pub fn in_configuration(self, origins: &Origins) -> Box<dyn std::error::Error + Send + Sync> {
@@ -53,12 +52,12 @@ impl Error {
                 address.clone(),
                 format!("IP:PORT, such as {example} (names are not looked up)"),
             ),
-            Self::Interface { interface } => (
+            Self::Interface(interface) => (
                 "interface",
                 interface.clone(),
                 "the IP of one of this host's interfaces, such as 192.168.0.10".to_owned(),
             ),
-            Self::Group { address } => (
+            Self::Group(address) => (
                 "address",
                 address.to_string(),
                 "an IPv4 group where it is a group".to_owned(),

@@ -2,6 +2,8 @@
 
 use crate::Error;
 use rustix::event::epoll::{self, CreateFlags, EventData, EventFlags};
+use rustix::net::{self, AddressFamily, SocketFlags, SocketType};
+use std::net::SocketAddr;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 /// An epoll set: readable while one of its sockets has something. A socket that is closed leaves
@@ -53,4 +55,14 @@ impl Poller {
             EventFlags::IN,
         )?)
     }
+}
+
+/// A socket that waits for nothing, for an address of either family.
+pub(crate) fn open_socket(address: &SocketAddr, kind: SocketType) -> rustix::io::Result<OwnedFd> {
+    let family = match address {
+        SocketAddr::V4(_) => AddressFamily::INET,
+        SocketAddr::V6(_) => AddressFamily::INET6,
+    };
+    let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
+    net::socket_with(family, kind, flags, None)
 }

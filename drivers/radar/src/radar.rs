@@ -104,7 +104,7 @@ impl Radar {
         Ok(Self {
             poller,
             source,
-            streams: Streams::new(turn_ns, monitor.patience_ns()),
+            streams: Streams::new(turn_ns, monitor.patience_ns),
             writer,
             monitor,
         })
@@ -139,17 +139,12 @@ impl Radar {
 
     /// The state of the radar's link: it streams when its sweeps come.
     pub fn link(&self) -> &Link {
-        self.monitor.link()
-    }
-
-    /// What is known of the radar, for people.
-    pub fn about(&self) -> String {
-        self.source.about()
+        &self.monitor.link
     }
 
     /// Gives all counters.
     pub fn counts(&self, visit: &mut dyn FnMut(Count)) {
-        visit(self.monitor.count());
+        visit(self.monitor.interruptions.count());
         self.source.counts(visit);
         self.streams.counts(visit);
         if let Some(writer) = &self.writer {
@@ -177,28 +172,19 @@ fn nanoseconds(seconds: f64) -> i64 {
 }
 
 fn address(text: &str, example: &'static str) -> Result<SocketAddr, Error> {
-    text.parse().map_err(|_| Error::Address {
-        address: text.to_owned(),
-        example,
-    })
+    text.parse().map_err(|_| Error::address(text, example))
 }
 
 /// An address of one machine: an unspecified one is none.
 fn reachable(text: &str, example: &'static str) -> Result<SocketAddr, Error> {
-    match address(text, example)? {
-        address if address.ip().is_unspecified() => Err(Error::Address {
-            address: text.to_owned(),
-            example,
-        }),
-        address => Ok(address),
-    }
+    let parsed = text.parse().ok();
+    let reachable = parsed.filter(|address: &SocketAddr| !address.ip().is_unspecified());
+    reachable.ok_or_else(|| Error::address(text, example))
 }
 
 fn interface(text: &str) -> Result<Ipv4Addr, Error> {
     if text.is_empty() {
         return Ok(Ipv4Addr::UNSPECIFIED);
     }
-    text.parse().map_err(|_| Error::Interface {
-        interface: text.to_owned(),
-    })
+    text.parse().map_err(|_| Error::Interface(text.to_owned()))
 }

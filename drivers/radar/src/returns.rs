@@ -9,9 +9,10 @@ const HELD: usize = 4 * MAX_RETURNS;
 /// Returns by beam; their `beam` is the index of the beam in the order of arrival.
 #[derive(Debug, Default)]
 pub(crate) struct Returns {
-    items: Vec<Return>,
+    pub items: Vec<Return>,
     scratch: Vec<f32>,
-    over: u32,
+    /// Returns that were dropped.
+    pub over: u32,
 }
 
 impl Returns {
@@ -27,15 +28,6 @@ impl Returns {
         self.items.push(item);
     }
 
-    pub fn items(&self) -> &[Return] {
-        &self.items
-    }
-
-    /// Returns that were dropped.
-    pub fn over(&self) -> u32 {
-        self.over
-    }
-
     /// Leaves the strongest, as many as a message holds; of equal ones the first.
     pub fn limit(&mut self) {
         let surplus = self.items.len().saturating_sub(MAX_RETURNS);
@@ -43,19 +35,14 @@ impl Returns {
             return;
         }
         self.scratch.clear();
-        self.scratch
-            .extend(self.items.iter().map(|item| item.intensity));
+        let (scratch, intensities) = (&mut self.scratch, self.items.iter().map(|i| i.intensity));
+        scratch.extend(intensities);
         // The strongest of those that are dropped has this intensity.
-        let (weaker, edge, _) = self
-            .scratch
-            .select_nth_unstable_by(surplus - 1, f32::total_cmp);
+        let (weaker, edge, _) = scratch.select_nth_unstable_by(surplus - 1, f32::total_cmp);
         let edge = *edge;
         let below = weaker.iter().filter(|i| i.total_cmp(&edge).is_lt()).count();
-        let equal = self
-            .items
-            .iter()
-            .filter(|item| item.intensity.total_cmp(&edge).is_eq())
-            .count();
+        let is_equal = |item: &&Return| item.intensity.total_cmp(&edge).is_eq();
+        let equal = self.items.iter().filter(is_equal).count();
         let mut room = equal - (surplus - below).min(equal);
         self.items
             .retain(|item| match item.intensity.total_cmp(&edge) {
@@ -93,8 +80,8 @@ mod tests {
         plain.sort_by(|a, b| intensity(*b).total_cmp(&intensity(*a)).then(a.cmp(b)));
         plain.truncate(MAX_RETURNS);
         plain.sort_unstable();
-        let kept: Vec<usize> = returns.items().iter().map(|r| r.range_m as usize).collect();
+        let kept: Vec<usize> = returns.items.iter().map(|r| r.range_m as usize).collect();
         assert!(kept == plain);
-        assert_eq!(returns.over() as usize, count - MAX_RETURNS);
+        assert_eq!(returns.over as usize, count - MAX_RETURNS);
     }
 }

@@ -129,12 +129,10 @@ impl Streams {
                 });
             }
         }
-        match &mut before {
-            Some(before) if is_radar => other.assembler.succeed(&before.assembler),
-            _ => {}
-        }
         if !is_radar {
             self.taken = self.taken.take().or(before);
+        } else if let Some(before) = &before {
+            other.assembler.succeed(&before.assembler);
         }
         is_radar
     }
@@ -259,7 +257,7 @@ fn sweep_of(beam: &RawBeam) -> u32 {
 
 /// Whether a sweep's beams turn as those of a radar do: in one sense, and by about a turn at most.
 fn turns(sweep: &Sweep) -> bool {
-    let slots = sweep.slots();
+    let slots = &sweep.slots;
     let (Some(first), Some(last)) = (slots.first(), slots.last()) else {
         return false;
     };

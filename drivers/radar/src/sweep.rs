@@ -29,16 +29,17 @@ pub(crate) struct BeamSlot {
 /// One turn of the radar, its beams in the order in which they were measured.
 #[derive(Debug, Default)]
 pub struct Sweep {
-    slots: Vec<BeamSlot>,
+    pub(crate) slots: Vec<BeamSlot>,
     returns: Returns,
     /// First return of each beam, in the order of arrival, and the end.
     firsts: Vec<u32>,
-    newest: i64,
+    /// The highest number of a beam.
+    pub(crate) newest: i64,
     below_floor: u32,
     layout: BeamLayout,
-    timing: Timing,
+    pub(crate) timing: Timing,
     lost: u32,
-    contested: bool,
+    pub(crate) contested: bool,
 }
 
 impl Sweep {
@@ -56,11 +57,6 @@ impl Sweep {
     /// Whether a later beam is here already.
     pub(crate) fn is_past(&self, number: i64) -> bool {
         number < self.newest
-    }
-
-    /// The highest number of a beam.
-    pub(crate) fn newest(&self) -> i64 {
-        self.newest
     }
 
     /// The fingerprint of a beam that is here already.
@@ -107,25 +103,13 @@ impl Sweep {
         self.slots.sort_unstable_by_key(|slot| slot.number);
         unwrap(&mut self.slots, self.layout.beams);
         self.returns.limit();
-        let items = self.returns.items();
+        let items = &self.returns.items;
         let mut at = 0;
         for index in 0..=self.slots.len() {
             let rest = items.get(at..).unwrap_or_default();
             at += rest.partition_point(|item| usize::from(item.beam) < index);
             self.firsts.push(at as u32);
         }
-    }
-
-    pub(crate) fn slots(&self) -> &[BeamSlot] {
-        &self.slots
-    }
-
-    pub(crate) fn timed(&mut self, timing: Timing) {
-        self.timing = timing;
-    }
-
-    pub(crate) fn contest(&mut self, contested: bool) {
-        self.contested = contested;
     }
 
     /// How the beams lie.
@@ -145,7 +129,7 @@ impl Sweep {
 
     /// How many returns it has: the items of its message.
     pub fn len(&self) -> usize {
-        self.returns.items().len()
+        self.returns.items.len()
     }
 
     /// Whether nothing was above the floor.
@@ -165,7 +149,7 @@ impl Sweep {
 
     /// Returns over what a message holds, left out: the weakest.
     pub fn over_limit(&self) -> u32 {
-        self.returns.over()
+        self.returns.over
     }
 
     /// First and last instant, ns: half a step before the first beam and after the last.
@@ -179,14 +163,6 @@ impl Sweep {
             let stamp_ns = self.timing.ns(slot.unwrapped);
             (slot.number as u16, slot.azimuth, stamp_ns)
         })
-    }
-
-    /// Whether azimuths fell in our sense, counter-clockwise, from beam to beam: the radar turns
-    /// clockwise.
-    pub fn turns_clockwise(&self) -> bool {
-        let ends = self.slots.first().zip(self.slots.last());
-        let rises = ends.is_some_and(|(first, last)| last.unwrapped > first.unwrapped);
-        rises == self.layout.clockwise
     }
 
     /// Lays out the head of its message; it is all zero before.
@@ -235,7 +211,7 @@ impl Sweep {
     fn returns_of(&self, slot: &BeamSlot) -> &[Return] {
         let index = usize::from(slot.arrival_index);
         let ends = self.firsts.get(index).zip(self.firsts.get(index + 1));
-        ends.and_then(|(first, end)| self.returns.items().get(*first as usize..*end as usize))
+        ends.and_then(|(first, end)| self.returns.items.get(*first as usize..*end as usize))
             .unwrap_or_default()
     }
 

@@ -1,7 +1,7 @@
 //! Whether a radar's sweeps come, and whether they are all its own. Pure.
 
 use crate::{Streams, Sweep};
-use randt_device::{Count, Interruptions, Link};
+use randt_device::{Interruptions, Link};
 
 /// A warning of two senders stays for this time after the last contested sweep, ns: it can be seen
 /// without watching all the time, and another sender that sends now and then makes no line of the
@@ -19,9 +19,11 @@ pub(crate) struct SweepMonitor {
     /// What the configuration allows, and what holds: more for a radar that turns more slowly than
     /// configured.
     least_ns: i64,
-    patience_ns: i64,
-    link: Link,
-    interruptions: Interruptions,
+    pub patience_ns: i64,
+    /// The radar's link.
+    pub link: Link,
+    /// How often sweeps stopped coming.
+    pub interruptions: Interruptions,
     /// The last beam, ns.
     beam_ns: i64,
     /// The last sweep, or since when beams come without one.
@@ -43,11 +45,6 @@ impl SweepMonitor {
             patience_ns,
             ..Self::default()
         }
-    }
-
-    /// Beams without a sweep for this time are no radar's, ns.
-    pub fn patience_ns(&self) -> i64 {
-        self.patience_ns
     }
 
     /// A beam came.
@@ -73,7 +70,7 @@ impl SweepMonitor {
         let mut is_overdue_now = false;
         if !beams.streams() {
             (self.since_ns, self.has_sweep, self.fruitless) = (None, false, false);
-            self.set(beams);
+            self.link.clone_from(beams);
         } else {
             let since_ns = *self.since_ns.get_or_insert(now_ns);
             let is_warned = self
@@ -102,7 +99,7 @@ impl SweepMonitor {
                 }
             } else if !is_warned {
                 self.contested_ns = None;
-                self.set(beams);
+                self.link.clone_from(beams);
             } else if !matches!(&self.link, Link::Warning(text) if text.starts_with(TWO_SENDERS)) {
                 self.link = Link::Warning(two_senders(streams));
             }
@@ -116,22 +113,6 @@ impl SweepMonitor {
         match self.since_ns {
             Some(since_ns) if !self.waits => since_ns.saturating_add(self.patience_ns + 1),
             _ => i64::MAX,
-        }
-    }
-
-    /// The radar's link.
-    pub fn link(&self) -> &Link {
-        &self.link
-    }
-
-    /// How often sweeps stopped coming.
-    pub fn count(&self) -> Count {
-        self.interruptions.count()
-    }
-
-    fn set(&mut self, link: &Link) {
-        if self.link != *link {
-            self.link = link.clone();
         }
     }
 
@@ -183,23 +164,23 @@ mod tests {
         let mut monitor = SweepMonitor::new(SECOND_NS, SECOND_NS / 5);
         let streams = Streams::new(SECOND_NS / 5, SECOND_NS);
         monitor.judge(0, &Link::Streaming, &streams);
-        assert_eq!(*monitor.link(), Link::Starting);
+        assert_eq!(monitor.link, Link::Starting);
         assert_eq!(reconnects(&mut monitor, 40), [10, 30, 70, 150, 310]);
-        let text = monitor.link().text();
+        let text = monitor.link.text();
         assert!(text.contains("no whole sweep for more than 1 s"), "{text}");
         // Without beams the source reports.
         assert!(!monitor.judge(400 * SECOND_NS, &Link::Streaming, &streams));
         assert_eq!(monitor.due_ns(), i64::MAX);
         // A sweep is what ends it.
         monitor.judge(401 * SECOND_NS, &Link::Streaming, &streams);
-        assert!(!monitor.link().streams());
+        assert!(!monitor.link.streams());
         monitor.take_sweep(&Sweep::default(), 402 * SECOND_NS);
         monitor.judge(402 * SECOND_NS, &Link::Streaming, &streams);
-        assert_eq!(*monitor.link(), Link::Streaming);
-        assert_eq!(monitor.patience_ns(), SECOND_NS);
+        assert_eq!(monitor.link, Link::Streaming);
+        assert_eq!(monitor.patience_ns, SECOND_NS);
         monitor.judge(403 * SECOND_NS, &Link::Down("gone".to_owned()), &streams);
         monitor.judge(404 * SECOND_NS, &Link::Streaming, &streams);
-        assert_eq!(monitor.link().text(), "gone", "until a sweep comes");
-        assert_eq!(monitor.count().value, 1);
+        assert_eq!(monitor.link.text(), "gone", "until a sweep comes");
+        assert_eq!(monitor.interruptions.count().value, 1);
     }
 }

@@ -93,14 +93,12 @@ fn by_device(slots: &[BeamSlot], turn_ns: i64, clock: &mut DeviceClock) -> Optio
     if slots.iter().any(|slot| slot.device_ns.is_none()) {
         return None;
     }
-    let rows = slots
-        .iter()
-        .map(|slot| (slot.unwrapped, slot.device_ns.unwrap_or_default()));
+    let device_ns = |slot: &BeamSlot| slot.device_ns.unwrap_or_default();
+    let rows = slots.iter().map(|slot| (slot.unwrapped, device_ns(slot)));
     let rotation = fit(rows, turn_ns, sense(slots))?;
     let device_ns = |slot: &BeamSlot| rotation.ns(slot.unwrapped as f64);
-    let quickest = slots
-        .iter()
-        .min_by_key(|slot| slot.arrival_ns.saturating_sub(device_ns(slot)))?;
+    let delay_ns = |slot: &&BeamSlot| slot.arrival_ns.saturating_sub(device_ns(slot));
+    let quickest = slots.iter().min_by_key(delay_ns)?;
     let at_ns = clock.host_ns(device_ns(quickest), quickest.arrival_ns);
     Some(Timing {
         at: quickest.unwrapped,

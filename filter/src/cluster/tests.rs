@@ -137,10 +137,10 @@ fn what_is_laid_out_in_other_memory_is_the_same_message() {
     let mut filter = filter();
     let laid_out = filter.filter(scan.as_ref());
     let mut head = PointsHead::default();
-    let mut items = vec![Return::default(); laid_out.len()];
+    let mut items = vec![Return::default(); laid_out.len];
     laid_out.write_head(&mut head);
     laid_out.write_items(&mut items);
-    assert!(!laid_out.is_empty());
+    assert!(laid_out.len > 0);
     assert_eq!((head, items), (*message.head, message.items));
 }
 

@@ -49,7 +49,7 @@ impl Feed {
             self.measurements
                 .extend(detector.push(self.time_ns, measured, force));
             self.time_ns += 1_000_000_000 / self.hz;
-            still += i64::from(detector.is_still());
+            still += i64::from(detector.still_since_ns().is_some());
         }
         still as f64 / samples as f64
     }
@@ -112,9 +112,9 @@ fn departure_is_noticed_within_the_guard_and_leaves_the_bias_clean() {
     let mut detector = detector();
     let mut feed = Feed::new(250);
     feed.run(&mut detector, 3.0, |_| Vector3::zeros(), 0.0);
-    assert!(detector.is_still());
+    assert!(detector.still_since_ns().is_some());
     feed.run(&mut detector, 0.2, |t| Vector3::new(0.0, 0.0, 0.5 * t), 0.5);
-    assert!(!detector.is_still());
+    assert!(detector.still_since_ns().is_none());
     let worst = feed.measurements.iter().map(|m| m.bias_rad_s.norm());
     assert!(worst.fold(0.0, f64::max) < 1e-3);
 }
@@ -126,5 +126,5 @@ fn a_gap_ends_a_standstill() {
     feed.run(&mut detector, 3.0, |_| Vector3::zeros(), 0.0);
     feed.time_ns += 5_000_000_000;
     feed.run(&mut detector, 0.1, |_| Vector3::zeros(), 0.0);
-    assert!(!detector.is_still());
+    assert!(detector.still_since_ns().is_none());
 }

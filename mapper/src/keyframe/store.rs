@@ -10,7 +10,8 @@ use std::ops::Deref;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KeyframeStore {
     keyframes: Vec<MapKeyframe>,
-    rejected: u64,
+    /// Keyframes left out.
+    pub rejected: u64,
 }
 
 /// What a snapshot has of the store: which of the journal's keyframes the map has.
@@ -52,16 +53,6 @@ impl KeyframeStore {
     /// Takes the next keyframe.
     pub fn push(&mut self, keyframe: MapKeyframe) {
         self.keyframes.push(keyframe);
-    }
-
-    /// Counts a keyframe that is left out.
-    pub fn reject(&mut self) {
-        self.rejected += 1;
-    }
-
-    /// Keyframes left out.
-    pub fn rejected(&self) -> u64 {
-        self.rejected
     }
 
     /// How many keyframes it was given, those left out included.
@@ -143,7 +134,7 @@ mod tests {
     fn numbers_are_saved_as_runs_and_come_back() {
         let ids = [0, 1, 2, 7, 8, u64::MAX];
         let mut store = store(&ids);
-        store.reject();
+        store.rejected += 1;
         let saved = store.saved();
         assert_eq!(saved.id_runs, [(0, 3), (7, 2), (u64::MAX, 1)]);
         assert_eq!(saved.ids().collect::<Vec<_>>(), ids);

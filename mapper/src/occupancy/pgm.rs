@@ -1,8 +1,7 @@
 //! The grid as Nav2's map_server reads it: `map.pgm` and `map.yaml`. Only bytes; files are written
 //! elsewhere.
 
-use super::{CellState, Grid, TILE_CELLS, Tile, TileIndex};
-use std::fmt::Write;
+use super::{CellState, Grid, TILE_CELLS};
 
 /// Grey values of map_server's trinary mode.
 const OCCUPIED: u8 = 0;
@@ -43,10 +42,8 @@ impl Picture {
         if least[0] > most[0] {
             (least, most) = ([0; 2], [0; 2]);
         }
-        let [width, height] = [0, 1].map(|axis: usize| match axis {
-            0 => most[0].abs_diff(least[0]) + 1,
-            _ => most[1].abs_diff(least[1]) + 1,
-        });
+        let width = most[0].abs_diff(least[0]) + 1;
+        let height = most[1].abs_diff(least[1]) + 1;
         if width.checked_mul(height)? > PIXELS_MAX {
             return None;
         }
@@ -80,24 +77,20 @@ impl Picture {
 
     /// The text of `map.yaml` beside a picture of this name.
     pub fn to_yaml(&self, image: &str) -> String {
-        let mut text = String::new();
         let [x_m, y_m] = self.origin_m;
-        // Writing to a String cannot fail. Nanometres keep 1e7 cells exactly apart and end in no
-        // 0.30000000000000004.
-        let _ = write!(
-            text,
+        // Nanometres keep 1e7 cells exactly apart and end in no 0.30000000000000004.
+        format!(
             "image: {image}\nmode: trinary\nresolution: {:.9}\norigin: [{x_m:.9}, {y_m:.9}, 0.0]\nnegate: 0\n\
              occupied_thresh: {OCCUPIED_THRESHOLD}\nfree_thresh: {FREE_THRESHOLD}\n",
             self.resolution_m
-        );
-        text
+        )
     }
 }
 
 /// Calls for every cell that is free or occupied.
 fn each_known(grid: &Grid, mut call: impl FnMut([i64; 2], CellState)) {
     let edge = TILE_CELLS as i64;
-    let mut tile_cells = |index: TileIndex, tile: &Tile| {
+    for (index, tile) in grid.tiles() {
         let corner = [i64::from(index.x) * edge, i64::from(index.y) * edge];
         for (cell, count) in (0_i64..).zip(tile.cells()) {
             let state = grid.state(count);
@@ -105,9 +98,7 @@ fn each_known(grid: &Grid, mut call: impl FnMut([i64; 2], CellState)) {
                 call([corner[0] + cell % edge, corner[1] + cell / edge], state);
             }
         }
-    };
-    grid.tiles()
-        .for_each(|(index, tile)| tile_cells(index, tile));
+    }
 }
 
 #[cfg(test)]

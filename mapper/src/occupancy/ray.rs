@@ -53,26 +53,19 @@ impl RayMaker {
         }
     }
 
-    /// The rays made last.
-    pub fn rays(&self) -> &[Ray] {
-        &self.rays
-    }
-
     /// Makes the rays of all beams that have returns. A beam without returns has no vote: a radar
     /// may be blind there.
     ///
     /// The strongest return is the wall: the flanks around it are the width of the pulse. Between
     /// the first return and the strongest there is no vote.
-    pub fn make(&mut self, observation: &Observation) {
+    pub fn make(&mut self, observation: &Observation) -> &[Ray] {
         let count = observation.beams.len();
         self.echoes.clear();
         let echoes = (0..count).map(|beam| Echo::from_beam(observation, beam, self.cell_size_m));
         self.echoes.extend(echoes);
         self.rays.clear();
         for (beam, echo) in self.echoes.iter().enumerate() {
-            let Some(echo) = echo else {
-                continue;
-            };
+            let Some(echo) = echo else { continue };
             // The sweep is a turn: its last beam is the first one's neighbour.
             let beside = [(beam + count - 1) % count, (beam + 1) % count];
             let beside = beside.map(|beam| Some(self.echoes.get(beam)?.as_ref()?.reach));
@@ -83,16 +76,14 @@ impl RayMaker {
             let is_lone = echo.reach > farther + LONE_M / self.cell_size_m;
             let free = (echo.clear.min(farther) - MARGIN).clamp(0.0, CELLS_MAX);
             let share = free / echo.clear.max(MARGIN);
-            let toward = |from: f64, to: f64| from + (to - from) * share;
+            let ([x, y], [to_x, to_y]) = (echo.origin, echo.first);
             self.rays.push(Ray {
                 origin: echo.origin,
-                free_end: [
-                    toward(echo.origin[0], echo.first[0]),
-                    toward(echo.origin[1], echo.first[1]),
-                ],
+                free_end: [x + (to_x - x) * share, y + (to_y - y) * share],
                 hit: (!is_lone && echo.reach <= CELLS_MAX).then_some(echo.strongest),
             });
         }
+        &self.rays
     }
 }
 
@@ -103,17 +94,14 @@ impl Echo {
         let next = beams.get(beam + 1);
         let end = next.map_or(total, |next| next.first_point as usize);
         let beam = beams.get(beam)?;
-        let points = observation
-            .points
-            .get(beam.first_point as usize..end.min(total))?;
-        let first = points.first()?;
-        let strongest = points.iter().fold(first, |best, point| {
-            if point.intensity > best.intensity {
-                point
-            } else {
-                best
+        let points = beam.first_point as usize..end.min(total);
+        let points = observation.points.get(points)?;
+        let (first, mut strongest) = (points.first()?, points.first()?);
+        for point in points {
+            if point.intensity > strongest.intensity {
+                strongest = point;
             }
-        });
+        }
         let cells = |x_m: f32, y_m: f32| [x_m, y_m].map(|c| f64::from(c) / cell_size_m);
         let origin = cells(beam.x_m, beam.y_m);
         let first = cells(first.x_m, first.y_m);

@@ -37,17 +37,15 @@ impl Stencil {
             hit: ray.hit.map(|hit| placement.apply(hit)),
         }));
         self.fit();
-        for index in 0..self.rays.len() {
-            if let Some(ray) = self.rays.get(index).copied() {
-                self.walk(ray.origin, ray.free_end);
-            }
+        let rays = std::mem::take(&mut self.rays);
+        for ray in &rays {
+            self.walk(ray.origin, ray.free_end);
         }
-        for index in 0..self.rays.len() {
-            if let Some(hit) = self.rays.get(index).and_then(|ray| ray.hit) {
-                let [column, row] = self.local(hit).map(|c| c as usize);
-                self.set(column, row, HIT);
-            }
+        for hit in rays.iter().filter_map(|ray| ray.hit) {
+            let [column, row] = self.local(hit).map(|c| c as usize);
+            self.set(column, row, HIT);
         }
+        self.rays = rays;
     }
 
     /// The votes of one row from a column on.
@@ -61,10 +59,7 @@ impl Stencil {
     fn fit(&mut self) {
         let (mut least, mut most) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for ray in &self.rays {
-            for point in [Some(ray.origin), Some(ray.free_end), ray.hit]
-                .into_iter()
-                .flatten()
-            {
+            for point in [ray.origin, ray.free_end].into_iter().chain(ray.hit) {
                 least = [least[0].min(point[0]), least[1].min(point[1])];
                 most = [most[0].max(point[0]), most[1].max(point[1])];
             }
@@ -75,18 +70,15 @@ impl Stencil {
             return;
         }
         self.corner = least.map(|c| c.floor() as i32);
-        let span =
-            |axis: fn([f64; 2]) -> f64| (axis(most).floor() - axis(least).floor()) as usize + 1;
-        self.size = [span(|p| p[0]), span(|p| p[1])];
+        let span = |least: f64, most: f64| (most.floor() - least.floor()) as usize + 1;
+        self.size = [span(least[0], most[0]), span(least[1], most[1])];
         self.votes.resize(self.size[0] * self.size[1], NONE);
     }
 
     /// A point seen from the corner, cells.
     fn local(&self, point: [f64; 2]) -> [f64; 2] {
-        [
-            point[0] - f64::from(self.corner[0]),
-            point[1] - f64::from(self.corner[1]),
-        ]
+        let [left, bottom] = self.corner.map(f64::from);
+        [point[0] - left, point[1] - bottom]
     }
 
     fn set(&mut self, column: usize, row: usize, vote: u8) {

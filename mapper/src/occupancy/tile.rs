@@ -31,7 +31,7 @@ pub struct Tile {
     hits: Box<[u32; COUNT]>,
     misses: Box<[u32; COUNT]>,
     /// Version of the map in which it last changed.
-    pub(crate) version: u64,
+    pub version: u64,
 }
 
 impl Default for Tile {
@@ -45,11 +45,6 @@ impl Default for Tile {
 }
 
 impl Tile {
-    /// Version of the map in which it last changed.
-    pub fn version(&self) -> u64 {
-        self.version
-    }
-
     /// The counters, row by row from the lower left cell.
     pub fn cells(&self) -> impl Iterator<Item = CellCount> + '_ {
         let pairs = self.hits.iter().zip(self.misses.iter());
@@ -85,19 +80,9 @@ impl Tile {
         };
         // Wrapping: what is added first and taken out later may pass zero in between, never at the
         // end.
-        match change {
-            Change::Add => {
-                for ((hits, misses), &vote) in hits.iter_mut().zip(misses).zip(votes) {
-                    *hits = hits.wrapping_add(u32::from(vote == HIT));
-                    *misses = misses.wrapping_add(u32::from(vote == MISS));
-                }
-            }
-            Change::Remove => {
-                for ((hits, misses), &vote) in hits.iter_mut().zip(misses).zip(votes) {
-                    *hits = hits.wrapping_sub(u32::from(vote == HIT));
-                    *misses = misses.wrapping_sub(u32::from(vote == MISS));
-                }
-            }
+        for ((hits, misses), &vote) in hits.iter_mut().zip(misses).zip(votes) {
+            *hits = hits.wrapping_add_signed(change as i32 * i32::from(vote == HIT));
+            *misses = misses.wrapping_add_signed(change as i32 * i32::from(vote == MISS));
         }
     }
 }
@@ -106,7 +91,7 @@ impl Tile {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Change {
     /// They come.
-    Add,
+    Add = 1,
     /// They go.
-    Remove,
+    Remove = -1,
 }

@@ -11,15 +11,10 @@ pub(crate) struct Tiles {
     /// Versions in which tiles became empty.
     gone: BTreeMap<TileIndex, u64>,
     /// Version of the last finished change.
-    version: u64,
+    pub version: u64,
 }
 
 impl Tiles {
-    /// Rises with every change.
-    pub fn version(&self) -> u64 {
-        self.version
-    }
-
     /// By index.
     pub fn iter(&self) -> impl Iterator<Item = (TileIndex, &Tile)> {
         self.tiles.iter().map(|(&index, tile)| (index, tile))
@@ -32,8 +27,9 @@ impl Tiles {
 
     /// Version in which a tile last changed or became empty; 0 where there never was one.
     pub fn changed_at(&self, index: TileIndex) -> u64 {
-        let gone = || self.gone.get(&index).copied().unwrap_or(0);
-        self.tiles.get(&index).map_or_else(gone, Tile::version)
+        let there = self.tiles.get(&index).map(|tile| tile.version);
+        let gone = || self.gone.get(&index).copied();
+        there.or_else(gone).unwrap_or(0)
     }
 
     /// Tiles that became empty after a version.
@@ -51,10 +47,8 @@ impl Tiles {
     pub fn count(&mut self, stencil: &Stencil, change: Change) {
         let edge = TILE_CELLS as i32;
         let [left, bottom] = stencil.corner;
-        let [right, top] = [
-            left + stencil.size[0] as i32,
-            bottom + stencil.size[1] as i32,
-        ];
+        let [width, height] = stencil.size.map(|cells| cells as i32);
+        let (right, top) = (left + width, bottom + height);
         if stencil.size[0] == 0 {
             return;
         }
@@ -83,12 +77,11 @@ impl Tiles {
     pub fn finish(&mut self, before: &BTreeMap<TileIndex, Tile>) {
         let next = self.version + 1;
         let mut is_changed = false;
-        for &index in before
-            .keys()
-            .filter(|index| !self.tiles.contains_key(index))
-        {
-            self.gone.insert(index, next);
-            is_changed = true;
+        for &index in before.keys() {
+            if !self.tiles.contains_key(&index) {
+                self.gone.insert(index, next);
+                is_changed = true;
+            }
         }
         self.tiles.retain(|index, tile| {
             if let Some(old) = before.get(index).filter(|old| old.has_same_counts(tile)) {

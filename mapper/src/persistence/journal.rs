@@ -1,8 +1,8 @@
 //! The mapper's journal: its keyframes, and from time to time what it has made of them.
 //!
 //! Responsible for bytes from which [`Mapper::restore`] makes the mapper that was, to the last
-//! bit, whenever its process was killed. Its compacted form, all keyframes and one snapshot, is
-//! the map file. Only [`JournalFile`] knows files; the rest turns values into bytes and back.
+//! bit, whenever its process was killed. Only [`JournalFile`] knows files; the rest turns values
+//! into bytes and back.
 //!
 //! ```
 //! use randt_config::Config;
@@ -71,18 +71,6 @@ pub fn append_keyframe(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) ->
 pub fn append_snapshot(mapper: &Mapper, known: Known, out: &mut Vec<u8>) -> Result<(), Error> {
     let is_written = record::append(Kind::Snapshot, out, |out| mapper.snapshot(known, out));
     is_written.then_some(()).ok_or(Error::TooLarge)
-}
-
-/// The map file: a journal's header and keyframes as they are, and one snapshot of the mapper that
-/// has taken them.
-pub fn compacted(journal: &[u8], mapper: &Mapper) -> Result<Vec<u8>, Error> {
-    let (_, records) = records(journal)?;
-    let mut bytes = journal.get(..records.good()).unwrap_or_default().to_vec();
-    for record in records.of_kind(Kind::Keyframe) {
-        bytes.extend_from_slice(record.bytes);
-    }
-    append_snapshot(mapper, Known::default(), &mut bytes)?;
-    Ok(bytes)
 }
 
 /// Reads a journal's header and gives its records.

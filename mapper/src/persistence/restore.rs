@@ -57,15 +57,11 @@ impl Mapper {
     /// slower, and the same map.
     pub fn restore(config: &Config, journal: &[u8]) -> Result<(Self, Restored), Error> {
         let bytes: Bytes = Arc::new(journal.to_vec());
-        let Recalled {
-            mut mapper,
-            to_replay,
-            restored,
-        } = Self::recall(config, Contents::read(&bytes)?, None);
-        for keyframe in to_replay {
-            mapper.push_packed(&keyframe);
+        let mut recalled = Self::recall(config, Contents::read(&bytes)?, None);
+        for keyframe in recalled.to_replay {
+            recalled.mapper.push_packed(&keyframe);
         }
-        Ok((mapper, restored))
+        Ok((recalled.mapper, recalled.restored))
     }
 
     /// The mapper of the newest snapshot that fits, for callers that push the rest in their own
@@ -77,19 +73,17 @@ impl Mapper {
     pub fn recall(config: &Config, journal: Contents, checkpoint: Option<&[u8]>) -> Recalled {
         let (mapper, rejection) = Self::from_checkpoint(config, &journal, checkpoint)
             .map_or_else(|| Self::newest(config, &journal), |mapper| (mapper, None));
-        let mut restored = Restored {
-            keyframes: journal.keyframes.len() as u64,
-            from_snapshot: mapper.taken() as u64,
-            replayed: 0,
-            rejection,
-            damage: journal.damage,
-        };
-        let to_replay: Vec<Packed> = journal.keyframes.into_iter().skip(mapper.taken()).collect();
-        restored.replayed = to_replay.len() as u64;
+        let (keyframes, taken) = (journal.keyframes.len(), mapper.taken());
         Recalled {
             mapper,
-            to_replay,
-            restored,
+            to_replay: journal.keyframes.into_iter().skip(taken).collect(),
+            restored: Restored {
+                keyframes: keyframes as u64,
+                from_snapshot: taken as u64,
+                replayed: keyframes.saturating_sub(taken) as u64,
+                rejection,
+                damage: journal.damage,
+            },
         }
     }
 
@@ -98,7 +92,7 @@ impl Mapper {
     pub fn push_packed(&mut self, payload: &[u8]) -> bool {
         let mut message = Message::default();
         if !journal::read_keyframe(payload, &mut message) {
-            self.keyframes.reject();
+            self.keyframes.rejected += 1;
             return false;
         }
         self.push(message.as_ref())
@@ -192,7 +186,7 @@ impl Mapper {
             return None;
         }
         self.graph.restore(graph, odometry, &closures)?;
-        self.verification.restore(closures);
+        self.verification.closures = closures;
         Some(())
     }
 
@@ -215,7 +209,7 @@ impl Mapper {
                 let keyframe = MapKeyframe::from_head(&head, observation, self.keyframes.last());
                 odometry.extend(self.graph.odometry_constraints(&keyframe, &self.keyframes));
                 self.keyframes.push(keyframe);
-                self.verification.push(&self.keyframes);
+                self.verification.submaps.push(&self.keyframes);
                 self.recognition.recall(&mut keys)?;
             }
         }

@@ -48,21 +48,6 @@ pub(super) struct Grown {
     pub keys: Vec<RingKey>,
 }
 
-impl Grown {
-    /// Takes the next snapshot's increment; `None` where something between is missing.
-    fn take(&mut self, increment: Increment) -> Option<()> {
-        let known = increment.known;
-        if known.closures > self.closures.len() || known.keys > self.keys.len() {
-            return None;
-        }
-        self.closures.truncate(known.closures);
-        self.closures.extend(increment.closures);
-        self.keys.truncate(known.keys);
-        self.keys.extend(increment.keys);
-        Some(())
-    }
-}
-
 /// A snapshot whose increment is still to be read.
 pub(super) struct Opened<'a> {
     /// Keyframes that its mapper had taken.
@@ -79,11 +64,20 @@ impl<'a> Opened<'a> {
         Ok(Self { taken, rest })
     }
 
-    /// Adds its increment to what the snapshots before it have.
+    /// Adds its increment to what the snapshots before it have; `None` where something between is
+    /// missing.
     pub fn add_to(&mut self, grown: &mut Grown) -> Option<()> {
         let mut increment = Increment::default();
         increment.restore(&mut self.rest).ok()?;
-        grown.take(increment)
+        let known = increment.known;
+        if known.closures > grown.closures.len() || known.keys > grown.keys.len() {
+            return None;
+        }
+        grown.closures.truncate(known.closures);
+        grown.closures.extend(increment.closures);
+        grown.keys.truncate(known.keys);
+        grown.keys.extend(increment.keys);
+        Some(())
     }
 }
 
@@ -100,14 +94,14 @@ impl Mapper {
     pub fn known(&self) -> Known {
         Known {
             closures: self.closures().len(),
-            keys: self.recognition.keys().len(),
+            keys: self.recognition.keys.len(),
         }
     }
 
     /// Appends what [`Mapper::restore`] needs beside the keyframes and what the snapshots before
     /// it have.
     pub(crate) fn snapshot(&self, known: Known, out: &mut Vec<u8>) {
-        let (closures, keys) = (self.closures(), self.recognition.keys());
+        let (closures, keys) = (self.closures(), &self.recognition.keys);
         let increment = Increment {
             known,
             closures: closures.get(known.closures..).unwrap_or_default().to_vec(),
@@ -200,7 +194,7 @@ mod tests {
             },
             status: LoopStatus::Withdrawn,
         };
-        mapper.verification.restore(vec![closure, closure]);
+        mapper.verification.closures = vec![closure, closure];
         let added = mapper.graph.add_closure(ClosureIdx(1), closure.edge());
         assert!(added.is_ok());
         let known = Known {

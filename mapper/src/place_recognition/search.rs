@@ -1,54 +1,14 @@
 //! The search for loop candidates: by what a keyframe looks like and by where the estimate has it.
 
-use super::{CandidateOrigin, LoopCandidate, RingKey, ScanContext};
+use super::{CandidateOrigin, LoopCandidate, PlaceRecognition, ScanContext};
 use crate::index::KeyframeIdx;
 use crate::keyframe::MapKeyframe;
-use randt_config::{Config, Loops};
 use randt_geometry::elementary::exp;
-use std::cell::OnceCell;
 
 /// Candidates of each origin; each costs a registration.
 const CANDIDATES_MAX: usize = 3;
 
-/// The descriptors of all keyframes, and their ring keys.
-#[derive(Clone, Debug)]
-pub struct Search {
-    config: Loops,
-    apart_m: f64,
-    keys: Vec<RingKey>,
-    /// A recalled keyframe has its descriptor from its first comparison on.
-    contexts: Vec<OnceCell<ScanContext>>,
-}
-
-impl Search {
-    /// None yet.
-    pub fn new(config: &Config) -> Self {
-        Self {
-            config: config.loops.clone(),
-            apart_m: config.map_reach_m(),
-            keys: Vec::new(),
-            contexts: Vec::new(),
-        }
-    }
-
-    /// Takes the newest keyframe.
-    pub fn push(&mut self, keyframe: &MapKeyframe) {
-        let (context, key) = ScanContext::new(&keyframe.observation.points, &self.config);
-        self.keys.push(key);
-        self.contexts.push(context.into());
-    }
-
-    /// Takes the newest keyframe, whose key is known.
-    pub(crate) fn recall(&mut self, key: RingKey) {
-        self.keys.push(key);
-        self.contexts.push(OnceCell::new());
-    }
-
-    /// The keys of all keyframes.
-    pub(crate) fn keys(&self) -> &[RingKey] {
-        &self.keys
-    }
-
+impl PlaceRecognition {
     fn context(&self, index: usize, keyframes: &[MapKeyframe]) -> Option<&ScanContext> {
         let (context, keyframe) = (self.contexts.get(index)?, keyframes.get(index)?);
         let made = || ScanContext::new(&keyframe.observation.points, &self.config).0;
@@ -85,10 +45,8 @@ impl Search {
         let (Some(key), Some(context)) = (self.keys.last(), self.context(newest, keyframes)) else {
             return Vec::new();
         };
-        let mut sieve: Vec<(f32, usize)> = self
-            .old(keyframes)
-            .filter_map(|(i, _)| Some((key.distance(self.keys.get(i)?), i)))
-            .collect();
+        let distance = |(i, _)| Some((key.distance(self.keys.get(i)?), i));
+        let mut sieve: Vec<(f32, usize)> = self.old(keyframes).filter_map(distance).collect();
         let keep = self.config.candidates as usize;
         if sieve.len() > keep {
             sieve.select_nth_unstable_by(keep, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -99,10 +57,8 @@ impl Search {
             let likeness = self.context(index, keyframes)?.compare(context);
             let odometry = deviations(keyframe).map_or(0.0, |d| 1.0 - exp(-0.5 * d * d));
             let distance = likeness.distance + odometry;
-            let origin = CandidateOrigin::Appearance {
-                distance,
-                yaw_rad: likeness.yaw_rad,
-            };
+            let yaw_rad = likeness.yaw_rad;
+            let origin = CandidateOrigin::Appearance { distance, yaw_rad };
             Some((distance, LoopCandidate { keyframe, origin }))
         });
         self.best(keyframes, alike.collect())

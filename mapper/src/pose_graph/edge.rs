@@ -22,31 +22,20 @@ pub struct Edge {
     pub information: Matrix3<f64>,
 }
 
-/// An edge's error and its derivatives at two poses.
-pub(super) struct Linearised {
-    pub error: Vector3<f64>,
-    pub by_from: Matrix3<f64>,
-    pub by_to: Matrix3<f64>,
-}
-
 impl Edge {
     /// Refuses numbers that no measurement has.
     pub(super) fn check(&self, count: usize) -> Result<(), Error> {
-        for node in [self.from, self.to] {
-            if node.0 >= count {
-                let node = node.0;
+        for node in [self.from.0, self.to.0] {
+            if node >= count {
                 return Err(Error::NoNode { node, count });
             }
         }
         if self.from == self.to {
-            return Err(Error::SameNode { node: self.from.0 });
+            return Err(Error::SameNode(self.from.0));
         }
         check_pose(&self.measured)?;
-        let bad = |what: String| Error::BadEdge {
-            from: self.from.0,
-            to: self.to.0,
-            what,
-        };
+        let (from, to) = (self.from.0, self.to.0);
+        let bad = |what: String| Error::BadEdge { from, to, what };
         let information = &self.information;
         let asymmetry = (information - information.transpose()).amax();
         let finite = information.iter().all(|value| value.is_finite());
@@ -55,12 +44,9 @@ impl Edge {
                 "the information {information} is not finite and symmetric"
             )));
         }
-        match information.cholesky() {
-            Some(_) => Ok(()),
-            None => Err(bad(format!(
-                "the information {information} is not positive definite"
-            ))),
-        }
+        let is_definite = information.cholesky().is_some();
+        let text = || format!("the information {information} is not positive definite");
+        is_definite.then_some(()).ok_or_else(|| bad(text()))
     }
 
     /// (Rz^T (Ra^T (tb - ta) - tz), yaw_b - yaw_a - yaw_z): what is left of the measurement, in
@@ -90,38 +76,31 @@ impl Edge {
         }
     }
 
-    /// The squared error weighed by the information.
-    pub fn chi2(&self, from: &Pose2, to: &Pose2) -> f64 {
-        let error = self.error(from, to);
+    /// The squared error among these poses of the graph, weighed by the information.
+    pub(super) fn chi2(&self, poses: &[Pose2]) -> f64 {
+        let error = self.error(&poses[self.from.0], &poses[self.to.0]);
         error.dot(&(self.information * error))
     }
 
-    /// The error with its derivatives by perturbations on the right of both poses.
-    pub(super) fn linearised(&self, from: &Pose2, to: &Pose2) -> Linearised {
+    /// The derivatives of the error by perturbations on the right of both poses.
+    pub(super) fn derivatives(&self, from: &Pose2, to: &Pose2) -> [Matrix3<f64>; 2] {
         let seen = from.between(to);
         let (cos, sin) = self.measured.cos_sin();
         let (u, v) = (seen.x_m, seen.y_m);
+        let (x_by_yaw, y_by_yaw) = (cos * v - sin * u, -sin * v - cos * u);
         let turn = Pose2::new(0.0, 0.0, seen.yaw_rad - self.measured.yaw_rad);
         let (turn_cos, turn_sin) = turn.cos_sin();
-        Linearised {
-            error: self.error(from, to),
-            by_from: Matrix3::new(
-                -cos,
-                -sin,
-                cos * v - sin * u, //
-                sin,
-                -cos,
-                -sin * v - cos * u, //
-                0.0,
-                0.0,
-                -1.0,
-            ),
-            by_to: Matrix3::new(
-                turn_cos, -turn_sin, 0.0, //
-                turn_sin, turn_cos, 0.0, //
-                0.0, 0.0, 1.0,
-            ),
-        }
+        let by_from = Matrix3::new(
+            -cos, -sin, x_by_yaw, //
+            sin, -cos, y_by_yaw, //
+            0.0, 0.0, -1.0,
+        );
+        let by_to = Matrix3::new(
+            turn_cos, -turn_sin, 0.0, //
+            turn_sin, turn_cos, 0.0, //
+            0.0, 0.0, 1.0,
+        );
+        [by_from, by_to]
     }
 }
 
@@ -168,7 +147,7 @@ mod tests {
             let edge = edge(z);
             // At the cut of the angle there is no derivative.
             prop_assume!(edge.error(&a, &b).z.abs() < 3.1);
-            let linearised = edge.linearised(&a, &b);
+            let derivatives = edge.derivatives(&a, &b);
             let size = 1e-6;
             for axis in 0..3 {
                 let step = |scale: f64| {
@@ -178,8 +157,8 @@ mod tests {
                 };
                 let by_from = (edge.error(&moved(&a, &step(1.0)), &b) - edge.error(&moved(&a, &step(-1.0)), &b)) / (2.0 * size);
                 let by_to = (edge.error(&a, &moved(&b, &step(1.0))) - edge.error(&a, &moved(&b, &step(-1.0)))) / (2.0 * size);
-                prop_assert!((by_from - linearised.by_from.column(axis)).norm() < 1e-6, "from, axis {axis}");
-                prop_assert!((by_to - linearised.by_to.column(axis)).norm() < 1e-6, "to, axis {axis}");
+                prop_assert!((by_from - derivatives[0].column(axis)).norm() < 1e-6, "from, axis {axis}");
+                prop_assert!((by_to - derivatives[1].column(axis)).norm() < 1e-6, "to, axis {axis}");
             }
         }
 

@@ -13,11 +13,8 @@ pub enum Error {
         count: usize,
     },
     /// An edge from a node to itself has no information.
-    #[error("an edge from node {node} to itself")]
-    SameNode {
-        /// The node.
-        node: usize,
-    },
+    #[error("an edge from node {0} to itself")]
+    SameNode(usize),
     /// A number that no measurement has.
     #[error("edge {from} -> {to}: {what}")]
     BadEdge {
@@ -40,12 +37,9 @@ pub enum Error {
         /// The farthest that is taken, m.
         limit_m: f64,
     },
-    /// Names of loops that do not rise, or are to be given again.
-    #[error("the loops' names do not rise to below {next}")]
-    LoopNames {
-        /// The next name.
-        next: u64,
-    },
+    /// Names of loops that do not rise, or are to be given again: the next name.
+    #[error("the loops' names do not rise to below {0}")]
+    LoopNames(u64),
     /// Two nodes without a chain of edges between them.
     #[error("nodes {from} and {to} are in components of the graph that no edge connects")]
     NotConnected {

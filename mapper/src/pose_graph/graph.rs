@@ -44,9 +44,7 @@ impl Loop {
     }
 
     fn weigh(&mut self, poses: &[Pose2], loss: Loss) {
-        self.chi2 = self
-            .edge
-            .chi2(&poses[self.edge.from.0], &poses[self.edge.to.0]);
+        self.chi2 = self.edge.chi2(poses);
         self.weight = if self.on { loss.weight(self.chi2) } else { 0.0 };
     }
 }
@@ -60,7 +58,8 @@ pub struct PoseGraph {
     poses: Vec<Pose2>,
     odometry: Vec<Edge>,
     loops: Vec<Loop>,
-    next_loop: u64,
+    /// The name that the next loop will have.
+    pub(super) next_loop: u64,
     /// For every node the lowest one of its component.
     component: Vec<ComponentIdx>,
     system: Option<System>,
@@ -75,13 +74,11 @@ impl PoseGraph {
         next_loop: u64,
     ) -> Result<Self, Error> {
         poses.iter().try_for_each(check_pose)?;
-        let edges = odometry.iter().chain(loops.iter().map(|l| &l.edge));
-        edges
-            .into_iter()
-            .try_for_each(|edge| edge.check(poses.len()))?;
+        let mut edges = odometry.iter().chain(loops.iter().map(|l| &l.edge));
+        edges.try_for_each(|edge| edge.check(poses.len()))?;
         let rises = loops.is_sorted_by(|a, b| a.id < b.id);
         if !rises || loops.last().is_some_and(|l| l.id.0 >= next_loop) {
-            return Err(Error::LoopNames { next: next_loop });
+            return Err(Error::LoopNames(next_loop));
         }
         let mut graph = Self {
             poses,
@@ -92,11 +89,6 @@ impl PoseGraph {
         };
         graph.label();
         Ok(graph)
-    }
-
-    /// The name that the next loop will have.
-    pub fn next_loop(&self) -> u64 {
-        self.next_loop
     }
 
     /// Adds a node where it is believed to be and returns its index. It is a component by itself
@@ -121,10 +113,8 @@ impl PoseGraph {
     /// the next index.
     pub fn append(&mut self, edge: Edge) -> Result<KeyframeIdx, Error> {
         edge.check(self.poses.len() + 1)?;
-        let from = self.poses.get(edge.from.0).ok_or(Error::NoNode {
-            node: edge.from.0,
-            count: self.poses.len(),
-        })?;
+        let (node, count) = (edge.from.0, self.poses.len());
+        let from = self.poses.get(node).ok_or(Error::NoNode { node, count })?;
         let node = self.add_node(from.compose(&edge.measured))?;
         self.add_odometry(Edge { to: node, ..edge })?;
         Ok(node)
@@ -135,7 +125,7 @@ impl PoseGraph {
         edge.check(self.poses.len())?;
         let id = LoopId(self.next_loop);
         self.next_loop += 1;
-        let chi2 = edge.chi2(&self.poses[edge.from.0], &self.poses[edge.to.0]);
+        let chi2 = edge.chi2(&self.poses);
         self.loops.push(Loop {
             id,
             edge,

@@ -1,6 +1,6 @@
 //! The pose graph of the map: a node for every keyframe, constraints of odometry, loop closures.
 
-use super::saved::{SavedGraph, SavedLoop};
+use super::saved::{SavedGraph, SavedLoop, SavedPose};
 use super::{Edge, Error, Loop, LoopId, PoseGraph, Prior, position_sigma_m};
 use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
@@ -35,7 +35,8 @@ pub(crate) struct KeyframeGraph {
     closures: Vec<(LoopId, ClosureIdx)>,
     odometry_covariance_factor: f64,
     is_verified: bool,
-    failures: u64,
+    /// Optimisations without a result; the estimate stayed where it was.
+    pub failures: u64,
 }
 
 impl KeyframeGraph {
@@ -133,11 +134,8 @@ impl KeyframeGraph {
     /// Takes out the loops that the graph has switched off.
     fn prune(&mut self, pruned: &mut Vec<ClosureIdx>) {
         let loops = self.graph.loops().iter();
-        let wrong: Vec<_> = loops
-            .filter(|l| l.weight < WEIGHT_MIN)
-            .map(|l| l.id)
-            .collect();
-        for id in wrong {
+        let wrong = loops.filter(|l| l.weight < WEIGHT_MIN).map(|l| l.id);
+        for id in wrong.collect::<Vec<_>>() {
             self.graph.remove_loop(id);
             if let Some(at) = self.closures.iter().position(|(name, _)| *name == id) {
                 pruned.push(self.closures.remove(at).1);
@@ -150,10 +148,9 @@ impl KeyframeGraph {
         if self.component_of(older) != self.component_of(newer) {
             return None;
         }
-        let covariance = if older == newer {
-            Matrix3::zeros()
-        } else {
-            self.graph.relative_covariance(older, newer).ok()?
+        let covariance = match older == newer {
+            true => Matrix3::zeros(),
+            false => self.graph.relative_covariance(older, newer).ok()?,
         };
         let older_from_newer = self.pose(older)?.between(self.pose(newer)?);
         Some(Prior {
@@ -192,10 +189,9 @@ impl KeyframeGraph {
 
     /// The component with most keyframes, the older one of equals.
     pub fn largest_component(&self) -> ComponentIdx {
-        let sizes = self.component_sizes();
-        let largest = sizes.iter().copied().max().unwrap_or(0);
-        let first = sizes.iter().position(|size| *size == largest);
-        ComponentIdx(first.unwrap_or(0))
+        let sizes = self.component_sizes().into_iter().enumerate().rev();
+        let largest = sizes.max_by_key(|(_, size)| *size);
+        ComponentIdx(largest.map_or(0, |(first, _)| first))
     }
 
     /// How many components there are.
@@ -214,21 +210,15 @@ impl KeyframeGraph {
         self.graph.loops()
     }
 
-    /// Optimisations without a result; the estimate stayed where it was.
-    pub fn failures(&self) -> u64 {
-        self.failures
-    }
-
     /// What a snapshot has of the graph.
     pub fn saved(&self) -> SavedGraph {
         let loops = self.graph.loops().iter().zip(&self.closures);
         let poses = self.graph.poses();
+        let loops = loops.map(|(found, (_, closure))| SavedLoop::new(found, *closure, poses));
         SavedGraph {
-            poses: poses.iter().copied().map(Into::into).collect(),
-            loops: loops
-                .map(|(found, (_, closure))| SavedLoop::new(found, *closure, poses))
-                .collect(),
-            next_loop: self.graph.next_loop(),
+            poses: poses.iter().copied().map(SavedPose).collect(),
+            loops: loops.collect(),
+            next_loop: self.graph.next_loop,
             failures: self.failures,
         }
     }
@@ -248,11 +238,8 @@ impl KeyframeGraph {
         }
         let loops = saved.loops.iter().map(|l| l.restored(closures, &poses));
         let loops = loops.collect::<Option<Vec<_>>>()?;
-        self.closures = loops
-            .iter()
-            .map(|l| l.id)
-            .zip(saved.loops.iter().map(|l| l.closure))
-            .collect();
+        let names = saved.loops.iter().map(|l| (LoopId(l.id), l.closure));
+        self.closures = names.collect();
         self.graph = PoseGraph::restore(poses, odometry, loops, saved.next_loop).ok()?;
         self.failures = saved.failures;
         Some(())

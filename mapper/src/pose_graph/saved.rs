@@ -25,12 +25,6 @@ persist!(SavedGraph {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct SavedPose(pub Pose2);
 
-impl From<Pose2> for SavedPose {
-    fn from(pose: Pose2) -> Self {
-        Self(pose)
-    }
-}
-
 impl Persist for SavedPose {
     fn save(&self, out: &mut Writer<'_>) {
         self.0.to_array().save(out);

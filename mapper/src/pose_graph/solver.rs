@@ -50,6 +50,13 @@ pub struct Report {
 /// Edges with their losses.
 pub(super) type Term<'a> = (&'a Edge, Loss);
 
+/// Odometry, and the loops that are on, believed in full.
+pub(super) fn believed<'a>(odometry: &'a [Edge], loops: &'a [Edge], on: &[bool]) -> Vec<Term<'a>> {
+    let loops = loops.iter().zip(on).filter(|(_, on)| **on);
+    let edges = odometry.iter().chain(loops.map(|(edge, _)| edge));
+    edges.map(|edge| (edge, Loss::QUADRATIC)).collect()
+}
+
 /// Moves the poses to the least cost, starting where they are. The system is made anew where it
 /// does not fit.
 pub(super) fn solve(
@@ -58,55 +65,13 @@ pub(super) fn solve(
     terms: &[Term<'_>],
     effort: Effort,
 ) -> Result<Report, Error> {
-    descend(fitting(system, poses.len(), terms)?, poses, terms, effort)
-}
-
-/// The equations of these terms, factorised at these poses or, where they are solved, a last step
-/// away from them.
-pub(super) fn factorised<'a>(
-    system: &'a mut Option<System>,
-    poses: &[Pose2],
-    terms: &[Term<'_>],
-) -> Result<&'a mut System, Error> {
     let system = fitting(system, poses.len(), terms)?;
-    if !system.is_factorised() {
-        build(system, poses, terms);
-        if !system.factorise(0.0) {
-            return Err(Error::Singular {
-                unknowns: system.unknowns(),
-                damping: 0.0,
-            });
-        }
-    }
-    Ok(system)
-}
-
-/// The system of these terms: the one that is there, or where that does not fit a new one in its
-/// place.
-fn fitting<'a>(
-    system: &'a mut Option<System>,
-    nodes: usize,
-    terms: &[Term<'_>],
-) -> Result<&'a mut System, Error> {
-    let pairs = || terms.iter().map(|(edge, _)| (edge.from.0, edge.to.0));
-    Ok(match system.take() {
-        Some(fits) if fits.fits(nodes, pairs()) => system.insert(fits),
-        _ => system.insert(System::new(nodes, pairs().collect())?),
-    })
-}
-
-fn descend(
-    system: &mut System,
-    poses: &mut [Pose2],
-    terms: &[Term<'_>],
-    effort: Effort,
-) -> Result<Report, Error> {
     let mut damping = 0.0;
     let mut report = Report {
         step: f64::INFINITY,
+        chi2: cost(poses, terms),
         ..Report::default()
     };
-    report.chi2 = cost(poses, terms);
     build(system, poses, terms);
     let mut factorisations = 0;
     while factorisations < effort.factorisations_max && !report.converged {
@@ -114,15 +79,11 @@ fn descend(
         let mut tried = None;
         if system.factorise(damping) {
             let step = system.step();
-            let moved: Vec<Pose2> = poses
-                .iter()
-                .enumerate()
-                .map(|(node, pose)| {
-                    system
-                        .node_step(&step, node)
-                        .map_or(*pose, |s| moved(pose, &s))
-                })
-                .collect();
+            let moved = poses.iter().enumerate().map(|(node, pose)| {
+                let own = system.node_step(&step, node);
+                own.map_or(*pose, |own| moved(pose, &own))
+            });
+            let moved: Vec<Pose2> = moved.collect();
             let size = step.iter().fold(0.0_f64, |max, value| max.max(value.abs()));
             let cost = cost(&moved, terms);
             if cost <= report.chi2 * (1.0 + COST_ROUNDING) || size < STEP_ROUNDING {
@@ -161,24 +122,52 @@ fn descend(
     Ok(report)
 }
 
+/// The equations of these terms, factorised at these poses or, where they are solved, a last step
+/// away from them.
+pub(super) fn factorised<'a>(
+    system: &'a mut Option<System>,
+    poses: &[Pose2],
+    terms: &[Term<'_>],
+) -> Result<&'a mut System, Error> {
+    let system = fitting(system, poses.len(), terms)?;
+    if !system.factorised {
+        build(system, poses, terms);
+        if !system.factorise(0.0) {
+            return Err(Error::Singular {
+                unknowns: system.unknowns(),
+                damping: 0.0,
+            });
+        }
+    }
+    Ok(system)
+}
+
+/// The system of these terms: the one that is there, or where that does not fit a new one in its
+/// place.
+fn fitting<'a>(
+    system: &'a mut Option<System>,
+    nodes: usize,
+    terms: &[Term<'_>],
+) -> Result<&'a mut System, Error> {
+    let pairs = || terms.iter().map(|(edge, _)| (edge.from.0, edge.to.0));
+    Ok(match system.take() {
+        Some(fits) if fits.fits(nodes, pairs()) => system.insert(fits),
+        _ => system.insert(System::new(nodes, pairs().collect())?),
+    })
+}
+
 fn cost(poses: &[Pose2], terms: &[Term<'_>]) -> f64 {
-    terms
-        .iter()
-        .map(|(edge, loss)| loss.cost(edge.chi2(&poses[edge.from.0], &poses[edge.to.0])))
-        .sum()
+    let costs = terms.iter().map(|(edge, loss)| loss.cost(edge.chi2(poses)));
+    costs.sum()
 }
 
 fn build(system: &mut System, poses: &[Pose2], terms: &[Term<'_>]) {
     system.clear();
     for (index, (edge, loss)) in terms.iter().enumerate() {
-        let linearised = edge.linearised(&poses[edge.from.0], &poses[edge.to.0]);
-        let error = &linearised.error;
+        let (from, to) = (&poses[edge.from.0], &poses[edge.to.0]);
+        let error = edge.error(from, to);
         let weight = loss.weight(error.dot(&(edge.information * error)));
-        system.add(
-            index,
-            error,
-            [&linearised.by_from, &linearised.by_to],
-            &(edge.information * weight),
-        );
+        let information = edge.information * weight;
+        system.add(index, &error, &edge.derivatives(from, to), &information);
     }
 }

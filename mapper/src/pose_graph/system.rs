@@ -47,7 +47,7 @@ pub(super) struct System {
     factor: Vec<f64>,
     memory: MemBuffer,
     /// Whether `factor` is that of H as it is, not damped.
-    factorised: bool,
+    pub factorised: bool,
 }
 
 impl System {
@@ -55,14 +55,12 @@ impl System {
     pub fn new(nodes: usize, pairs: Vec<(usize, usize)>) -> Result<Self, Error> {
         let component = components(nodes, pairs.iter().copied());
         let mut blocks = 0;
-        let block_of: Vec<Option<usize>> = (0..nodes)
-            .map(|node| {
-                (component[node] != node).then(|| {
-                    blocks += 1;
-                    blocks - 1
-                })
-            })
-            .collect();
+        let block_of = (0..nodes).map(|node| {
+            let is_unknown = component[node] != node;
+            blocks += usize::from(is_unknown);
+            is_unknown.then(|| blocks - 1)
+        });
+        let block_of: Vec<Option<usize>> = block_of.collect();
         let below = blocks_below(blocks, &pairs, &block_of);
         let edges = pairs.iter().map(|&(from, to)| {
             let blocks = [block_of[from], block_of[to]];
@@ -127,7 +125,7 @@ impl System {
         &mut self,
         index: usize,
         error: &Vector3<f64>,
-        jacobians: [&Matrix3<f64>; 2],
+        jacobians: &[Matrix3<f64>; 2],
         information: &Matrix3<f64>,
     ) {
         let EdgeBlocks { blocks, below } = self.edges[index];
@@ -186,11 +184,6 @@ impl System {
         let good = factorised.is_ok() && self.factor.iter().all(|value| value.is_finite());
         self.factorised = good && damping == 0.0;
         good
-    }
-
-    /// Whether the last factorisation was that of H as it is.
-    pub fn is_factorised(&self) -> bool {
-        self.factorised
     }
 
     /// The step of every unknown pose by the last factorisation.
@@ -276,15 +269,17 @@ fn scalar_pattern(below: &[Vec<usize>]) -> (Vec<usize>, Vec<usize>) {
     for (block, below) in below.iter().enumerate() {
         for column in 0..DOF {
             rows.extend((column..DOF).map(|row| DOF * block + row));
-            rows.extend(
-                below
-                    .iter()
-                    .flat_map(|b| (0..DOF).map(move |row| DOF * b + row)),
-            );
+            rows.extend(scalars(below));
             columns.push(rows.len());
         }
     }
     (columns, rows)
+}
+
+/// The unknowns of blocks.
+fn scalars(blocks: &[usize]) -> impl Iterator<Item = usize> {
+    let unknowns = |block| (0..DOF).map(move |unknown| DOF * block + unknown);
+    blocks.iter().flat_map(unknowns)
 }
 
 fn pattern<'a>(columns: &'a [usize], rows: &'a [usize]) -> SymbolicSparseColMatRef<'a, usize> {
@@ -318,13 +313,7 @@ fn symbolic(
         amd::Control::default(),
         MemStack::new(&mut memory),
     )?;
-    let scalars = |order: &[usize]| -> Vec<usize> {
-        let scalars = order
-            .iter()
-            .flat_map(|b| (0..DOF).map(move |k| DOF * b + k));
-        scalars.collect()
-    };
-    let order = scalars(&order);
+    let order: Vec<usize> = scalars(&order).collect();
     let mut inverse = vec![0; order.len()];
     for (position, index) in order.iter().enumerate() {
         inverse[*index] = position;

@@ -96,7 +96,7 @@ impl JournalWriter {
             Ok(()) => self.trouble.clear(),
             Err(error) => {
                 self.trouble = error.to_string();
-                self.is_unsure |= matches!(error, Error::Unsure { .. });
+                self.is_unsure |= matches!(error, Error::Unsure(_));
             }
         }
         self.trouble.is_empty()

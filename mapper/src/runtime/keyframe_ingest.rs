@@ -5,8 +5,8 @@ use super::journal_writer::JournalWriter;
 use super::keyframe_sequence::{Admission, KeyframeSequence};
 use super::replay_queue::{KeyframeFacts, ReplayQueue};
 use randt_config::Config;
-use randt_mapper::journal::JournalFile;
-use randt_mapper::{Mapper, Recalled, SnapshotRejection};
+use randt_mapper::journal::{Damage, JournalFile};
+use randt_mapper::{Mapper, SnapshotRejection};
 use randt_messages::{Keyframe, KeyframeHead, MessageRef};
 use randt_stage::{FileBytes, Stage};
 use std::error::Error;
@@ -17,10 +17,10 @@ use std::time::Instant;
 /// Journal and map, which have the same keyframes; a map that has come back takes the last of them
 /// while it listens.
 pub struct KeyframeIngest {
-    mapper: Mapper,
-    writer: JournalWriter,
+    pub mapper: Mapper,
+    pub writer: JournalWriter,
     checkpoints: CheckpointStore,
-    sequence: KeyframeSequence,
+    pub sequence: KeyframeSequence,
     to_replay: ReplayQueue,
 }
 
@@ -31,22 +31,16 @@ impl KeyframeIngest {
         let opened =
             JournalFile::open_by(path, config, |path| Ok(Arc::new(FileBytes::open(path)?)))?;
         let name = path.display();
-        if let Some(cut) = &opened.cut {
-            stage.log_info(&format!(
-                "{name}: cut at offset {}: {}",
-                cut.offset, cut.what
-            ));
+        if let Some(Damage { offset, what, .. }) = &opened.cut {
+            stage.log_info(&format!("{name}: cut at offset {offset}: {what}"));
         }
         if let Some((path, why)) = &opened.quarantined {
             stage.log_info(&format!("{name}: {why}; quarantined as {}", path.display()));
         }
         let mut journal = opened.journal;
         let checkpoints = CheckpointStore::open(stage)?;
-        let Recalled {
-            mapper,
-            to_replay,
-            restored,
-        } = Mapper::recall(config, opened.contents, checkpoints.newest());
+        let recalled = Mapper::recall(config, opened.contents, checkpoints.newest());
+        let (mapper, restored) = (recalled.mapper, recalled.restored);
         journal.recalled(&mapper);
         if let Some(why) = restored.rejection {
             stage.log_info(&format!("{name}: {}", in_words(why)));
@@ -63,7 +57,7 @@ impl KeyframeIngest {
             sequence: KeyframeSequence::after(journal.end()),
             writer: journal.into(),
             checkpoints,
-            to_replay: to_replay.into(),
+            to_replay: recalled.to_replay.into(),
         })
     }
 
@@ -113,7 +107,7 @@ impl KeyframeIngest {
 
     /// The same as [`Self::progress`] where the map is late.
     pub fn delay(&self) -> String {
-        match self.to_replay.is_late() {
+        match self.to_replay.is_late {
             true => self.progress(),
             false => String::new(),
         }
@@ -121,20 +115,15 @@ impl KeyframeIngest {
 
     /// Odometry's frame at the journal's newest keyframe.
     pub fn newest_frame(&self) -> Option<u64> {
-        let mapped = || {
-            self.mapper
-                .keyframes()
-                .last()
-                .map(KeyframeFacts::from_keyframe)
-        };
-        let newest = self.to_replay.newest().or_else(mapped);
-        newest.map(|newest| newest.odom_frame_id)
+        let waiting = self.to_replay.newest().map(|newest| newest.odom_frame_id);
+        let mapped = || Some(self.mapper.keyframes().last()?.odom_frame_id);
+        waiting.or_else(mapped)
     }
 
     /// How far the map is, in words.
     pub fn progress(&self) -> String {
         match self.to_replay.len() {
-            0 => format!("{} keyframes", self.next()),
+            0 => format!("{} keyframes", self.sequence.next),
             _ => {
                 let taken = self.mapper.taken();
                 let all = taken + self.to_replay.len();
@@ -188,46 +177,6 @@ impl KeyframeIngest {
             self.writer.append_snapshot(&self.mapper);
         }
         self.writer.sync_now();
-    }
-
-    /// Whether keyframes shall be sent again; the caller asks odometry for them.
-    pub fn request(&mut self) -> bool {
-        self.sequence.request()
-    }
-
-    /// The keyframe that is waited for.
-    pub fn next(&self) -> u64 {
-        self.sequence.next
-    }
-
-    /// Keyframes that never came.
-    pub fn lost(&self) -> u64 {
-        self.sequence.lost
-    }
-
-    /// Whether odometry numbers another drive than the map's.
-    pub fn is_other_drive(&self) -> bool {
-        self.sequence.is_other_drive
-    }
-
-    /// What is wrong with the journal; empty where nothing is.
-    pub fn trouble(&self) -> &str {
-        &self.writer.trouble
-    }
-
-    /// Whether only opening the journal anew shows what is in it: a matter for the next process.
-    pub fn is_unsure(&self) -> bool {
-        self.writer.is_unsure
-    }
-
-    /// Keyframes below this number are on the disk.
-    pub fn on_disk(&self) -> u64 {
-        self.writer.journal.on_disk()
-    }
-
-    /// The map.
-    pub fn mapper(&mut self) -> &mut Mapper {
-        &mut self.mapper
     }
 }
 

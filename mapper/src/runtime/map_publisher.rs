@@ -60,14 +60,14 @@ impl MapPublisher {
     /// Publishes what is due. `at_once`: what the mapper has or wants has changed.
     pub fn publish(&mut self, ingest: &mut KeyframeIngest, at_once: bool) -> Result<(), Error> {
         let now = Instant::now();
-        let version = ingest.mapper().version();
+        let version = ingest.mapper.version();
         // A map that takes keyframes anew would have the pose jump to where it was long ago.
         let is_whole = !ingest.is_behind();
         let is_first =
             !std::mem::replace(&mut self.has_published, true) && ingest.is_as_published();
         if (is_whole || is_first)
             && self.corrected != Some(version)
-            && let Some(head) = correction(ingest.mapper())
+            && let Some(head) = correction(&ingest.mapper)
         {
             let items = &[];
             self.corrections
@@ -76,7 +76,7 @@ impl MapPublisher {
         }
         if at_once || now >= self.beat {
             self.beat = now + BEAT;
-            fill_graph(ingest.mapper(), 0, &mut self.graph);
+            fill_graph(&ingest.mapper, 0, &mut self.graph);
             self.graph.items.clear();
             self.send_graph(ingest, true)?;
         }
@@ -89,14 +89,14 @@ impl MapPublisher {
         // whole all the same.
         let is_news = self.drawn != Some(version) && self.tiles.is_empty();
         if is_whole && is_news && now >= self.paint {
-            self.is_painting = ingest.mapper().update_grid_by(PAINTED_MAX).added == PAINTED_MAX;
+            self.is_painting = ingest.mapper.update_grid_by(PAINTED_MAX).added == PAINTED_MAX;
             if !self.is_painting {
                 self.paint = now + PAINT;
                 self.drawn = Some(version);
                 self.draw(ingest)?;
             }
         }
-        self.tiles.publish(ingest.mapper())
+        self.tiles.publish(&ingest.mapper)
     }
 
     /// The whole map is to be published, also where it is another one.
@@ -110,10 +110,10 @@ impl MapPublisher {
     fn draw(&mut self, ingest: &mut KeyframeIngest) -> Result<(), Error> {
         let mut entry = Some(0);
         while let Some(first) = entry {
-            entry = fill_graph(ingest.mapper(), first, &mut self.graph);
+            entry = fill_graph(&ingest.mapper, first, &mut self.graph);
             self.send_graph(ingest, false)?;
         }
-        self.tiles.list(ingest.mapper());
+        self.tiles.list(&ingest.mapper);
         Ok(())
     }
 
@@ -121,10 +121,10 @@ impl MapPublisher {
         let head = &mut *self.graph.head;
         // Odometry that begins to number goes on after the journal, not after what the map has of
         // it by now.
-        head.wanted_keyframe = ingest.next();
+        head.wanted_keyframe = ingest.sequence.next;
         head.odom_frame_id = ingest.newest_frame().unwrap_or(0);
-        head.on_disk = ingest.on_disk();
-        head.send_again = u32::from(may_ask && ingest.request());
+        head.on_disk = ingest.writer.journal.on_disk();
+        head.send_again = u32::from(may_ask && ingest.sequence.request());
         self.graphs.publish(self.graph.as_ref())
     }
 
@@ -134,14 +134,12 @@ impl MapPublisher {
             return Duration::ZERO;
         }
         // Tiles that are left go out ten times a second.
-        let pace = if self.tiles.is_empty() {
-            BEAT
-        } else {
-            BEAT / 5
+        let pace = match self.tiles.is_empty() {
+            true => BEAT,
+            false => BEAT / 5,
         };
-        self.beat
-            .saturating_duration_since(Instant::now())
-            .min(pace)
+        let left = self.beat.saturating_duration_since(Instant::now());
+        left.min(pace)
     }
 }
 
@@ -174,9 +172,7 @@ impl TileQueue {
 
     fn publish(&mut self, mapper: &Mapper) -> Result<(), Error> {
         for _ in 0..TILES {
-            let Some(index) = self.tiles.pop() else {
-                return Ok(());
-            };
+            let Some(index) = self.tiles.pop() else { break };
             fill_tile(mapper, index, &mut self.tile);
             self.publisher.publish(self.tile.as_ref())?;
         }

@@ -9,8 +9,9 @@ use std::collections::VecDeque;
 /// The keyframes.
 pub struct ReplayQueue {
     keyframes: VecDeque<Packed>,
-    /// Whether they are more than the one that was being taken as the process ended.
-    is_late: bool,
+    /// Whether the map is late: they are more than the one that was being taken as the process
+    /// ended.
+    pub is_late: bool,
 }
 
 /// What identifies a keyframe beside its number: two that agree in both are one.
@@ -59,11 +60,6 @@ impl ReplayQueue {
         let next = self.keyframes.pop_front();
         self.is_late |= self.keyframes.len() > 1;
         next
-    }
-
-    /// Whether the map is late.
-    pub fn is_late(&self) -> bool {
-        self.is_late
     }
 
     /// Whether the last of many was taken; true once.

@@ -11,7 +11,6 @@ use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::pose_graph::{KeyframeGraph, Prior};
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
-use std::ops::Range;
 
 /// Loops that agree must lie this many keyframe distances of path apart: neighbours share their
 /// errors.
@@ -20,29 +19,23 @@ const APART_KEYFRAMES: f64 = 2.0;
 const TOGETHER_KEYFRAMES: f64 = 40.0;
 
 impl LoopVerification {
-    /// Takes the unconfirmed closures of a range, and older ones that they support.
+    /// Takes the unconfirmed closures from one on, and older ones that they support.
     pub(super) fn confirm(
         &mut self,
-        new: Range<usize>,
+        first: usize,
         keyframes: &KeyframeStore,
         graph: &mut KeyframeGraph,
     ) {
         let mut accepted = Vec::new();
-        for index in new {
-            let Some(closure) = self.closures.get(index).copied() else {
-                continue;
-            };
-            if closure.status != LoopStatus::Unconfirmed {
-                continue;
-            }
+        for (index, closure) in self.unconfirmed(first) {
             let prior = graph.prior(closure.older, closure.newer);
             if !self.config.loops.verify || prior.is_some_and(|prior| is_tight(&prior)) {
-                accepted.push(ClosureIdx(index));
+                accepted.push(index);
             } else if prior.is_some() {
-                let support = self.support(&closure, keyframes, graph);
+                let support = self.support(closure, keyframes, graph);
                 if !support.is_empty() {
                     accepted.extend(support);
-                    accepted.push(ClosureIdx(index));
+                    accepted.push(index);
                 }
             }
         }
@@ -62,14 +55,21 @@ impl LoopVerification {
         let path_m = |i: KeyframeIdx| keyframes.get(i.0).map_or(0.0, |keyframe| keyframe.path_m);
         let here_m = path_m(closure.newer);
         let range_m = APART_KEYFRAMES * step_m..TOGETHER_KEYFRAMES * step_m;
-        self.closures
-            .iter()
-            .enumerate()
-            .filter(|(_, other)| other.status == LoopStatus::Unconfirmed)
+        self.unconfirmed(0)
             .filter(|(_, other)| range_m.contains(&(here_m - path_m(other.newer))))
             .filter(|(_, other)| agree(other, closure, graph))
-            .map(|(index, _)| ClosureIdx(index))
+            .map(|(index, _)| index)
             .collect()
+    }
+
+    /// The closures that are unconfirmed, from one on.
+    pub(super) fn unconfirmed(
+        &self,
+        first: usize,
+    ) -> impl Iterator<Item = (ClosureIdx, &LoopClosure)> {
+        let closures = self.closures.iter().enumerate().skip(first);
+        let unconfirmed = closures.filter(|(_, it)| it.status == LoopStatus::Unconfirmed);
+        unconfirmed.map(|(index, closure)| (ClosureIdx(index), closure))
     }
 
     /// Puts closures into the graph and lets the map follow.
@@ -78,13 +78,12 @@ impl LoopVerification {
             return;
         }
         for &index in accepted {
-            let Some(closure) = self.closures.get_mut(index.0) else {
-                continue;
-            };
-            closure.status = match graph.add_closure(index, closure.edge()) {
-                Ok(()) => LoopStatus::Accepted,
-                Err(_) => LoopStatus::Degenerate,
-            };
+            if let Some(closure) = self.closures.get_mut(index.0) {
+                closure.status = match graph.add_closure(index, closure.edge()) {
+                    Ok(()) => LoopStatus::Accepted,
+                    Err(_) => LoopStatus::Degenerate,
+                };
+            }
         }
         let pruned = graph.optimize_and_prune();
         self.withdraw(&pruned);
@@ -93,13 +92,12 @@ impl LoopVerification {
 
 /// Whether two closures and the drives between their ends close up.
 fn agree(a: &LoopClosure, b: &LoopClosure, graph: &mut KeyframeGraph) -> bool {
-    let (Some(old), Some(new)) = (graph.prior(b.older, a.older), graph.prior(a.newer, b.newer))
-    else {
+    let drives = [(b.older, a.older), (a.newer, b.newer)];
+    let [Some(old), Some(new)] = drives.map(|(from, to)| graph.prior(from, to)) else {
         return false;
     };
-    let (Some(a_covariance), Some(b_covariance)) =
-        (a.information.try_inverse(), b.information.try_inverse())
-    else {
+    let covariances = [a, b].map(|closure| closure.information.try_inverse());
+    let [Some(a_covariance), Some(b_covariance)] = covariances else {
         return false;
     };
     // b as the others say it is: back to a's old keyframe, over loop a, on to b's new keyframe.

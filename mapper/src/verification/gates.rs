@@ -44,15 +44,11 @@ pub(super) fn judge(scores: &Scores, config: &Loops) -> Result<(), LoopStatus> {
 /// Whether the keyframes look like one, from both sides, where odometry has them. In the merging of
 /// components a refusal is a misfit.
 pub(super) fn is_alike(scores: &Scores, config: &Loops) -> Result<(), LoopStatus> {
-    let fit = scores
-        .forward
-        .zip(scores.backward)
-        .map_or(0.0, |(a, b)| a.min(b));
+    let shares = scores.forward.zip(scores.backward);
+    let fit = shares.map_or(0.0, |(a, b)| a.min(b));
     // Not a number is no agreement.
-    if scores
-        .chi2
-        .is_some_and(|chi2| chi2.is_nan() || chi2 > CHI2_MAX)
-    {
+    let is_far = |chi2: f64| chi2.is_nan() || chi2 > CHI2_MAX;
+    if scores.chi2.is_some_and(is_far) {
         return Err(LoopStatus::AgainstOdometry);
     }
     if fit < config.fit_min {

@@ -8,13 +8,13 @@
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};
 use super::gates::{is_alike, is_fixed};
-use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
+use crate::index::{ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::place_recognition::CandidateOrigin;
 use crate::pose_graph::{KeyframeGraph, deviation};
 use randt_config::Config;
 use randt_geometry::Pose2;
-use randt_persist::{Error, Persist, Reader, Writer};
+use randt_persist::persist;
 
 /// A component is tried again after this many keyframe distances of path.
 const EVERY_KEYFRAMES: f64 = 8.0;
@@ -80,6 +80,7 @@ pub(crate) struct ComponentMerger {
     near_m: f64,
     is_enabled: bool,
 }
+persist!(ComponentMerger { tried_m } kept { every_m, near_m, is_enabled });
 
 impl ComponentMerger {
     /// Nothing tried yet.
@@ -107,23 +108,17 @@ impl ComponentMerger {
             return;
         }
         let component = graph.component_of(newest);
-        let alignments = alignments(component, keyframes, verification.closures(), graph);
+        let alignments = alignments(component, keyframes, verification, graph);
         if alignments.is_empty() {
             return;
         }
         self.tried_m = path_m;
-        let mut overlays: Vec<Overlay> = alignments
-            .into_iter()
-            .map(|alignment| {
-                verification.overlay(component, alignment, self.near_m, keyframes, graph)
-            })
-            .filter(|overlay| overlay.explained() >= EXPLAINED_MIN)
-            .collect();
+        let overlay = |it| verification.overlay(component, it, self.near_m, keyframes, graph);
+        let mut overlays: Vec<Overlay> = alignments.into_iter().map(overlay).collect();
+        overlays.retain(|overlay| overlay.explained() >= EXPLAINED_MIN);
         overlays.sort_by_key(|overlay| core::cmp::Reverse(overlay.fits.len()));
         let mut overlays = overlays.into_iter();
-        let Some(best) = overlays.next() else {
-            return;
-        };
+        let Some(best) = overlays.next() else { return };
         let fits = best.fits.len();
         let mut rivals = overlays.filter(|rival| rival.alignment.other == best.alignment.other);
         let has_rival = rivals.any(|rival| rival.fits.len() as f64 > RIVAL_SHARE * fits as f64);
@@ -134,50 +129,33 @@ impl ComponentMerger {
     }
 }
 
-/// A snapshot has the path of the last trial.
-impl Persist for ComponentMerger {
-    fn save(&self, out: &mut Writer<'_>) {
-        self.tried_m.save(out);
-    }
-
-    fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
-        self.tried_m.restore(from)
-    }
-}
-
 /// The alignments that unconfirmed closures support, those with most of them first.
 fn alignments(
     component: ComponentIdx,
     keyframes: &[MapKeyframe],
-    closures: &[LoopClosure],
+    verification: &LoopVerification,
     graph: &KeyframeGraph,
 ) -> Vec<Alignment> {
     let here = graph.poses().last().copied().unwrap_or_default();
     let mut alignments: Vec<Alignment> = Vec::new();
-    let unconfirmed = closures
-        .iter()
-        .filter(|c| c.status == LoopStatus::Unconfirmed);
-    for closure in unconfirmed {
+    for (_, closure) in verification.unconfirmed(0) {
         let [of_older, of_newer] = [closure.older, closure.newer].map(|k| graph.component_of(k));
-        let (Some(older), Some(newer)) = (graph.pose(closure.older), graph.pose(closure.newer))
-        else {
+        let poses = [closure.older, closure.newer].map(|k| graph.pose(k));
+        let [Some(older), Some(newer)] = poses else {
             continue;
         };
         // Where the older keyframe's component has the frame of the newer one's.
-        let older_from_newer = older
-            .compose(&closure.older_from_newer)
-            .compose(&newer.inverse());
+        let map_from_newer = older.compose(&closure.older_from_newer);
+        let older_from_newer = map_from_newer.compose(&newer.inverse());
         let (other, other_from_newest) = match (of_older == component, of_newer == component) {
             (false, true) => (of_older, older_from_newer),
             (true, false) => (of_newer, older_from_newer.inverse()),
             _ => continue,
         };
         // Alignments are one where they have the robot in one position.
+        let robot = other_from_newest.compose(&here);
         let same = alignments.iter_mut().find(|alignment| {
-            let off = deviation(
-                &alignment.other_from_newest.compose(&here),
-                &other_from_newest.compose(&here),
-            );
+            let off = deviation(&alignment.other_from_newest.compose(&here), &robot);
             alignment.other == other && off.xy().norm() < SAME_M && off.z.abs() < SAME_RAD
         });
         match same {
@@ -239,33 +217,25 @@ impl LoopVerification {
         graph: &KeyframeGraph,
     ) -> Overlay {
         let roots: Vec<KeyframeIdx> = self.submaps.roots().collect();
-        let mut overlay = Overlay {
-            alignment,
-            fits: Vec::new(),
-            misfits: 0,
-        };
-        let Alignment {
-            other,
-            other_from_newest,
-            ..
-        } = overlay.alignment;
+        let (mut fits, mut misfits) = (Vec::new(), 0);
         for newer in roots {
-            if graph.component_of(newer) != component {
-                continue;
-            }
-            let Some(pose) = graph.pose(newer) else {
+            let pose = graph.pose(newer);
+            let Some(pose) = pose.filter(|_| graph.component_of(newer) == component) else {
                 continue;
             };
-            let expected = other_from_newest.compose(pose);
-            let Some(older) = self.root_near(&expected, other, near_m, keyframes, graph) else {
-                continue;
-            };
-            match self.fit([older, newer], &expected, keyframes, graph) {
-                Some(closure) => overlay.fits.push(closure),
-                None => overlay.misfits += 1,
+            let expected = alignment.other_from_newest.compose(pose);
+            let older = self.root_near(&expected, alignment.other, near_m, keyframes, graph);
+            match older.map(|older| self.fit([older, newer], &expected, keyframes, graph)) {
+                Some(Some(closure)) => fits.push(closure),
+                Some(None) => misfits += 1,
+                None => {}
             }
         }
-        overlay
+        Overlay {
+            alignment,
+            fits,
+            misfits,
+        }
     }
 
     /// The submap of the keyframe of a component that is nearest to a pose, by its root.
@@ -305,10 +275,8 @@ impl LoopVerification {
         if !is_near || is_alike(&closure.scores, &self.config.loops).is_err() {
             return None;
         }
-        closure.status = match is_fixed(&closure.scores) {
-            Ok(()) => LoopStatus::Unconfirmed,
-            Err(status) => status,
-        };
+        let fixed = is_fixed(&closure.scores);
+        closure.status = fixed.err().unwrap_or(LoopStatus::Unconfirmed);
         Some(closure)
     }
 
@@ -319,22 +287,16 @@ impl LoopVerification {
         overlay: Overlay,
         graph: &mut KeyframeGraph,
     ) {
-        let Alignment {
-            other,
-            other_from_newest,
-            ..
-        } = overlay.alignment;
+        let (other, moved) = (overlay.alignment.other, overlay.alignment.other_from_newest);
         // The older component keeps its coordinates.
         if other < component {
-            graph.move_component(component, &other_from_newest);
+            graph.move_component(component, &moved);
         } else {
-            graph.move_component(other, &other_from_newest.inverse());
+            graph.move_component(other, &moved.inverse());
         }
         let first = self.closures.len();
         self.closures.extend(overlay.fits);
-        let added = self.closures.iter().enumerate().skip(first);
-        let loops = added.filter(|(_, closure)| closure.status == LoopStatus::Unconfirmed);
-        let loops: Vec<ClosureIdx> = loops.map(|(index, _)| ClosureIdx(index)).collect();
+        let loops: Vec<_> = self.unconfirmed(first).map(|(index, _)| index).collect();
         self.accept(&loops, graph);
     }
 }

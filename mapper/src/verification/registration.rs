@@ -6,13 +6,13 @@
 
 use super::submap::QuerySubmap;
 use nalgebra::{Matrix3, Vector2, Vector3};
-use randt_config::Config;
+use randt_config::{Config, Odometry};
 use randt_geometry::{
     Pose2,
     elementary::{atan2, sin_cos},
     marginalize_yaw,
 };
-use randt_ndt::{AdaptiveLoss, Association, Grid, ScanCell};
+use randt_ndt::{AdaptiveLoss, Association, Cell, Grid, ScanCell, evaluate};
 
 /// Factors on c^2, one solve each: a loop starts farther from its end than a scan does, so the
 /// basin begins wider.
@@ -94,10 +94,7 @@ impl Registration {
 /// Registers query submaps; reuses its memory.
 #[derive(Clone, Debug)]
 pub struct Registrar {
-    alpha: f64,
-    scale: f64,
-    neighbours: usize,
-    weight: f64,
+    odometry: Odometry,
     range_m: f64,
     associations: Vec<Association>,
     seen: Vec<ScanCell>,
@@ -106,12 +103,8 @@ pub struct Registrar {
 impl Registrar {
     /// Settings as odometry has them.
     pub fn new(config: &Config) -> Self {
-        let odometry = &config.odometry;
         Self {
-            alpha: odometry.loss_alpha,
-            scale: odometry.loss_scale,
-            neighbours: odometry.neighbours as usize,
-            weight: odometry.ndt_weight,
+            odometry: config.odometry.clone(),
             range_m: config.range_used_m(),
             associations: Vec::new(),
             seen: Vec::new(),
@@ -125,21 +118,16 @@ impl Registrar {
         query: &QuerySubmap,
         start: &Pose2,
     ) -> Option<Registration> {
+        let (cells, neighbours) = (&query.cells, self.odometry.neighbours as usize);
+        let (alpha, scale) = (self.odometry.loss_alpha, self.odometry.loss_scale);
         let mut pose = *start;
         let mut hessian = Matrix3::zeros();
         for mu in GRADUATION {
-            let loss = AdaptiveLoss::new(self.alpha, self.scale, mu);
+            let loss = AdaptiveLoss::new(alpha, scale, mu);
             let steps = if mu > 1.0 { STEPS_WIDE } else { STEPS_MAX };
             for _ in 0..steps {
-                Association::find(
-                    map,
-                    &query.cells,
-                    &pose,
-                    self.neighbours,
-                    &mut self.associations,
-                );
-                let normal =
-                    randt_ndt::evaluate(&query.cells, &self.associations, &pose, [0.0; 3], &loss);
+                Association::find(map, cells, &pose, neighbours, &mut self.associations);
+                let normal = evaluate(cells, &self.associations, &pose, [0.0; 3], &loss);
                 hessian = normal.pose;
                 let mut damped = hessian;
                 for i in 0..3 {
@@ -156,20 +144,18 @@ impl Registrar {
                 }
             }
         }
-        let loss = AdaptiveLoss::new(self.alpha, self.scale, 1.0);
-        Association::find(map, &query.cells, &pose, 1, &mut self.associations);
-        let forward = explained(&self.associations, &loss);
-        let shares = (query.cells.len() * self.neighbours).max(1) as f64;
-        let scan = (hessian * (self.weight / shares)).try_inverse()?;
+        let loss = AdaptiveLoss::new(alpha, scale, 1.0);
+        let forward = self.explained(map, cells, &pose, &loss);
+        let shares = (cells.len() * neighbours).max(1) as f64;
+        let scan = (hessian * (self.odometry.ndt_weight / shares)).try_inverse()?;
         let warp = Matrix3::from_diagonal(&WARP_SIGMA.map(|sigma| sigma * sigma).into());
         let mut registration = Registration {
             submap_from_query: pose,
             information: (scan + warp).try_inverse()?,
             forward,
-            backward: 0.0,
+            backward: self.backward(map, query, &pose, &loss),
             displaced: 0.0,
         };
-        registration.backward = self.backward(map, query, &pose, &loss);
         registration.displaced = self.displaced(map, query, &registration, &loss);
         Some(registration)
     }
@@ -185,15 +171,12 @@ impl Registrar {
         loss: &AdaptiveLoss,
     ) -> f64 {
         let along = found.weak_direction() * DISPLACED_CELLS * map.cell_size_m();
-        [1.0, -1.0]
-            .into_iter()
-            .map(|sign| {
-                let shift = Pose2::new(sign * along.x, sign * along.y, 0.0);
-                let pose = found.submap_from_query.compose(&shift);
-                Association::find(map, &query.cells, &pose, 1, &mut self.associations);
-                explained(&self.associations, loss)
-            })
-            .fold(0.0, f64::max)
+        let explained = [1.0, -1.0].map(|sign| {
+            let shift = Pose2::new(sign * along.x, sign * along.y, 0.0);
+            let pose = found.submap_from_query.compose(&shift);
+            self.explained(map, &query.cells, &pose, loss)
+        });
+        explained.into_iter().fold(0.0, f64::max)
     }
 
     /// Share of the submap around the query submap's end that the query submap explains.
@@ -205,35 +188,33 @@ impl Registrar {
         loss: &AdaptiveLoss,
     ) -> f64 {
         // What the query submap's end does not see says nothing against it.
-        let near = |x: f64, y: f64| {
-            let (dx, dy) = (x - pose.x_m, y - pose.y_m);
+        let is_near = |cell: &&Cell| {
+            let (dx, dy) = (cell.mean[0] - pose.x_m, cell.mean[1] - pose.y_m);
             dx * dx + dy * dy <= 0.25 * self.range_m * self.range_m
         };
-        self.seen.clear();
-        self.seen.extend(
-            map.cells()
-                .filter(|cell| near(cell.mean[0], cell.mean[1]))
-                .map(|cell| ScanCell::new(cell, 0.0)),
-        );
-        Association::find(
-            &query.grid,
-            &self.seen,
-            &pose.inverse(),
-            1,
-            &mut self.associations,
-        );
-        explained(&self.associations, loss)
+        let mut seen = std::mem::take(&mut self.seen);
+        seen.clear();
+        let near = map.cells().filter(is_near);
+        seen.extend(near.map(|cell| ScanCell::new(cell, 0.0)));
+        let share = self.explained(&query.grid, &seen, &pose.inverse(), loss);
+        self.seen = seen;
+        share
     }
-}
 
-/// Mean robust weight of the nearest counterparts; a cell without one counts as 0.
-fn explained(associations: &[Association], loss: &AdaptiveLoss) -> f64 {
-    let sum: f64 = associations
-        .iter()
-        .filter(|association| association.count > 0)
-        .map(|association| loss.weight(association.nearest))
-        .sum();
-    sum / associations.len().max(1) as f64
+    /// Mean robust weight of the nearest counterparts that cells have in a map; one without counts
+    /// as 0.
+    fn explained(
+        &mut self,
+        map: &Grid,
+        cells: &[ScanCell],
+        pose: &Pose2,
+        loss: &AdaptiveLoss,
+    ) -> f64 {
+        Association::find(map, cells, pose, 1, &mut self.associations);
+        let found = self.associations.iter().filter(|found| found.count > 0);
+        let sum: f64 = found.map(|found| loss.weight(found.nearest)).sum();
+        sum / self.associations.len().max(1) as f64
+    }
 }
 
 #[cfg(test)]

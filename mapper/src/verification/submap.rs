@@ -52,22 +52,18 @@ impl Submaps {
             return;
         };
         for submap in self.submaps.iter_mut().rev() {
-            let Some(root) = keyframes.get(submap.root.0) else {
+            let root = keyframes.get(submap.root.0);
+            let Some(root) = root.filter(|root| connected(root, keyframe, self.reach_m)) else {
                 break;
             };
-            if !connected(root, keyframe, self.reach_m) {
-                break;
-            }
             if let Some(grid) = submap.grid.get_mut() {
                 insert(grid, root, keyframe);
                 grid.refresh();
             }
         }
-        let last_root = self
-            .submaps
-            .last()
-            .and_then(|submap| keyframes.get(submap.root.0));
-        if !last_root.is_some_and(|root| connected(root, keyframe, self.spacing_m)) {
+        let last = self.submaps.last();
+        let root = last.and_then(|submap| keyframes.get(submap.root.0));
+        if !root.is_some_and(|root| connected(root, keyframe, self.spacing_m)) {
             self.submaps.push(Submap {
                 root: KeyframeIdx(newest),
                 grid: OnceCell::new(),
@@ -81,32 +77,24 @@ impl Submaps {
         keyframe: &MapKeyframe,
         keyframes: &[MapKeyframe],
     ) -> Option<KeyframeIdx> {
-        let after = self.submaps.partition_point(|submap| {
-            keyframes
-                .get(submap.root.0)
-                .is_some_and(|root| root.path_m <= keyframe.path_m)
+        let root = |submap: &Submap| keyframes.get(submap.root.0);
+        let is_before = |root: &MapKeyframe| root.path_m <= keyframe.path_m;
+        let is_passed = |submap: &Submap| root(submap).is_some_and(is_before);
+        let after = self.submaps.partition_point(is_passed);
+        let near = after.saturating_sub(1)..(after + 1).min(self.submaps.len());
+        let distances = self.submaps.get(near)?.iter().filter_map(|submap| {
+            let root = root(submap).filter(|it| it.odom_frame_id == keyframe.odom_frame_id)?;
+            Some(((root.path_m - keyframe.path_m).abs(), submap.root))
         });
-        let near = self
-            .submaps
-            .get(after.saturating_sub(1)..(after + 1).min(self.submaps.len()))?;
-        let distance = |submap: &&Submap| {
-            keyframes
-                .get(submap.root.0)
-                .filter(|root| root.odom_frame_id == keyframe.odom_frame_id)
-                .map_or(f64::INFINITY, |root| (root.path_m - keyframe.path_m).abs())
-        };
-        near.iter()
-            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
-            .filter(|submap| distance(submap).is_finite())
-            .map(|submap| submap.root)
+        let nearest = distances.min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map(|(_, root)| root)
     }
 
     /// The cells of the submap with this root.
     pub fn grid(&self, root: KeyframeIdx, keyframes: &[MapKeyframe]) -> Option<&Grid> {
-        let index = self
-            .submaps
-            .binary_search_by_key(&root, |submap| submap.root);
-        let submap = self.submaps.get(index.ok()?)?;
+        let submaps = &self.submaps;
+        let index = submaps.binary_search_by_key(&root, |submap| submap.root);
+        let submap = submaps.get(index.ok()?)?;
         Some(submap.grid.get_or_init(|| self.build(root, keyframes)))
     }
 
@@ -159,17 +147,15 @@ impl QuerySubmap {
     pub fn build(&mut self, keyframes: &[MapKeyframe]) {
         self.grid.clear();
         if let Some(newest) = keyframes.last() {
-            for keyframe in keyframes.iter().rev() {
-                if !connected(newest, keyframe, self.reach_m) {
-                    break;
-                }
+            let reached = |other: &&MapKeyframe| connected(newest, other, self.reach_m);
+            for keyframe in keyframes.iter().rev().take_while(reached) {
                 insert(&mut self.grid, newest, keyframe);
             }
         }
         self.grid.refresh();
         self.cells.clear();
-        self.cells
-            .extend(self.grid.cells().map(|cell| ScanCell::new(cell, 0.0)));
+        let cells = self.grid.cells().map(|cell| ScanCell::new(cell, 0.0));
+        self.cells.extend(cells);
     }
 }
 

@@ -3,7 +3,6 @@
 #![no_main]
 
 use randt_imu::mip::{Field, Mip, Packet};
-use randt_imu::protocol::Protocol;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let mut mip = Mip::new(250.0);

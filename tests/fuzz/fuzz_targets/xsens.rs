@@ -2,7 +2,6 @@
 
 #![no_main]
 
-use randt_imu::protocol::Protocol;
 use randt_imu::xsens::{Item, Message, Xsens};
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {

@@ -54,25 +54,22 @@ pub(crate) fn mean(parts: &[PartialEstimate]) -> Option<Estimate> {
         let mut sizes: Vec<f64> = parts.iter().map(deviation).collect();
         let scale = 1.4826 * median(&mut sizes)?;
         for (weight, part) in weights.iter_mut().zip(parts) {
+            *weight = part.weight;
             let size = deviation(part);
-            let share = if size > HUBER * scale {
-                HUBER * scale / size
-            } else {
-                1.0
-            };
-            *weight = part.weight * share;
+            if size > HUBER * scale {
+                *weight *= HUBER * scale / size;
+            }
         }
         value = weighted(parts, &weights).unwrap_or(value);
     }
     let total: f64 = weights.iter().sum();
     let squares: f64 = weights.iter().map(|w| w * w).sum();
     let count = total * total / squares;
-    let spread: f64 = parts
+    let shifts = parts
         .iter()
         .zip(&weights)
-        .map(|(part, weight)| weight * (part.value - value) / (total - weight).max(1e-3 * total))
-        .map(|shift| shift * shift)
-        .sum();
+        .map(|(part, weight)| weight * (part.value - value) / (total - weight).max(1e-3 * total));
+    let spread: f64 = shifts.map(|shift| shift * shift).sum();
     // The variance of Student's distribution: few parts are weak evidence of their own spread.
     let student = (count - 1.0) / (count - 3.0).max(0.1);
     let sigma = ((count - 1.0) / count * spread * student.max(1.0)).sqrt();
@@ -81,11 +78,8 @@ pub(crate) fn mean(parts: &[PartialEstimate]) -> Option<Estimate> {
 
 fn weighted(parts: &[PartialEstimate], weights: &[f64]) -> Option<f64> {
     let total: f64 = weights.iter().sum();
-    let sum: f64 = parts
-        .iter()
-        .zip(weights)
-        .map(|(part, w)| part.value * w)
-        .sum();
+    let terms = parts.iter().zip(weights).map(|(part, w)| part.value * w);
+    let sum: f64 = terms.sum();
     (total > 0.0 && sum.is_finite()).then(|| sum / total)
 }
 

@@ -64,28 +64,21 @@ impl Gyro {
         let after = self.states.partition_point(|m| m.stamp_ns <= stamp_ns);
         let a = self.states.get(after.checked_sub(1)?)?;
         let b = self.states.get(after)?;
-        let (s, dt) = (
-            (stamp_ns - a.stamp_ns) as f64 * 1e-9,
-            (b.stamp_ns - a.stamp_ns) as f64 * 1e-9,
-        );
+        let [s, dt] = [stamp_ns, b.stamp_ns].map(|ns| (ns - a.stamp_ns) as f64 * 1e-9);
         let slope = (b.rate_rad_s - a.rate_rad_s) / dt;
-        Some((
-            a.angle_rad + s * (a.rate_rad_s + 0.5 * slope * s),
-            a.rate_rad_s + slope * s,
-        ))
+        let angle_rad = a.angle_rad + s * (a.rate_rad_s + 0.5 * slope * s);
+        Some((angle_rad, a.rate_rad_s + slope * s))
     }
 
     /// Whether samples cover a span without a hole.
     pub fn covers(&self, begin_ns: i64, end_ns: i64) -> bool {
-        let inside = |first: &GyroState, last: &GyroState| {
-            first.stamp_ns <= begin_ns && end_ns < last.stamp_ns
-        };
-        let ends = self.states.first().zip(self.states.last());
-        let holes = self.holes.partition_point(|(_, end)| *end <= begin_ns);
-        ends.is_some_and(|(first, last)| inside(first, last))
-            && self
-                .holes
-                .get(holes)
-                .is_none_or(|(begin, _)| *begin >= end_ns)
+        let begins = self
+            .states
+            .first()
+            .is_some_and(|it| it.stamp_ns <= begin_ns);
+        let ends = self.states.last().is_some_and(|it| end_ns < it.stamp_ns);
+        let next = self.holes.partition_point(|(_, end)| *end <= begin_ns);
+        let hole = self.holes.get(next);
+        begins && ends && hole.is_none_or(|(begin, _)| *begin >= end_ns)
     }
 }

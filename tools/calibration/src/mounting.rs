@@ -8,7 +8,6 @@ use crate::motion::turn;
 use crate::pivot::{Pivot, pivot};
 use crate::yaw::{MountingYaw, mounting_yaw};
 use crate::{RadarPose, Unobservable};
-use nalgebra::Vector2;
 use randt_geometry::elementary::sin_cos;
 
 /// Position of the radar in `base_link`.
@@ -34,15 +33,12 @@ pub struct Mounting {
 /// Estimates it from the radar's own path.
 pub fn mounting(poses: &[RadarPose]) -> Mounting {
     let pivot = pivot(poses);
-    let point = pivot
-        .as_ref()
-        .ok()
-        .map(|p| Vector2::new(p.x_m.value, p.y_m.value));
+    let point = pivot.as_ref().ok().map(Pivot::point_m);
     let yaw = mounting_yaw(poses, point);
     let lever_arm = pivot.and_then(|pivot| match &yaw {
         Ok(yaw) => Ok(lever_arm(pivot, yaw.yaw_rad)),
         Err(_) => Err(Unobservable::Direction {
-            distance_m: Vector2::new(pivot.x_m.value, pivot.y_m.value).norm(),
+            distance_m: pivot.point_m().norm(),
         }),
     });
     Mounting { yaw, lever_arm }
@@ -52,7 +48,7 @@ pub fn mounting(poses: &[RadarPose]) -> Mounting {
 /// the other way.
 fn lever_arm(pivot: Pivot, yaw_rad: Estimate) -> LeverArm {
     let (sin, cos) = sin_cos(yaw_rad.value);
-    let at = -turn(Vector2::new(pivot.x_m.value, pivot.y_m.value), (cos, sin));
+    let at = -turn(pivot.point_m(), (cos, sin));
     let sigma = |by_x: f64, by_y: f64, by_yaw: f64| {
         let terms = [
             by_x * pivot.x_m.sigma,

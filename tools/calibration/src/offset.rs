@@ -79,11 +79,9 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unobs
         let mut shares: Vec<f64> = fits.iter().map(|fit| fit.ee / fit.ss).collect();
         let usual = median(&mut sizes).unwrap_or_default();
         explained = 1.0 - median(&mut shares).unwrap_or(1.0);
-        good = fits.iter().map(|fit| fit.ee < SLIPPED * usual).collect();
-        let fits: Vec<Fit> = fits
-            .into_iter()
-            .filter(|fit| fit.ee < SLIPPED * usual)
-            .collect();
+        let is_good = |fit: &Fit| fit.ee < SLIPPED * usual;
+        good = fits.iter().map(is_good).collect();
+        let fits: Vec<Fit> = fits.into_iter().filter(is_good).collect();
         sum = Fit::sum(&fits);
         let scale = sum.scale();
         let parts: Vec<PartialEstimate> = fits.iter().map(|fit| fit.part(late_ns, scale)).collect();
@@ -103,25 +101,17 @@ pub fn time_offset(poses: &[RadarPose], gyro: &Gyro) -> Result<TimeOffset, Unobs
             share: 100.0 * explained.max(0.0),
         });
     }
-    let used = || {
-        turning
-            .iter()
-            .zip(&good)
-            .filter(|(_, good)| **good)
-            .map(|(stretch, _)| stretch)
-    };
+    let used = turning.iter().zip(&good).filter(|(_, good)| **good);
+    let used: Vec<&[RadarPose]> = used.map(|(stretch, _)| *stretch).collect();
+    let spans = used.iter().filter_map(|stretch| Span::from_poses(stretch));
     let turned = |stretch: &&[RadarPose]| -> f64 {
         let pairs = stretch.iter().zip(stretch.iter().skip(1));
         pairs.map(|(a, b)| turned_rad(a, b)).sum()
     };
     Ok(TimeOffset {
         late_s: late_s.with_systematic(SYSTEMATIC_S),
-        spans: Span::joined(
-            used()
-                .filter_map(|stretch| Span::from_poses(stretch))
-                .collect(),
-        ),
-        turned_rad: used().map(turned).sum(),
+        spans: Span::joined(spans.collect()),
+        turned_rad: used.iter().map(turned).sum(),
         residual_rad: (sum.ee / sum.rows.max(1) as f64).sqrt(),
         scale: sum.scale(),
     })

@@ -39,6 +39,13 @@ pub struct Pivot {
     pub turned_rad: [f64; 2],
 }
 
+impl Pivot {
+    /// The point, m.
+    pub(crate) fn point_m(&self) -> Vector2<f64> {
+        Vector2::new(self.x_m.value, self.y_m.value)
+    }
+}
+
 /// A part of a turn, and the point that stays in it.
 #[derive(Clone, Copy, Debug)]
 struct Turn {
@@ -84,21 +91,16 @@ pub(crate) fn pivot(poses: &[RadarPose]) -> Result<Pivot, Unobservable> {
             };
             near(centre).map(part).collect()
         };
-        Some([
-            mean(&parts(|turn| turn.axis.x))?,
-            mean(&parts(|turn| turn.axis.y))?,
-        ])
+        let x_m = mean(&parts(|turn| turn.axis.x))?;
+        Some([x_m, mean(&parts(|turn| turn.axis.y))?])
     };
     // The mean of those around one of them, then of those around the mean.
-    let first = best
-        .and_then(estimate)
-        .map(|[x, y]| Vector2::new(x.value, y.value));
+    let first = best.and_then(estimate);
+    let first = first.map(|[x, y]| Vector2::new(x.value, y.value));
     let turned_rad = first.map_or([0.0; 2], both);
     let enough = turned_rad.iter().all(|turned| *turned >= TURN_MIN_RAD);
-    match first
-        .filter(|_| enough)
-        .and_then(|centre| Some((centre, estimate(centre)?)))
-    {
+    let first = first.filter(|_| enough);
+    match first.and_then(|centre| Some((centre, estimate(centre)?))) {
         Some((centre, [x_m, y_m])) => Ok(Pivot {
             x_m: x_m.with_systematic(SYSTEMATIC_M),
             y_m: y_m.with_systematic(SYSTEMATIC_M),
@@ -121,26 +123,20 @@ fn axis(part: &[RadarPose]) -> Option<Turn> {
         let (cos, sin) = pose.pose.cos_sin();
         Vector2::new(cos, sin)
     };
-    let mean_position = part
-        .iter()
-        .map(|pose| pose.pose.translation())
-        .sum::<Vector2<f64>>()
-        / count;
+    let position = |pose: &RadarPose| pose.pose.translation();
+    let mean_position = part.iter().map(position).sum::<Vector2<f64>>() / count;
     let mean_direction = part.iter().map(direction).sum::<Vector2<f64>>() / count;
     let mut sum = Vector2::zeros();
     let mut weight = 0.0;
     for pose in part {
-        let (r, x) = (
-            direction(pose) - mean_direction,
-            pose.pose.translation() - mean_position,
-        );
-        sum -= turn(x, (r.x, -r.y));
+        let r = direction(pose) - mean_direction;
+        sum -= turn(position(pose) - mean_position, (r.x, -r.y));
         weight += r.norm_squared();
     }
     let axis = sum / weight;
     let stray = |pose: &RadarPose| {
         let r = direction(pose) - mean_direction;
-        (pose.pose.translation() - mean_position + turn(axis, (r.x, r.y))).norm_squared()
+        (position(pose) - mean_position + turn(axis, (r.x, r.y))).norm_squared()
     };
     let stray_m = (part.iter().map(stray).sum::<f64>() / count).sqrt();
     let turned_rad = part.windows(2).map(|pair| match pair {

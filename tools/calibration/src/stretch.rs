@@ -52,11 +52,8 @@ pub fn turns(stretch: &[RadarPose]) -> bool {
     let rates: Vec<f64> = steps.map(|step| step.rate_rad_s).collect();
     let count = rates.len().max(1) as f64;
     let mean = rates.iter().sum::<f64>() / count;
-    let spread = rates
-        .iter()
-        .map(|rate| (rate - mean) * (rate - mean))
-        .sum::<f64>()
-        / count;
+    let squares = rates.iter().map(|rate| (rate - mean) * (rate - mean));
+    let spread = squares.sum::<f64>() / count;
     spread > RATE_MIN_RAD_S * RATE_MIN_RAD_S
 }
 

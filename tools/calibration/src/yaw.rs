@@ -43,19 +43,10 @@ pub(crate) fn mounting_yaw(
     pivot: Option<Vector2<f64>>,
 ) -> Result<MountingYaw, Unobservable> {
     let moving = |_: &Step, b: &Step| b.speed_m_s > SPEED_MIN_M_S;
-    let parts: Vec<&[RadarPose]> = runs(poses, moving)
-        .into_iter()
-        .flat_map(straights)
-        .collect();
-    let ways: Vec<(Vector2<f64>, Span)> = parts
-        .iter()
-        .filter_map(|part| {
-            Some((
-                way(part, pivot.unwrap_or_default()),
-                Span::from_poses(part)?,
-            ))
-        })
-        .collect();
+    let pivot = pivot.unwrap_or_default();
+    let parts = runs(poses, moving).into_iter().flat_map(straights);
+    let ways = parts.filter_map(|part| Some((way(part, pivot), Span::from_poses(part)?)));
+    let ways: Vec<(Vector2<f64>, Span)> = ways.collect();
     let path_m: f64 = ways.iter().map(|(way, _)| way.norm()).sum();
     let refusal = Unobservable::Straight {
         chunks: ways.len(),
@@ -71,10 +62,9 @@ pub(crate) fn mounting_yaw(
         let along = |(b, _): &(Vector2<f64>, Span)| a.dot(b) / a.norm().max(f64::MIN_POSITIVE);
         ways.iter().map(along).filter(|along| *along > 0.0).sum()
     };
-    let forward = ways
-        .iter()
-        .max_by(|(a, _), (b, _)| agree(a).total_cmp(&agree(b)));
-    let Some(forward) = forward.map(|(way, _)| atan2(way.y, way.x)) else {
+    let forward = ways.iter().map(|(way, _)| way);
+    let forward = forward.max_by(|a, b| agree(a).total_cmp(&agree(b)));
+    let Some(forward) = forward.map(|way| atan2(way.y, way.x)) else {
         return Err(refusal);
     };
     let mut spans = Vec::new();
@@ -82,10 +72,9 @@ pub(crate) fn mounting_yaw(
     for (way, span) in &ways {
         let aside = wrap(atan2(way.y, way.x) - forward);
         // Backward driving shows the same yaw.
-        let aside = if aside.abs() > core::f64::consts::FRAC_PI_2 {
-            wrap(aside + core::f64::consts::PI)
-        } else {
-            aside
+        let aside = match aside.abs() > core::f64::consts::FRAC_PI_2 {
+            true => wrap(aside + core::f64::consts::PI),
+            false => aside,
         };
         if aside.abs() < ASIDE_RAD {
             spans.push(*span);

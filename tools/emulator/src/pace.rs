@@ -3,9 +3,6 @@
 use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A sleeping emulator checks with this period whether it is to end.
-const CHECK: Duration = Duration::from_millis(50);
-
 /// The log's stamps on the machine's clock. Emulators of one log that begin at the same second are
 /// on one clock.
 #[derive(Clone, Copy, Debug)]
@@ -46,29 +43,25 @@ impl Pace {
         self.unix_ns
             .saturating_add(stamp_ns.saturating_sub(self.begin_ns))
     }
+}
 
-    /// Seconds since the beginning, negative before it.
-    pub fn elapsed_s(&self) -> f64 {
-        let now = Instant::now();
-        if now >= self.begin {
-            (now - self.begin).as_secs_f64()
-        } else {
-            -(self.begin - now).as_secs_f64()
+/// Sleeps until something is due, and serves meanwhile, at least once each `nap`; `false` where
+/// the end was asked for first.
+pub(crate) fn wait(
+    due: Instant,
+    nap: Duration,
+    ends: &dyn Fn() -> bool,
+    mut serve: impl FnMut(),
+) -> bool {
+    loop {
+        serve();
+        if ends() {
+            return false;
         }
-    }
-
-    /// Sleeps until a stamp is due; `false` where the end was asked for first.
-    pub fn wait(&self, stamp_ns: i64, ends: &dyn Fn() -> bool) -> bool {
-        let due = self.due(stamp_ns);
-        loop {
-            if ends() {
-                return false;
-            }
-            let pause = due.saturating_duration_since(Instant::now());
-            if pause.is_zero() {
-                return true;
-            }
-            thread::sleep(pause.min(CHECK));
+        let pause = due.saturating_duration_since(Instant::now());
+        if pause.is_zero() {
+            return true;
         }
+        thread::sleep(pause.min(nap));
     }
 }

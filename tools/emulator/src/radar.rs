@@ -12,6 +12,7 @@ pub use navtech::NavtechServer;
 pub use randt_radar::beam_udp::packet::Format;
 pub use randt_radar::navtech::order::Order;
 
+use crate::pace::wait;
 use crate::wrong_content::WrongContent;
 use crate::{Error, Faults, Pace, Recording};
 use device_time::DeviceTime;
@@ -74,64 +75,37 @@ fn play(
     recording: Recording<RadarScan>,
     pace: &Pace,
     faults: &Faults,
-    seed: u64,
     ends: &dyn Fn() -> bool,
 ) -> Result<Sent, Error> {
     let begin_ns = recording.begin_ns();
     let mut turns = Turns::new(recording);
     let mut time = DeviceTime::default();
-    let mut injector = FaultInjector::new(faults.clone(), seed);
+    let mut injector = FaultInjector::new(faults.clone());
     let mut sent = Sent::default();
     let mut messages = Vec::new();
     while let Some(turn) = turns.next_turn()? {
         sent.sweeps += 1;
         for beam in turn.beams() {
-            if !wait(wire, pace, beam.stamp_ns, ends) {
+            if !wait(pace.due(beam.stamp_ns), NAP, ends, || wire.idle()) {
                 return Ok(sent);
             }
             sent.beams += 1;
             let at_s = (beam.stamp_ns - begin_ns) as f64 * 1e-9;
             let now = injector.at(at_s, turn.step_rad());
-            let device_ns = time.device_ns(
-                pace.unix_ns(beam.stamp_ns + now.late_ns),
-                now.fast,
-                now.resets,
-            );
+            let unix_ns = pace.unix_ns(beam.stamp_ns + now.late_ns);
+            let sending = Sending {
+                turn: &turn,
+                beam: beam.number,
+                number: sent.beams - 1,
+                azimuth_rad: beam.azimuth_rad + now.azimuth_rad,
+                device_ns: time.device_ns(unix_ns, now.fast, now.resets),
+                bins: turn.bins / if now.contour { 3 } else { 1 },
+                returns: beam.returns,
+            };
             messages.clear();
-            wire.encode(
-                &Sending {
-                    turn: &turn,
-                    beam: beam.number,
-                    number: sent.beams - 1,
-                    azimuth_rad: beam.azimuth_rad + now.azimuth_rad,
-                    device_ns,
-                    bins: if now.contour {
-                        turn.bins / 3
-                    } else {
-                        turn.bins
-                    },
-                    returns: beam.returns,
-                },
-                &mut messages,
-            );
+            wire.encode(&sending, &mut messages);
             sent.untaken += injector.send(wire, &mut messages, &now);
         }
     }
     Ok(sent)
-}
-
-/// Waits for a stamp, and serves meanwhile; `false` where the end was asked for first.
-fn wait(wire: &mut dyn Wire, pace: &Pace, stamp_ns: i64, ends: &dyn Fn() -> bool) -> bool {
-    let due = pace.due(stamp_ns);
-    loop {
-        wire.idle();
-        if ends() {
-            return false;
-        }
-        let pause = due.saturating_duration_since(std::time::Instant::now());
-        if pause.is_zero() {
-            return true;
-        }
-        std::thread::sleep(pause.min(NAP));
-    }
 }

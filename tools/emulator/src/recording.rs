@@ -28,19 +28,16 @@ pub struct Recording<T: Topic> {
 impl<T: Topic> Recording<T> {
     /// Opens a log; refuses one that has no such message. `endless` begins it again at its end.
     pub fn open(path: &Path, endless: bool) -> Result<Self, Error> {
-        let mut first_ns = None;
+        let (mut first_ns, mut next) = (None, None);
         let mut reader = LogReader::open(path)?;
-        let next = loop {
-            let Some(entry) = reader.next_entry()? else {
-                break None;
-            };
+        while next.is_none()
+            && let Some(entry) = reader.next_entry()?
+        {
             if is_measured(&entry) {
                 first_ns.get_or_insert(entry.stamp_ns());
             }
-            if let Some(message) = entry.decode::<T>()? {
-                break Some(message);
-            }
-        };
+            next = entry.decode::<T>()?;
+        }
         let (Some(first_ns), Some(next)) = (first_ns, next) else {
             let path = path.to_owned();
             let what = T::NAME;

@@ -1,5 +1,6 @@
 //! Absolute trajectory error: how far the estimate is off after the best rigid alignment.
 
+use crate::Transform;
 use crate::pairs::Pair;
 
 /// Two points can always be laid onto two others but for their distance.
@@ -25,14 +26,12 @@ pub(crate) fn ate_rmse_m(pairs: &[Pair]) -> Option<f64> {
 /// Sum of the squared distances after alignment, m^2.
 fn aligned_square_error(frame: &[Pair]) -> f64 {
     let alignment = Alignment::from_pairs(frame);
-    frame
-        .iter()
-        .map(|pair| {
-            let [x_m, y_m] = alignment.estimate_on_truth([pair.estimate.x_m, pair.estimate.y_m]);
-            let (dx, dy) = (x_m - pair.truth.x_m, y_m - pair.truth.y_m);
-            dx * dx + dy * dy
-        })
-        .sum()
+    let squares = frame.iter().map(|pair| {
+        let [x_m, y_m] = alignment.estimate_on_truth([pair.estimate.x_m, pair.estimate.y_m]);
+        let (dx, dy) = (x_m - pair.truth.x_m, y_m - pair.truth.y_m);
+        dx * dx + dy * dy
+    });
+    squares.sum()
 }
 
 /// The rigid motion that lays an estimate onto the truth: a turn about the mean positions.
@@ -53,19 +52,15 @@ impl Alignment {
         // The best angle's cosine and sine are as the sums of dot and cross products.
         let (mut dot, mut cross) = (0.0, 0.0);
         for pair in frame {
-            let e = [
-                pair.estimate.x_m - estimate[0],
-                pair.estimate.y_m - estimate[1],
-            ];
-            let t = [pair.truth.x_m - truth[0], pair.truth.y_m - truth[1]];
+            let from = |at: &Transform, mean: [f64; 2]| [at.x_m - mean[0], at.y_m - mean[1]];
+            let (e, t) = (from(&pair.estimate, estimate), from(&pair.truth, truth));
             dot += e[0] * t[0] + e[1] * t[1];
             cross += e[0] * t[1] - e[1] * t[0];
         }
         let norm = (dot * dot + cross * cross).sqrt();
-        let (cos, sin) = if norm > 0.0 {
-            (dot / norm, cross / norm)
-        } else {
-            (1.0, 0.0)
+        let (cos, sin) = match norm > 0.0 {
+            true => (dot / norm, cross / norm),
+            false => (1.0, 0.0),
         };
         Self {
             estimate,

@@ -41,8 +41,8 @@ const SMALL: i32 = 19;
 /// on it.
 const LETTER: f64 = 0.52;
 
-type Root<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+pub(crate) type Root<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+pub(crate) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 /// Draws an SVG.
 pub fn plot_chart(chart: &Chart<'_>) -> Result<String, Error> {
@@ -91,13 +91,8 @@ fn draw(chart: &Chart<'_>, root: &Root<'_>) -> Drawn {
     root.fill(&WHITE)?;
     let left = (EDGE + LEFT) as i32;
     let right = (WIDTH - RIGHT) as i32;
-    write(
-        root,
-        chart.title,
-        (left, 14),
-        LARGE,
-        (HPos::Left, VPos::Top),
-    )?;
+    let at = (left, 14);
+    write(root, chart.title, at, LARGE, (HPos::Left, VPos::Top))?;
     let mut top = HEADING;
     for panel in chart.panels {
         top += LABEL;
@@ -155,10 +150,8 @@ fn label(root: &Root<'_>, panel: &Panel, shown: Option<&Shown>, frame: &Frame) -
     let mut entries: Vec<(&str, ShapeStyle)> = Vec::new();
     let is_named = |line: &&Line| !(line.name.is_empty() || line.points.is_empty());
     for line in panel.lines.iter().filter(is_named) {
-        entries.push((
-            line.name,
-            line.colour.rgb().stroke_width(stroke(line).max(3)),
-        ));
+        let style = line.colour.rgb().stroke_width(stroke(line).max(3));
+        entries.push((line.name, style));
     }
     for Band { name, colour, .. } in &panel.bands {
         if !entries.iter().any(|(known, _)| known == name) {
@@ -168,13 +161,8 @@ fn label(root: &Root<'_>, panel: &Panel, shown: Option<&Shown>, frame: &Frame) -
     let mut end = frame.x.end;
     for (name, style) in entries.into_iter().rev() {
         let text = end - width(name);
-        write(
-            root,
-            name,
-            (text, middle),
-            SMALL,
-            (HPos::Left, VPos::Center),
-        )?;
+        let at = (text, middle);
+        write(root, name, at, SMALL, (HPos::Left, VPos::Center))?;
         let sample = vec![(text - 38, middle), (text - 10, middle)];
         root.draw(&PathElement::new(sample, style))?;
         end = text - 38 - 20;
@@ -226,16 +214,12 @@ fn stroke(line: &Line) -> u32 {
 }
 
 fn curve(root: &Root<'_>, line: &Line, frame: &Frame) -> Drawn {
-    let points = line.points.iter();
-    let points: Vec<[f64; 2]> = points
-        .map(|[time_s, value]| [frame.across(*time_s), *value])
-        .collect();
+    let across = |[time_s, value]: &[f64; 2]| [frame.across(*time_s), *value];
+    let points: Vec<[f64; 2]> = line.points.iter().map(across).collect();
     let colour = line.colour.rgb();
     for run in thin::runs(&points) {
-        let pixels = run
-            .iter()
-            .map(|[x, value]| (frame.column(*x), frame.row(*value)));
-        let pixels: Vec<(i32, i32)> = pixels.collect();
+        let pixel = |[x, value]: &[f64; 2]| (frame.column(*x), frame.row(*value));
+        let pixels: Vec<(i32, i32)> = run.iter().map(pixel).collect();
         match pixels.as_slice() {
             // What stands alone would be no line.
             [alone] => root.draw(&Circle::new(*alone, 2, colour.filled()))?,

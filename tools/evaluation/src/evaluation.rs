@@ -73,11 +73,9 @@ pub fn truth_on_estimate(
         return Ok(Vec::new());
     };
     let alignment = Alignment::from_pairs(first);
-    let position = |pose: &TrajectoryPose| [pose.transform.x_m, pose.transform.y_m];
-    Ok(truth
-        .poses()
-        .iter()
-        .map(|pose| alignment.truth_on_estimate(position(pose)))
+    let positions = truth.poses().iter().map(TrajectoryPose::position_m);
+    Ok(positions
+        .map(|at| alignment.truth_on_estimate(at))
         .collect())
 }
 

@@ -53,6 +53,7 @@ pub use evaluation::{Evaluation, evaluate, truth_on_estimate};
 pub use loops::{FalseLoop, LoopEdge, LoopEvaluation, LoopLimits, evaluate_loops};
 pub use panel::{Band, Line, Panel};
 pub use plot::{Plot, plot_trajectories};
+pub use read::stamp_text;
 pub use silently_wrong::{SilentlyWrong, TrustSpan, silently_wrong};
 pub use support::DirectionalSupport;
 pub use track::{Track, Worst, track};

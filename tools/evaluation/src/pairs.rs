@@ -26,12 +26,12 @@ pub(crate) struct Pair {
 
 /// Every pose of the truth for which the estimate has one, at the same instant.
 pub(crate) fn pair(estimate: &Trajectory, truth: &Trajectory) -> Result<Vec<Pair>, Error> {
-    let (poses, name) = (estimate.poses(), |stamped| match stamped {
-        true => ("estimate", "truth"),
-        false => ("truth", "estimate"),
-    });
+    let poses = estimate.poses();
     if estimate.is_stamped() != truth.is_stamped() {
-        let (stamped, unstamped) = name(estimate.is_stamped());
+        let (stamped, unstamped) = match estimate.is_stamped() {
+            true => ("estimate", "truth"),
+            false => ("truth", "estimate"),
+        };
         return Err(Error::MixedFormats { stamped, unstamped });
     }
     if !estimate.is_stamped() && poses.len() != truth.poses().len() {
@@ -45,10 +45,9 @@ pub(crate) fn pair(estimate: &Trajectory, truth: &Trajectory) -> Result<Vec<Pair
     let mut frames = None;
     let mut frame = 0;
     for (index, there) in truth.poses().iter().enumerate() {
-        let here = if estimate.is_stamped() {
-            at(poses, there.stamp_ns, gap_max_ns)
-        } else {
-            poses.get(index).map(|pose| (pose.frame, pose.transform))
+        let here = match estimate.is_stamped() {
+            true => at(poses, there.stamp_ns, gap_max_ns),
+            false => poses.get(index).map(|pose| (pose.frame, pose.transform)),
         };
         let Some((estimate_frame, estimate)) = here else {
             continue;
@@ -70,14 +69,10 @@ pub(crate) fn pair(estimate: &Trajectory, truth: &Trajectory) -> Result<Vec<Pair
 
 /// The longest step that is bridged.
 pub(crate) fn gap_max_ns(estimate: &Trajectory) -> i64 {
-    let mut steps_ns: Vec<i64> = estimate
-        .poses()
-        .windows(2)
-        .filter_map(|pair| match pair {
-            [a, b] if a.frame == b.frame => Some(b.stamp_ns.saturating_sub(a.stamp_ns)),
-            _ => None,
-        })
-        .collect();
+    let pairs = estimate.poses().iter().zip(estimate.poses().iter().skip(1));
+    let pairs = pairs.filter(|(a, b)| a.frame == b.frame);
+    let steps_ns = pairs.map(|(a, b)| b.stamp_ns.saturating_sub(a.stamp_ns));
+    let mut steps_ns: Vec<i64> = steps_ns.collect();
     steps_ns.sort_unstable();
     let usual_ns = steps_ns.get(steps_ns.len() / 2).copied().unwrap_or(0);
     GAP_MAX_NS.max(usual_ns.saturating_mul(GAP_MAX_STEPS))
@@ -102,11 +97,8 @@ pub(crate) fn at(
         let step_ns = b.stamp_ns.saturating_sub(a.stamp_ns);
         if a.frame == b.frame && step_ns <= gap_max_ns {
             let fraction = stamp_ns.saturating_sub(a.stamp_ns) as f64 / step_ns as f64;
-            let pose = a
-                .transform
-                .pose()
-                .interpolate(&b.transform.pose(), fraction);
-            return Some((a.frame, pose.into()));
+            let (from, to) = (a.transform.pose(), b.transform.pose());
+            return Some((a.frame, from.interpolate(&to, fraction).into()));
         }
     }
     let nearest = before.filter(close).or(after.filter(close))?;

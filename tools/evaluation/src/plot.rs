@@ -2,9 +2,9 @@
 
 use crate::Error;
 use crate::axis::Axis;
+use crate::chart::{Drawn, Root};
 use crate::colours::{ESTIMATE, GRID, INK, LIVE, LOOP, MAP, TRUTH};
 use crate::view::{BOTTOM, EDGE, LEFT, RIGHT, TOP, View, WIDTH, is_drawable};
-use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::collections::BTreeSet;
 
@@ -29,7 +29,6 @@ pub struct Plot<'a> {
 /// stays small.
 const MAP_PIXEL: i32 = 2;
 
-type Root<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Axis, Axis>>;
 
 /// Draws an SVG. The same input gives the same bytes.
@@ -42,8 +41,6 @@ pub fn plot_trajectories(plot: &Plot<'_>) -> Result<String, Error> {
     }
     Ok(svg)
 }
-
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 fn draw(plot: &Plot<'_>, view: &View, root: &Root<'_>) -> Drawn {
     root.fill(&WHITE)?;
@@ -107,9 +104,8 @@ fn line(chart: &mut Chart<'_, '_>, points: &[[f64; 2]], style: ShapeStyle) -> Dr
 fn map(points: &[[f64; 2]], root: &Root<'_>, chart: &Chart<'_, '_>) -> Drawn {
     let area = chart.plotting_area();
     let (columns, rows) = area.get_pixel_range();
+    let points = points.iter().filter(|point| is_drawable(point));
     let pixels: BTreeSet<(i32, i32)> = points
-        .iter()
-        .filter(|point| is_drawable(point))
         .map(|point| area.map_coordinate(&(point[0], point[1])))
         .filter(|(x, y)| columns.contains(x) && rows.contains(y))
         .map(|(x, y)| (y.div_euclid(MAP_PIXEL), x.div_euclid(MAP_PIXEL)))
@@ -136,19 +132,16 @@ fn legend(plot: &Plot<'_>, root: &Root<'_>) -> Drawn {
     let heading = ("sans-serif", 26).into_font().color(&INK);
     root.draw(&Text::new(plot.title.to_owned(), (left, 14), heading))?;
     let entries = [
-        (
-            "estimate",
-            ESTIMATE.stroke_width(3),
-            !plot.estimate.is_empty(),
-        ),
-        ("live", LIVE.stroke_width(3), !plot.live.is_empty()),
-        ("truth", TRUTH.stroke_width(5), !plot.truth.is_empty()),
-        ("loops", LOOP.stroke_width(2), !plot.loops.is_empty()),
-        ("returns", MAP.stroke_width(7), !plot.map.is_empty()),
+        ("estimate", ESTIMATE, 3, plot.estimate.is_empty()),
+        ("live", LIVE, 3, plot.live.is_empty()),
+        ("truth", TRUTH, 5, plot.truth.is_empty()),
+        ("loops", LOOP, 2, plot.loops.is_empty()),
+        ("returns", MAP, 7, plot.map.is_empty()),
     ];
     let label = ("sans-serif", 19).into_font().color(&INK);
     let mut x = left;
-    for (name, style, _) in entries.into_iter().filter(|entry| entry.2) {
+    for (name, colour, width, _) in entries.into_iter().filter(|(.., is_empty)| !is_empty) {
+        let style = colour.stroke_width(width);
         root.draw(&PathElement::new(vec![(x, ROW), (x + 34, ROW)], style))?;
         root.draw(&Text::new(name, (x + 44, ROW - 11), label.clone()))?;
         x += ENTRY;

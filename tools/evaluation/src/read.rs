@@ -185,7 +185,7 @@ fn parse_stamp_ns(text: &str) -> Option<i64> {
 }
 
 /// Seconds with nine decimals.
-pub(crate) fn stamp_text(stamp_ns: i64) -> String {
+pub fn stamp_text(stamp_ns: i64) -> String {
     let sign = if stamp_ns < 0 { "-" } else { "" };
     let ns = stamp_ns.unsigned_abs();
     format!("{sign}{}.{:09}", ns / 1_000_000_000, ns % 1_000_000_000)
@@ -233,7 +233,8 @@ mod tests {
         let text = trajectory.to_tum();
         assert_eq!(text.lines().next(), Some("# odom_frame_id 1"));
         let again = read(text.as_bytes()).unwrap();
-        assert_eq!(again.frame_count(), 2);
+        let frames = again.poses().chunk_by(|a, b| a.frame == b.frame);
+        assert_eq!(frames.count(), 2);
         for (a, b) in again.poses().iter().zip(trajectory.poses()) {
             assert_eq!((a.stamp_ns, a.frame), (b.stamp_ns, b.frame));
             let error = a.transform.between(&b.transform);

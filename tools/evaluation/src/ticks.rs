@@ -2,33 +2,20 @@
 
 use std::ops::Range;
 
-/// Powers of ten with the decimals that they need. Beyond them no quantity of ours is drawn.
-const UNITS: [(f64, usize); 16] = [
-    (1e-6, 6),
-    (1e-5, 5),
-    (1e-4, 4),
-    (1e-3, 3),
-    (1e-2, 2),
-    (1e-1, 1),
-    (1.0, 0),
-    (1e1, 0),
-    (1e2, 0),
-    (1e3, 0),
-    (1e4, 0),
-    (1e5, 0),
-    (1e6, 0),
-    (1e7, 0),
-    (1e8, 0),
-    (1e9, 0),
+/// Decimals of the first unit, and one less of each next one.
+const DECIMALS: usize = 6;
+/// Powers of ten. Beyond them no quantity of ours is drawn.
+const UNITS: [f64; 16] = [
+    1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9,
 ];
 
 /// Smallest of 1, 2, 5 times a power of ten that cuts a span at most this often, with its
 /// decimals.
 pub(crate) fn step(span: f64, lines_max: f64) -> (f64, usize) {
     let enough = |step: &f64| span / step <= lines_max;
-    for (unit, decimals) in UNITS {
+    for (index, unit) in UNITS.into_iter().enumerate() {
         if let Some(step) = [1.0, 2.0, 5.0].map(|n| n * unit).into_iter().find(enough) {
-            return (step, decimals);
+            return (step, DECIMALS.saturating_sub(index));
         }
     }
     (span, 0)

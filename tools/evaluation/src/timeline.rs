@@ -24,11 +24,8 @@ pub(crate) struct Instant {
 impl Instant {
     /// Distance of two positions, m; `None` where the frames differ.
     pub fn distance_m(&self, other: &Self) -> Option<f64> {
-        let (dx, dy) = (
-            self.transform.x_m - other.transform.x_m,
-            self.transform.y_m - other.transform.y_m,
-        );
-        (self.frame == other.frame).then(|| (dx * dx + dy * dy).sqrt())
+        let is_same = self.frame == other.frame;
+        is_same.then(|| self.transform.distance_to_m(&other.transform))
     }
 }
 
@@ -64,17 +61,8 @@ impl<'a> Timeline<'a> {
         let (frame, transform) = at(poses, stamp_ns, self.gap_max_ns)?;
         let next = poses.partition_point(|pose| pose.stamp_ns <= stamp_ns);
         let before = next.saturating_sub(1);
-        let step_m = poses.get(before).map_or(0.0, |pose| {
-            let (dx, dy) = (
-                transform.x_m - pose.transform.x_m,
-                transform.y_m - pose.transform.y_m,
-            );
-            if pose.frame == frame {
-                (dx * dx + dy * dy).sqrt()
-            } else {
-                0.0
-            }
-        });
+        let last = poses.get(before).filter(|pose| pose.frame == frame);
+        let step_m = last.map_or(0.0, |pose| transform.distance_to_m(&pose.transform));
         Some(Instant {
             frame,
             transform,

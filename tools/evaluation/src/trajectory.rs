@@ -14,6 +14,13 @@ pub struct TrajectoryPose {
     pub transform: Transform,
 }
 
+impl TrajectoryPose {
+    /// `base_link`'s origin in the frame.
+    pub fn position_m(&self) -> [f64; 2] {
+        [self.transform.x_m, self.transform.y_m]
+    }
+}
+
 /// Poses in order of time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectory {
@@ -59,28 +66,18 @@ impl Trajectory {
         self.stamped
     }
 
-    /// Number of frames, counted by their changes.
-    pub fn frame_count(&self) -> usize {
-        self.poses.chunk_by(|a, b| a.frame == b.frame).count()
-    }
-
     /// Path from the first pose to each, m. A change of frame adds nothing.
     pub(crate) fn path_m(&self) -> Vec<f64> {
         let mut path_m = 0.0;
         let mut before: Option<&TrajectoryPose> = None;
-        self.poses
-            .iter()
-            .map(|pose| {
-                if let Some(before) = before
-                    && before.frame == pose.frame
-                {
-                    let dx = pose.transform.x_m - before.transform.x_m;
-                    let dy = pose.transform.y_m - before.transform.y_m;
-                    path_m += (dx * dx + dy * dy).sqrt();
-                }
-                before = Some(pose);
-                path_m
-            })
-            .collect()
+        let poses = self.poses.iter();
+        let path_m = poses.map(|pose| {
+            if let Some(before) = before.filter(|before| before.frame == pose.frame) {
+                path_m += pose.transform.distance_to_m(&before.transform);
+            }
+            before = Some(pose);
+            path_m
+        });
+        path_m.collect()
     }
 }

@@ -95,6 +95,12 @@ impl Transform {
             && (self.b + self.c).abs() < tolerance
     }
 
+    /// Distance of the two positions, m.
+    pub fn distance_to_m(&self, other: &Self) -> f64 {
+        let (dx, dy) = (self.x_m - other.x_m, self.y_m - other.y_m);
+        (dx * dx + dy * dy).sqrt()
+    }
+
     /// Length of the translation, m.
     pub fn distance_m(&self) -> f64 {
         (self.x_m * self.x_m + self.y_m * self.y_m).sqrt()

@@ -25,25 +25,20 @@ pub fn accepted_loops(mapper: &Mapper) -> Vec<LoopEdge> {
 
 /// Reads the loops of a report that were accepted, in its order.
 pub fn read(path: &Path) -> anyhow::Result<Vec<LoopEdge>> {
-    accepted(Report::read(path)?).with_context(|| {
-        format!(
-            "{}: no report of a run that says what became of its loops",
-            path.display()
-        )
-    })
+    let why = "no report of a run that says what became of its loops";
+    accepted(Report::read(path)?).with_context(|| format!("{}: {why}", path.display()))
 }
 
 fn accepted(report: Report) -> anyhow::Result<Vec<LoopEdge>> {
     let loops = report.loops.context("missing field `loops`")?;
-    let accepted = loops.candidates.into_iter();
-    Ok(accepted
-        .filter(|candidate| candidate.status == ACCEPTED)
-        .map(|candidate| LoopEdge {
-            from_ns: candidate.from_ns,
-            to_ns: candidate.to_ns,
-            relative: Pose2::from_array(candidate.relative),
-        })
-        .collect())
+    let candidates = loops.candidates.into_iter();
+    let accepted = candidates.filter(|candidate| candidate.status == ACCEPTED);
+    let edges = accepted.map(|candidate| LoopEdge {
+        from_ns: candidate.from_ns,
+        to_ns: candidate.to_ns,
+        relative: Pose2::from_array(candidate.relative),
+    });
+    Ok(edges.collect())
 }
 
 #[cfg(test)]

@@ -61,21 +61,25 @@ pub enum Command {
     /// Record every topic of the pipeline until Ctrl-C
     Record(record::Arguments),
     /// Inspect, check, recover, cut or export a log
-    Log(log::Arguments),
+    #[command(subcommand)]
+    Log(log::Action),
     /// Begin, end, list and export a robot's missions
     Mission(mission::Arguments),
     /// Draw a log: path and map, motion, quality, latency, topics, biases
     Plot(plot::Arguments),
     /// Stand in for absent sensors, in their own protocols
-    Emulate(emulate::Arguments),
+    #[command(subcommand)]
+    Emulate(emulate::Sensor),
     /// Watch the pipeline: stages, topics, latency, pose and map
     Top(top::Arguments),
     /// Find what is wrong with the pipeline, and the commands that fix it
     Doctor(doctor::Arguments),
     /// Estimate where the radar sits, and how late its stamps are
-    Calibrate(calibrate::Arguments),
+    #[command(subcommand)]
+    Calibrate(calibrate::What),
     /// Show or check a configuration
-    Config(config::Arguments),
+    #[command(subcommand)]
+    Config(config::Action),
 }
 
 impl Command {
@@ -89,14 +93,14 @@ impl Command {
             Self::Up(arguments) => up::run(arguments),
             Self::Play(arguments) => play::run(arguments),
             Self::Record(arguments) => record::run(&arguments),
-            Self::Log(arguments) => log::run(arguments),
+            Self::Log(action) => log::run(action),
             Self::Mission(arguments) => mission::run(arguments),
             Self::Plot(arguments) => plot::run(&arguments),
-            Self::Emulate(arguments) => emulate::run(arguments),
+            Self::Emulate(sensor) => emulate::run(sensor),
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
-            Self::Calibrate(arguments) => calibrate::run(arguments),
-            Self::Config(arguments) => config::run(arguments),
+            Self::Calibrate(what) => calibrate::run(what),
+            Self::Config(action) => config::run(action),
         }
     }
 }

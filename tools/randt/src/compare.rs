@@ -70,15 +70,12 @@ impl Comparison {
                 continue;
             };
             comparison.differ += 1;
-            let by = |i: usize| match (state.pose.get(i), live.pose.get(i)) {
-                (Some(computed), Some(published)) => computed - published,
-                _ => 0.0,
-            };
+            let ([x, y, yaw], [live_x, live_y, live_yaw]) = (state.pose, live.pose);
             comparison.first.get_or_insert(Difference {
                 stamp_ns: state.header.stamp_ns,
                 scan: state.scan_sequence,
                 what: what.into(),
-                by: [by(0), by(1), by(2)],
+                by: [x - live_x, y - live_y, yaw - live_yaw],
             });
         }
         comparison.published_only = open.len() as u64;
@@ -91,6 +88,7 @@ impl Comparison {
     }
 }
 
+/// What differs first.
 fn difference(
     live: &OdometryState,
     again: &OdometryState,
@@ -138,17 +136,14 @@ impl fmt::Display for Comparison {
         match &self.first {
             _ if self.compared == 0 => write!(f, "no scan was both published and computed again")?,
             None => write!(f, "{poses} computed again: the same to the last bit")?,
-            Some(first) => write!(
-                f,
-                "{poses} computed again: {} differ, first at scan {} (stamp {} ns): {} ({:.1e} m, {:.1e} m, {:.1e} rad)",
-                self.differ,
-                first.scan,
-                first.stamp_ns,
-                first.what,
-                first.by[0],
-                first.by[1],
-                first.by[2]
-            )?,
+            Some(first) => {
+                let (differ, what, [x, y, yaw]) = (self.differ, &first.what, first.by);
+                let (scan, stamp_ns) = (first.scan, first.stamp_ns);
+                write!(
+                    f,
+                    "{poses} computed again: {differ} differ, first at scan {scan} (stamp {stamp_ns} ns): {what} ({x:.1e} m, {y:.1e} m, {yaw:.1e} rad)"
+                )?
+            }
         }
         if self.unseen > 0 && self.differ > 0 {
             write!(
@@ -157,15 +152,12 @@ impl fmt::Display for Comparison {
                 count(self.unseen, "scan", "scans")
             )?;
         }
-        if self.published_only > 0 {
-            write!(
-                f,
-                "; {} published, but not computed again",
-                self.published_only
-            )?;
+        let (published, computed) = (self.published_only, self.computed_only);
+        if published > 0 {
+            write!(f, "; {published} published, but not computed again")?;
         }
-        if self.computed_only > 0 {
-            write!(f, "; {} computed, but never published", self.computed_only)?;
+        if computed > 0 {
+            write!(f, "; {computed} computed, but never published")?;
         }
         Ok(())
     }

@@ -69,7 +69,8 @@ fn has_battery_clock(date_ns: i64) -> bool {
     dates_s.any(|date_s| (date_s - date_ns / 1_000_000_000).abs() <= SAME_CLOCK_S)
 }
 
-fn nanoseconds(clock: ClockId) -> i64 {
+/// A clock's time, ns.
+pub fn nanoseconds(clock: ClockId) -> i64 {
     let time = clock_gettime(clock);
     time.tv_sec * 1_000_000_000 + time.tv_nsec
 }

@@ -3,7 +3,7 @@
 use anyhow::Context;
 use sha2::{Digest, Sha256};
 use std::fs::{self, File};
-use std::io::Read;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 
 /// Bytes read at once: large enough to keep the disk busy, small enough for the cache.
@@ -17,28 +17,22 @@ pub fn of_bytes(bytes: &[u8]) -> String {
 /// Hash of a file; of a folder, of the files below it in order of their names.
 pub fn of_path(path: &Path) -> anyhow::Result<String> {
     let mut hasher = Sha256::new();
-    let mut block = vec![0; BLOCK];
     for file in files(path)? {
-        let mut reader = File::open(&file).with_context(|| file.display().to_string())?;
-        loop {
-            let count = reader
-                .read(&mut block)
-                .with_context(|| file.display().to_string())?;
-            match block.get(..count) {
-                Some(bytes) if count > 0 => hasher.update(bytes),
-                _ => break,
-            }
+        let context = || file.display().to_string();
+        let file = File::open(&file).with_context(context)?;
+        let mut reader = BufReader::with_capacity(BLOCK, file);
+        while let block @ [_, ..] = reader.fill_buf().with_context(context)? {
+            hasher.update(block);
+            let count = block.len();
+            reader.consume(count);
         }
     }
     Ok(hex(hasher))
 }
 
 fn hex(hasher: Sha256) -> String {
-    hasher
-        .finalize()
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    let bytes = hasher.finalize();
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn files(path: &Path) -> anyhow::Result<Vec<PathBuf>> {

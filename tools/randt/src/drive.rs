@@ -1,17 +1,17 @@
 //! A simulated drive in memory, to be computed again and again.
 
 use crate::job;
-use anyhow::bail;
+use anyhow::ensure;
 use indicatif::ProgressBar;
 use randt_geometry::Quaternion;
 use randt_readers::{Counter, Error, Event, Extrinsics, InputInfo, Source};
-use randt_simulator::{BeamSurface, Event as Simulated, Robot, Simulation, World};
+use randt_simulator::{BeamSurface, Robot, Simulation, World};
 use std::slice::Iter;
 
 /// All events of a drive. Some 120 kB a sweep.
 pub struct Drive {
     info: InputInfo,
-    events: Vec<Simulated>,
+    events: Vec<Event>,
     /// By the scan's sequence number.
     surfaces: Vec<Vec<BeamSurface>>,
 }
@@ -43,10 +43,8 @@ impl Drive {
         let (mut events, mut surfaces) = (Vec::new(), Vec::new());
         let mut simulation = Simulation::new(world, robot, scans, seed).with_surfaces();
         while let Some(event) = simulation.next() {
-            if job::interrupted() {
-                bail!("interrupted; nothing was written");
-            }
-            if matches!(event, Simulated::Scan(_)) {
+            ensure!(!job::interrupted(), "interrupted; nothing was written");
+            if matches!(event, Event::Scan(_)) {
                 bar.inc(1);
                 surfaces.push(simulation.surfaces().to_vec());
             }
@@ -81,7 +79,7 @@ impl Drive {
 /// The events that are still to come.
 struct Replay<'a> {
     info: &'a InputInfo,
-    events: Iter<'a, Simulated>,
+    events: Iter<'a, Event>,
 }
 
 impl Source for Replay<'_> {
@@ -90,11 +88,7 @@ impl Source for Replay<'_> {
     }
 
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
-        Ok(self.events.next().cloned().map(|event| match event {
-            Simulated::Scan(scan) => Event::Scan(scan),
-            Simulated::Imu(sample) => Event::Imu(sample),
-            Simulated::Truth(pose) => Event::Truth(pose),
-        }))
+        Ok(self.events.next().cloned())
     }
 
     fn counters(&self) -> Vec<Counter> {

@@ -2,7 +2,7 @@
 //! ones.
 
 use crate::output::warn;
-use anyhow::{Context, bail};
+use anyhow::{Context, ensure};
 use std::fs::{self, File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -34,12 +34,11 @@ pub fn keep_results(out: &Path) -> anyhow::Result<()> {
 pub fn keep_drive(out: &Path) -> anyhow::Result<()> {
     let lock = out.join(format!("{JOURNAL}.lock"));
     let lock = File::open(lock).map(|lock| lock.try_lock());
-    if matches!(lock, Ok(Err(TryLockError::WouldBlock))) {
-        bail!(
-            "{}: another pipeline writes its files here; give this one another --out",
-            out.display()
-        );
-    }
+    ensure!(
+        !matches!(lock, Ok(Err(TryLockError::WouldBlock))),
+        "{}: another pipeline writes its files here; give this one another --out",
+        out.display()
+    );
     keep(out, |name| {
         name == JOURNAL || is_quarantined_journal(name) || RESULTS.contains(&name)
     })
@@ -59,10 +58,8 @@ fn keep(out: &Path, is_of_a_drive: impl Fn(&str) -> bool) -> anyhow::Result<()> 
         found => found.with_context(|| out.display().to_string())?,
     };
     let files = found.flatten().filter(|entry| !entry.path().is_dir());
-    let names = files.map(|entry| entry.file_name());
-    let mut names: Vec<_> = names
-        .filter(|name| name.to_str().is_some_and(&is_of_a_drive))
-        .collect();
+    let mut names: Vec<_> = files.map(|entry| entry.file_name()).collect();
+    names.retain(|name| name.to_str().is_some_and(&is_of_a_drive));
     names.sort();
     if names.is_empty() {
         return Ok(());
@@ -70,14 +67,12 @@ fn keep(out: &Path, is_of_a_drive: impl Fn(&str) -> bool) -> anyhow::Result<()> 
     let before = first_free(out)?;
     for name in names {
         let (from, to) = (out.join(&name), before.join(&name));
-        let moved = fs::rename(&from, &to);
-        moved
-            .with_context(|| format!("{}: cannot be moved to {}", from.display(), to.display()))?;
+        let context = || format!("{}: cannot be moved to {}", from.display(), to.display());
+        fs::rename(&from, &to).with_context(context)?;
     }
+    let (out, before) = (out.display(), before.display());
     warn(&format!(
-        "{}: holds an earlier drive; it is kept in {}",
-        out.display(),
-        before.display()
+        "{out}: holds an earlier drive; it is kept in {before}"
     ));
     Ok(())
 }

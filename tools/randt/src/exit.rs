@@ -29,6 +29,13 @@ pub enum Outcome {
     DataLost,
 }
 
+impl Outcome {
+    /// Of what has finished: good, unless data were lost.
+    pub fn finished(lost: bool) -> Self {
+        if lost { Self::DataLost } else { Self::Good }
+    }
+}
+
 /// Prints an error with its causes and gives the process's exit code.
 pub fn exit_code(result: anyhow::Result<Outcome>) -> ExitCode {
     match result {

@@ -35,23 +35,26 @@ pub fn final_poses(states: &[OdometryState], mapper: &Mapper) -> Trajectory {
     carry_into_map(states, &knots(mapper))
 }
 
+/// The pose of each scan in `odom` as it left the window; the last scans of a frame never did, and
+/// have their live pose.
+pub fn odometry_poses(states: &[OdometryState]) -> impl Iterator<Item = Pose2> {
+    let mut retired: BTreeMap<Key, [f64; 3]> = BTreeMap::new();
+    for state in states.iter().filter(|state| state.retired_stamp_ns != 0) {
+        let key = (state.odom_frame_id, state.retired_stamp_ns);
+        retired.insert(key, state.retired_pose);
+    }
+    states.iter().map(move |state| {
+        let key = (state.odom_frame_id, state.header.stamp_ns);
+        Pose2::from_array(retired.get(&key).copied().unwrap_or(state.pose))
+    })
+}
+
 /// All scans between knots, that are in the order of their keys. The frame of a pose is the
 /// component of its knots; where its odometry frame has none, that frame.
 pub fn carry_into_map(states: &[OdometryState], knots: &[Knot]) -> Trajectory {
-    let retired: BTreeMap<Key, Pose2> = states
-        .iter()
-        .filter(|state| state.retired_stamp_ns != 0)
-        .map(|state| {
-            let key = (state.odom_frame_id, state.retired_stamp_ns);
-            (key, Pose2::from_array(state.retired_pose))
-        })
-        .collect();
     let mut trajectory = Trajectory::stamped();
-    for state in states {
+    for (state, odom) in states.iter().zip(odometry_poses(states)) {
         let key = (state.odom_frame_id, state.header.stamp_ns);
-        // The last scans of a frame never left the window: their live pose is all there is.
-        let odom = retired.get(&key).copied();
-        let odom = odom.unwrap_or_else(|| Pose2::from_array(state.pose));
         let same = |knot: &&Knot| knot.key.0 == key.0;
         let after = knots.partition_point(|knot| knot.key <= key);
         let before = after.checked_sub(1).and_then(|i| knots.get(i)).filter(same);

@@ -8,7 +8,7 @@ use crate::{
     digest, earlier, extents,
     final_poses::final_poses,
     loops::Loops,
-    output::{print, warn, write_whole},
+    output::{json, print, warn, write_whole},
     pipeline::Pipeline,
     report::{self, Accuracy, Costs, Counters, Input, Report},
     results::{File, Results},
@@ -118,8 +118,7 @@ pub fn finish_drive(
         let count = failed.len() as u64;
         report.counters.add_lost("files_not_written", count, first);
     }
-    let mut json = serde_json::to_string_pretty(&report)?;
-    json.push('\n');
+    let json = json(&report)?;
     // Last: where there is a report, the rest is there, or the report names what is missing.
     if let Err(error) = write_whole(&out.join("report.json"), json.as_bytes()) {
         failed.push(format!("{error:#}"));

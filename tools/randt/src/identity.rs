@@ -73,13 +73,9 @@ impl Identity {
         before
             .take_on(&groups)
             .context("the rights of before cannot be had again")?;
-        let is_less = !self.user.is_root();
-        done.with_context(|| {
-            if is_less {
-                format!("with the rights of user {}, who owns the folder", self.user)
-            } else {
-                "as root".to_owned()
-            }
+        done.with_context(|| match self.user.is_root() {
+            true => "as root".to_owned(),
+            false => format!("with the rights of user {}, who owns the folder", self.user),
         })
     }
 

@@ -1,7 +1,8 @@
 //! The options for what an input does not contain itself, shared by every command that reads one.
 
-use clap::ValueEnum;
+use clap::{ValueEnum, builder::PossibleValue};
 use randt_readers::{Options, Rotation, StampMeaning};
+use std::ops::RangeBounds;
 
 /// Settings of the input; what is not given is found from the data.
 #[derive(Clone, Debug, clap::Args)]
@@ -68,15 +69,11 @@ impl Default for InputOptions {
 impl InputOptions {
     /// The same as arguments of another command.
     pub fn as_arguments(&self) -> Vec<String> {
-        let name = |value: &dyn Fn() -> Option<String>| value().unwrap_or_default();
-        let stamp = name(&|| Some(self.stamp.to_possible_value()?.get_name().to_owned()));
-        let rotation = name(&|| Some(self.rotation.to_possible_value()?.get_name().to_owned()));
-        let mut arguments = vec![
-            format!("--stamp={stamp}"),
-            format!("--rotation={rotation}"),
-            format!("--power-min={}", self.power_min),
-        ];
+        let name = |value: PossibleValue| value.get_name().to_owned();
+        let mut arguments = vec![format!("--power-min={}", self.power_min)];
         for (option, value) in [
+            ("--stamp", self.stamp.to_possible_value().map(name)),
+            ("--rotation", self.rotation.to_possible_value().map(name)),
             ("--radar-topic", self.radar_topic.clone()),
             ("--imu-topic", self.imu_topic.clone()),
             ("--period", self.period.map(|period| period.to_string())),
@@ -112,10 +109,17 @@ impl InputOptions {
     }
 }
 
+/// A number of an option, if it is within a range that `expected` describes.
+pub fn number_within(
+    text: &str,
+    range: impl RangeBounds<f64>,
+    expected: &str,
+) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| range.contains(number));
+    number.ok_or_else(|| format!("expected {expected}"))
+}
+
 /// A time that a radar can turn in.
 fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.005..=60.0).contains(&value) => Ok(value),
-        _ => Err("expected seconds between 0.005 and 60".to_owned()),
-    }
+    number_within(text, 0.005..=60.0, "seconds between 0.005 and 60")
 }

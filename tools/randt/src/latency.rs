@@ -68,10 +68,8 @@ impl Latencies {
     /// ones again.
     pub fn push(&mut self, state: &OdometryState) {
         let (frame, stamp_ns) = (state.odom_frame_id, state.header.stamp_ns);
-        let known = self
-            .newest
-            .is_some_and(|(newest, last_ns)| newest == frame && stamp_ns <= last_ns);
-        if known {
+        let is_known = |(newest, last_ns)| newest == frame && stamp_ns <= last_ns;
+        if self.newest.is_some_and(is_known) {
             return;
         }
         self.newest = Some((frame, stamp_ns));

@@ -69,9 +69,8 @@ impl Loops {
     pub fn from_mapper(mapper: &Mapper) -> Self {
         let mut statuses = BTreeMap::new();
         for closure in mapper.closures() {
-            *statuses
-                .entry(closure.status.name().to_owned())
-                .or_default() += 1;
+            let status = closure.status.name().to_owned();
+            *statuses.entry(status).or_default() += 1;
         }
         let closures = mapper.closures().iter();
         Self {
@@ -83,8 +82,10 @@ impl Loops {
 }
 
 fn entry(mapper: &Mapper, closure: &LoopClosure) -> Entry {
-    let keyframe = |index: KeyframeIdx| mapper.keyframes().get(index.0);
-    let stamp_ns = |index| keyframe(index).map_or(0, |keyframe| keyframe.stamp_ns);
+    let stamp_ns = |index: KeyframeIdx| {
+        let keyframe = mapper.keyframes().get(index.0);
+        keyframe.map_or(0, |keyframe| keyframe.stamp_ns)
+    };
     // Every score, so that the compiler refuses a report that lacks one.
     let Scores {
         forward,

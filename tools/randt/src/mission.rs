@@ -7,7 +7,7 @@ mod record;
 
 use crate::date::Now;
 use crate::earlier::JOURNAL;
-use crate::output::{warn, write_whole};
+use crate::output::{json, warn, write_whole};
 use crate::plain_file;
 use anyhow::{Context, ensure};
 use randt_odometry::runtime::RECORDS;
@@ -66,17 +66,14 @@ impl Mission {
         let names = [record::FILE, LOGS, JOURNAL];
         let has_any = names.iter().any(|name| folder.join(name).exists());
         ensure!(has_any, "{}: is no mission", folder.display());
+        let read = Record::read(folder);
         let mut mission = Self {
             folder: folder.to_owned(),
-            record: Record::default(),
-            broken: None,
+            broken: read.as_ref().err().map(|error| format!("{error:#}")),
+            record: read.unwrap_or_default(),
         };
-        match Record::read(folder) {
-            Ok(record) => mission.record = record,
-            Err(error) => {
-                mission.broken = Some(format!("{error:#}"));
-                mission.record = mission.guess();
-            }
+        if mission.broken.is_some() {
+            mission.record = mission.guess();
         }
         Ok(mission)
     }
@@ -84,15 +81,11 @@ impl Mission {
     /// A lost record, guessed from the files.
     fn guess(&self) -> Record {
         let report = self.folder.join(REPORT).join("report.json");
-        let files = self
-            .files()
-            .into_iter()
-            .chain([self.folder.join(CONFIGURATION)]);
+        let mut files = self.files();
+        files.push(self.folder.join(CONFIGURATION));
+        let written_ns = files.iter().filter_map(|file| modified_ns(file));
         Record {
-            begun_ns: files
-                .filter_map(|file| modified_ns(&file))
-                .min()
-                .unwrap_or(0),
+            begun_ns: written_ns.min().unwrap_or(0),
             stopped_ns: modified_ns(&report),
             ..Record::default()
         }
@@ -114,8 +107,7 @@ impl Mission {
     }
 
     fn save(&self) -> anyhow::Result<()> {
-        let mut text = serde_json::to_string_pretty(&self.record)?;
-        text.push('\n');
+        let text = json(&self.record)?;
         write_whole(&self.folder.join(record::FILE), text.as_bytes())
     }
 
@@ -162,12 +154,9 @@ impl Mission {
 
     /// When something was last written, ns since 1970.
     pub fn last_sign_ns(&self) -> i64 {
-        let newest = self
-            .files()
-            .iter()
-            .filter_map(|file| modified_ns(file))
-            .max();
-        newest.unwrap_or(self.record.begun_ns)
+        let files = self.files();
+        let written_ns = files.iter().filter_map(|file| modified_ns(file));
+        written_ns.max().unwrap_or(self.record.begun_ns)
     }
 
     /// What shows when it was alive.

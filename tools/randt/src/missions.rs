@@ -6,7 +6,7 @@
 use crate::date::Now;
 use crate::mission::Mission;
 use crate::output::warn;
-use anyhow::{Context, bail, ensure};
+use anyhow::{Context, ensure};
 use randt_log::name_of_date;
 use rustix::fs::{Mode, OFlags};
 use std::fs;
@@ -37,9 +37,10 @@ impl Missions {
             root: root.to_owned(),
         };
         let folder = missions.folder();
+        let context = || format!("{}: cannot be made", folder.display());
         match fs::create_dir(&folder) {
             Err(error) if error.kind() != ErrorKind::AlreadyExists => {
-                Err(error).with_context(|| format!("{}: cannot be made", folder.display()))
+                Err(error).with_context(context)
             }
             _ => Ok(missions),
         }
@@ -72,20 +73,15 @@ impl Missions {
     pub fn all(&self) -> anyhow::Result<Vec<Mission>> {
         let folder = self.folder();
         let found = fs::read_dir(&folder).with_context(|| folder.display().to_string())?;
-        let mut missions: Vec<Mission> = found
-            .flatten()
-            .filter_map(|entry| Mission::open(&entry.path()).ok())
-            .collect();
+        let found = found.flatten().map(|entry| entry.path());
+        let mut missions: Vec<Mission> = found.filter_map(|it| Mission::open(&it).ok()).collect();
         // A record that cannot be read has lost its number: the date shows where it belongs.
-        let numbers: Vec<_> = missions
-            .iter()
-            .map(|it| (it.record.begun_ns, it.record.number))
-            .collect();
+        let records = missions.iter().map(|it| &it.record);
+        let numbers: Vec<_> = records.map(|it| (it.begun_ns, it.number)).collect();
         for broken in missions.iter_mut().filter(|it| it.broken.is_some()) {
             let record = &mut broken.record;
-            let before = numbers
-                .iter()
-                .filter(|(begun_ns, _)| *begun_ns < record.begun_ns);
+            let numbers = numbers.iter();
+            let before = numbers.filter(|(begun_ns, _)| *begun_ns < record.begun_ns);
             record.number = before.map(|(_, number)| *number).max().unwrap_or(0);
         }
         missions.sort_by_key(|it| (it.record.number, it.record.begun_ns, it.name()));
@@ -108,15 +104,13 @@ impl Missions {
     /// The one that the stages write into. A link that leads to none is an error.
     pub fn current(&self) -> anyhow::Result<Option<Mission>> {
         let link = self.link();
+        let shown = link.display();
         let folder = match fs::read_link(&link) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-            folder => {
-                folder.with_context(|| format!("{}: is no link to a mission", link.display()))?
-            }
+            folder => folder.with_context(|| format!("{shown}: is no link to a mission"))?,
         };
         let mission = Mission::open(&self.root.join(folder));
-        let mission =
-            mission.with_context(|| format!("{}: leads to no mission", link.display()))?;
+        let mission = mission.with_context(|| format!("{shown}: leads to no mission"))?;
         Ok(Some(mission))
     }
 
@@ -171,10 +165,8 @@ impl Missions {
             _ => format!("{date}-{n}"),
         });
         let mut free = free.map(|name| self.folder().join(name));
-        match free.find(|folder| !folder.exists()) {
-            Some(folder) => Ok(folder),
-            None => bail!("{}: all names are taken", self.folder().display()),
-        }
+        let free = free.find(|folder| !folder.exists());
+        free.with_context(|| format!("{}: all names are taken", self.folder().display()))
     }
 
     /// The link changes at once: at no moment is there none.

@@ -1,6 +1,9 @@
 //! What a command leaves behind: files that are whole or absent, text on standard output.
 
-use anyhow::Context;
+use anyhow::{Context, bail};
+use randt_log::{LogFile, Options};
+use randt_messages::{MessageRef, Topic};
+use serde::Serialize;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::OpenOptionsExt;
@@ -14,10 +17,8 @@ const PRIVATE: u32 = 0o600;
 /// file.
 pub fn may_write(path: &Path, force: bool) -> anyhow::Result<()> {
     match fs::metadata(path) {
-        Ok(found) if !found.is_file() => anyhow::bail!("{}: is not a plain file", path.display()),
-        Ok(_) if !force => {
-            anyhow::bail!("{}: exists already; --force overwrites it", path.display())
-        }
+        Ok(found) if !found.is_file() => bail!("{}: is not a plain file", path.display()),
+        Ok(_) if !force => bail!("{}: exists already; --force overwrites it", path.display()),
         _ => Ok(()),
     }
 }
@@ -62,7 +63,7 @@ fn write_with_mode(path: &Path, bytes: &[u8], mode: u32) -> anyhow::Result<()> {
 }
 
 /// The same name with `.part` behind it, so that nobody takes it for the finished file.
-fn temporary_name(path: &Path) -> PathBuf {
+pub fn temporary_name(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".part");
     PathBuf::from(name)
@@ -76,6 +77,42 @@ pub fn print(text: &str) -> anyhow::Result<()> {
         Err(error) if error.kind() == ErrorKind::BrokenPipe || is_hung_up(&error) => Ok(()),
         result => result.context("standard output"),
     }
+}
+
+/// Options of a log that this program writes.
+pub fn log_options() -> Options {
+    Options {
+        written_by: format!("randt {}", randt_version::VERSION),
+        ..Options::default()
+    }
+}
+
+/// Ends a log; gives its size in bytes.
+pub fn finish(log: LogFile, path: &Path) -> anyhow::Result<u64> {
+    let context = || format!("{}: cannot be finished", path.display());
+    log.finish().with_context(context)
+}
+
+/// A message that is only a head.
+pub fn head_only<T: Topic>(head: &T::Head) -> MessageRef<'_, T> {
+    MessageRef { head, items: &[] }
+}
+
+/// Prints a value: to programs as JSON, to people as a text.
+pub fn print_value(
+    as_json: bool,
+    value: &impl Serialize,
+    text: impl FnOnce() -> String,
+) -> anyhow::Result<()> {
+    print(&match as_json {
+        true => json(value)?,
+        false => text(),
+    })
+}
+
+/// A value as JSON for programs and people.
+pub fn json(value: &impl Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(value)? + "\n")
 }
 
 /// Writes a line to standard error. Where the reader is gone the work goes on: `eprintln!` would

@@ -12,7 +12,7 @@ use randt_config::Config;
 use randt_mapper::Mapper;
 use randt_messages::{Keyframe, Message, OdometryState};
 use randt_odometry::Odometry;
-use randt_odometry::runtime::{CheckpointContents, CheckpointStore};
+use randt_odometry::runtime::CheckpointStore;
 use randt_stage::KeyframeRing;
 use std::fs;
 use std::path::Path;
@@ -41,17 +41,12 @@ impl RecoveredDrive {
         let (mut odometry, mut ring, mut states) = (None, None, Vec::new());
         let mut why = "odometry's state was not kept".to_owned();
         if let Some(left) = left {
-            let CheckpointContents {
-                odometry: found,
-                states: sent,
-                ring: kept,
-            } = left;
-            match found {
+            match left.odometry {
                 Ok(found) => odometry = Some(found),
                 Err(error) => why = error.to_string(),
             }
-            ring = kept.and_then(Result::ok);
-            states = sent;
+            ring = left.ring.and_then(Result::ok);
+            states = left.states;
         }
         if !is_of_map(&mapper, ring.as_ref(), odometry.as_ref()) {
             why = "odometry's state is of another drive than the map".to_owned();
@@ -85,12 +80,13 @@ fn read_journal(config: &Config, path: &Path, counters: &mut Counters) -> Mapper
         Err(error) => Err(error.to_string()),
     };
     let (mapper, damage) = match restored {
-        Ok((mapper, restored)) => (
-            mapper,
-            restored
-                .damage
-                .map(|damage| format!("offset {}: {}", damage.offset, damage.what)),
-        ),
+        Ok((mapper, restored)) => {
+            let damage = restored.damage;
+            (
+                mapper,
+                damage.map(|it| format!("offset {}: {}", it.offset, it.what)),
+            )
+        }
         Err(why) => (Mapper::new(config), Some(why)),
     };
     if let Some(damage) = damage {
@@ -125,13 +121,10 @@ fn is_of_map(mapper: &Mapper, ring: Option<&KeyframeRing>, odometry: Option<&Odo
 /// Gives the map the keyframes that it had no time for, up to `end` where that is known; gives how
 /// many are nowhere.
 fn push_ring(mapper: &mut Mapper, ring: &KeyframeRing, end: Option<u64>) -> u64 {
-    let first = mapper
-        .keyframes()
-        .last()
-        .map_or(0, |keyframe| keyframe.keyframe_id + 1);
-    let end = end
-        .or(ring.newest().map(|newest| newest + 1))
-        .unwrap_or(first);
+    let last = mapper.keyframes().last();
+    let first = last.map_or(0, |keyframe| keyframe.keyframe_id + 1);
+    let end = end.or(ring.newest().map(|newest| newest + 1));
+    let end = end.unwrap_or(first);
     let mut lost = 0;
     for id in first..end {
         match ring.get(id) {

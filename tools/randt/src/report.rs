@@ -173,9 +173,9 @@ impl Cost {
         let mut sorted = times_ns.to_vec();
         sorted.sort_unstable();
         let at = |share: f64| {
-            let index =
-                ((sorted.len() as f64 * share) as usize).min(sorted.len().saturating_sub(1));
-            sorted.get(index).map_or(0.0, |ns| *ns as f64 * 1e-6)
+            let index = (sorted.len() as f64 * share) as usize;
+            let time_ns = sorted.get(index).or(sorted.last());
+            time_ns.map_or(0.0, |ns| *ns as f64 * 1e-6)
         };
         Self {
             count: sorted.len(),
@@ -205,26 +205,16 @@ pub fn timing(timing: &Timing, read_ns: &[u64], whole_ns: u64) -> Costs {
 ///
 /// Texts name the input without its path, so that a report does not depend on where things lie.
 pub fn reader_counters(path: &Path, input: &[Counter]) -> Counters {
-    let folder = path
-        .parent()
-        .map(|p| format!("{}/", p.display()))
-        .filter(|p| p.len() > 1)
-        .unwrap_or_default();
-    let without_path = |text: &str| {
-        if folder.is_empty() {
-            text.to_owned()
-        } else {
-            text.replace(&folder, "")
-        }
-    };
+    let folder = path.parent().map(|p| format!("{}/", p.display()));
+    let folder = folder.filter(|folder| folder.len() > 1);
     let mut counters = Counters::default();
     for counter in input {
-        let count = Count {
-            count: counter.count,
-            loss: counter.loss,
-            first: without_path(&counter.first),
+        let (count, loss, first) = (counter.count, counter.loss, &counter.first);
+        let first = match &folder {
+            Some(folder) => first.replace(folder, ""),
+            None => first.clone(),
         };
-        counters.add(counter.name, count);
+        counters.add(counter.name, Count { count, loss, first });
     }
     counters
 }
@@ -232,41 +222,32 @@ pub fn reader_counters(path: &Path, input: &[Counter]) -> Counters {
 /// All counters of odometry and mapper that are not zero.
 pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
     let (odometry, mapper) = (pipeline.counters(), pipeline.mapper().counters());
-    let counts = [
-        // Whether a scan lacks its pose, or only its best one.
-        ("odometry_scans_rejected", odometry.scans_rejected, true),
-        ("odometry_scans_repeated", odometry.scans_repeated, true),
-        (
-            "odometry_scans_unsupported",
-            odometry.scans_unsupported,
-            false,
-        ),
-        ("odometry_scans_imu_late", odometry.scans_imu_late, false),
-        (
-            "odometry_scans_imu_overtaken",
-            odometry.scans_imu_overtaken,
-            false,
-        ),
-        (
-            "odometry_scans_without_imu",
-            odometry.scans_without_imu,
-            false,
-        ),
-        ("odometry_frames_reopened", odometry.frames_reopened, false),
-        ("odometry_solver_failures", odometry.solver_failures, false),
-        ("odometry_imu_rejected", odometry.imu_rejected, true),
-        ("odometry_imu_holes", odometry.imu_holes, true),
-        ("odometry_points_outside", odometry.points_outside, false),
-        ("mapper_keyframes_rejected", mapper.keyframes_rejected, true),
-        ("mapper_solver_failures", mapper.solver_failures, false),
-        (
-            "keyframes_of_another_drive",
-            pipeline.keyframes_refused(),
-            true,
-        ),
+    // A scan lacks its pose ...
+    let lost = [
+        ("odometry_scans_rejected", odometry.scans_rejected),
+        ("odometry_scans_repeated", odometry.scans_repeated),
+        ("odometry_imu_rejected", odometry.imu_rejected),
+        ("odometry_imu_holes", odometry.imu_holes),
+        ("mapper_keyframes_rejected", mapper.keyframes_rejected),
+        ("keyframes_of_another_drive", pipeline.keyframes_refused()),
+    ];
+    // ... or only its best one.
+    let others = [
+        ("odometry_scans_unsupported", odometry.scans_unsupported),
+        ("odometry_scans_imu_late", odometry.scans_imu_late),
+        ("odometry_scans_imu_overtaken", odometry.scans_imu_overtaken),
+        ("odometry_scans_without_imu", odometry.scans_without_imu),
+        ("odometry_frames_reopened", odometry.frames_reopened),
+        ("odometry_solver_failures", odometry.solver_failures),
+        ("odometry_points_outside", odometry.points_outside),
+        ("mapper_solver_failures", mapper.solver_failures),
     ];
     let mut counters = Counters::default();
-    for (name, count, loss) in counts {
+    for (name, count) in lost {
+        counters.add_lost(name, count, "");
+    }
+    for (name, count) in others {
+        let loss = false;
         let first = match name {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
             _ => String::new(),
@@ -287,12 +268,9 @@ fn imu_late_text(odometry: &randt_odometry::Counters) -> String {
 
 /// The input as the report describes it.
 pub fn input(info: &InputInfo, path: &Path, imu: bool, imu_samples: u64) -> anyhow::Result<Input> {
+    let name = path.file_name().unwrap_or(path.as_os_str());
     Ok(Input {
-        name: path
-            .file_name()
-            .unwrap_or(path.as_os_str())
-            .to_string_lossy()
-            .into_owned(),
+        name: name.to_string_lossy().into_owned(),
         format: info.format.into(),
         sha256: digest::of_path(path)?,
         imu,

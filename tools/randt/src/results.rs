@@ -1,7 +1,7 @@
 //! What a run leaves behind: trajectories, picture, report.
 
 use crate::odometry_csv::odometry_csv;
-use anyhow::{Context, anyhow};
+use anyhow::Context;
 use randt_evaluation::{
     Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
 };
@@ -13,7 +13,7 @@ use std::collections::HashSet;
 use std::path::Path;
 
 /// Most points of the map in the picture; more would only make the file larger.
-pub const PICTURE_POINTS_MAX: usize = 60_000;
+const PICTURE_POINTS_MAX: usize = 60_000;
 /// Of each keyframe every fourth point goes into the picture.
 const PICTURE_STRIDE: usize = 4;
 
@@ -135,9 +135,7 @@ impl Results {
             [first, ..] => Some(FrameSpan {
                 odom_frame_id: first.odom_frame_id,
                 begin_ns: first.header.stamp_ns,
-                end_ns: states
-                    .last()
-                    .map_or(first.header.stamp_ns, |last| last.header.stamp_ns),
+                end_ns: states.last().unwrap_or(first).header.stamp_ns,
                 scans: states.len() as u64,
             }),
             [] => None,
@@ -173,13 +171,10 @@ impl Results {
     /// Trajectories and map, each with its name, or why it is not there.
     pub fn files(&self, trajectory: &Trajectory, mapper: &Mapper) -> Vec<File> {
         // As Nav2's map_server reads them.
-        let (map, about) = match mapper.grid().picture() {
-            Some(picture) => (
-                Ok(picture.to_pgm()),
-                Ok(picture.to_yaml("map.pgm").into_bytes()),
-            ),
-            None => (Err(too_wide("map.pgm")), Err(too_wide("map.yaml"))),
-        };
+        let picture = mapper.grid().picture();
+        let picture = |name| picture.as_ref().with_context(|| too_wide(name));
+        let map = picture("map.pgm").map(|it| it.to_pgm());
+        let about = picture("map.yaml").map(|it| it.to_yaml("map.pgm").into_bytes());
         vec![
             ("odometry.csv", Ok(odometry_csv(&self.states).into_bytes())),
             ("odometry.tum", Ok(self.odometry().to_tum().into_bytes())),
@@ -219,8 +214,8 @@ impl Results {
     }
 }
 
-fn too_wide(name: &str) -> anyhow::Error {
-    anyhow!(
+fn too_wide(name: &str) -> String {
+    format!(
         "{name}: the map has more cells than a picture may have; a larger grid.cell_size_m makes fewer"
     )
 }
@@ -228,10 +223,8 @@ fn too_wide(name: &str) -> anyhow::Error {
 /// The positions, one line for each frame.
 pub fn lines(trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
     let lines = trajectory.poses().chunk_by(|a, b| a.frame == b.frame);
-    let position = |pose: &TrajectoryPose| [pose.transform.x_m, pose.transform.y_m];
-    lines
-        .map(|line| line.iter().map(position).collect())
-        .collect()
+    let line = |poses: &[TrajectoryPose]| poses.iter().map(TrajectoryPose::position_m).collect();
+    lines.map(line).collect()
 }
 
 /// Removes a file, if there is one.
@@ -257,22 +250,27 @@ fn keyframes(mapper: &Mapper) -> Trajectory {
 /// Returns of the map's largest component, thinned out.
 fn returns(mapper: &Mapper) -> Vec<[f64; 2]> {
     let component = mapper.largest_component();
-    let keyframes = || {
-        let all = mapper.keyframes().iter().zip(mapper.poses()).enumerate();
-        all.filter(|(index, _)| mapper.component_of(KeyframeIdx(*index)) == component)
-            .map(|(_, keyframe)| keyframe)
-    };
-    let points = keyframes().map(|(keyframe, _)| keyframe.observation.points.len());
-    let stride = (points.sum::<usize>() / PICTURE_POINTS_MAX).max(PICTURE_STRIDE);
-    keyframes()
-        .flat_map(|(keyframe, pose)| {
-            let points = keyframe.observation.points.iter().step_by(stride);
-            points.map(|point| {
-                let p = pose.transform([f64::from(point.x_m), f64::from(point.y_m)].into());
-                [p.x, p.y]
-            })
-        })
-        .collect()
+    let all = mapper.keyframes().iter().zip(mapper.poses()).enumerate();
+    let keyframes = all
+        .filter(|(index, _)| mapper.component_of(KeyframeIdx(*index)) == component)
+        .map(|(_, (keyframe, pose))| (pose, keyframe.observation.points.as_slice()));
+    thinned_returns(keyframes, PICTURE_STRIDE, |point| [point.x_m, point.y_m])
+}
+
+/// Returns of keyframes that stand at poses of the map: every one of `stride_min`, or fewer where
+/// there are too many for a picture.
+pub fn thinned_returns<'a, P: 'a>(
+    keyframes: impl Iterator<Item = (&'a Pose2, &'a [P])> + Clone,
+    stride_min: usize,
+    position_m: fn(&P) -> [f32; 2],
+) -> Vec<[f64; 2]> {
+    let total: usize = keyframes.clone().map(|(_, points)| points.len()).sum();
+    let stride = (total / PICTURE_POINTS_MAX).max(stride_min);
+    let points = keyframes.flat_map(|(pose, points)| {
+        let points = points.iter().step_by(stride);
+        points.map(move |point| pose.transform(position_m(point).map(f64::from).into()))
+    });
+    points.map(|at| [at.x, at.y]).collect()
 }
 
 #[cfg(test)]

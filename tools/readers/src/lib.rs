@@ -5,7 +5,6 @@
 
 mod counters;
 mod error;
-mod event;
 #[doc(hidden)]
 pub mod fuzzing;
 pub mod g2o;
@@ -25,7 +24,7 @@ mod sweep;
 mod tests;
 
 pub use error::Error;
-pub use event::Event;
 pub use input::{Counter, Extrinsics, InputInfo, Source};
 pub use open::open;
 pub use options::{Options, Rotation, StampMeaning};
+pub use randt_messages::Event;

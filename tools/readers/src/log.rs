@@ -1,6 +1,6 @@
 //! Our own MCAP log as a source.
 
-use crate::limit::{is_instant, misreading};
+use crate::limit::{is_instant, is_misread, no_instant};
 use crate::ros2::count_damage;
 use crate::summary::Summary;
 use crate::sweep::repair;
@@ -28,9 +28,8 @@ impl LogSource {
         let robot = reader.robot()?;
         let channels = Summary::read(path).map(|summary| summary.channels());
         let scans = channels.map(|channels| {
-            let radar = channels
-                .iter()
-                .filter(|(topic, ..)| topic == RadarScan::NAME);
+            let channels = channels.iter();
+            let radar = channels.filter(|(topic, ..)| topic == RadarScan::NAME);
             radar.map(|(.., messages)| messages).sum()
         });
         if scans == Some(0) && radar_required {
@@ -75,17 +74,14 @@ impl LogSource {
         };
         let topic = entry.channel.topic.as_str();
         let event = if topic == RadarScan::NAME {
-            entry
-                .decode::<RadarScan>()
-                .map(|scan| scan.map(Event::Scan))
+            let scan = entry.decode::<RadarScan>();
+            scan.map(|scan| scan.map(Event::Scan))
         } else if topic == ImuSampleTopic::NAME {
-            entry
-                .decode::<ImuSampleTopic>()
-                .map(|sample| sample.map(|s| Event::Imu(*s.head)))
+            let sample = entry.decode::<ImuSampleTopic>();
+            sample.map(|sample| sample.map(|s| Event::Imu(*s.head)))
         } else if topic == TruthPoseTopic::NAME {
-            entry
-                .decode::<TruthPoseTopic>()
-                .map(|pose| pose.map(|p| Event::Truth(*p.head)))
+            let pose = entry.decode::<TruthPoseTopic>();
+            pose.map(|pose| pose.map(|p| Event::Truth(*p.head)))
         } else if let Ok(Some(drop)) = entry.decode::<LogDropTopic>() {
             return Ok(Step::NotRecorded(*drop.head));
         } else {
@@ -124,27 +120,23 @@ impl Source for LogSource {
                 Step::End => {
                     self.judge_late_metadata()?;
                     let translated: Vec<String> = self.reader.translated().collect();
-                    let count = translated.len() as u64;
+                    let (name, count) = ("topics_of_another_build", translated.len() as u64);
                     self.counters
-                        .count_event("topics_of_another_build", count, || translated.join("; "));
+                        .count_event(name, count, || translated.join("; "));
                     return Ok(None);
                 }
                 Step::Other => {}
                 Step::NotRecorded(drop) => {
+                    let (count, topic) = (drop.count, text_of(&drop.topic));
+                    let cause = DropCause::from_code(drop.cause).name();
+                    let first = || format!("{count} of {topic}: {cause}");
                     self.counters
-                        .count_loss("messages_not_recorded", drop.count, || {
-                            let cause = DropCause::from_code(drop.cause).name();
-                            format!("{} of {}: {cause}", drop.count, text_of(&drop.topic))
-                        });
+                        .count_loss("messages_not_recorded", count, first);
                 }
                 Step::Malformed(why) => self.counters.count_loss("messages_malformed", 1, || why),
                 Step::Event(event) if !is_instant(event.stamp_ns()) => {
-                    self.counters.count_loss("messages_malformed", 1, || {
-                        let stamp_ns = event.stamp_ns();
-                        format!(
-                            "stamp {stamp_ns}, which no measurement has; expected ns since 1970"
-                        )
-                    });
+                    let why = || no_instant(event.stamp_ns());
+                    self.counters.count_loss("messages_malformed", 1, why);
                 }
                 Step::Event(Event::Scan(mut scan)) => {
                     if repair(&mut scan, &mut self.counters) {
@@ -152,17 +144,11 @@ impl Source for LogSource {
                     }
                 }
                 Step::Event(Event::Imu(sample)) => {
-                    let Some(name) = misreading(&sample.rate_rad_s, &sample.acceleration_m_s2)
-                    else {
+                    let (rate, acceleration) = (&sample.rate_rad_s, &sample.acceleration_m_s2);
+                    let stamp_ns = sample.header.stamp_ns;
+                    if !is_misread(&mut self.counters, stamp_ns, rate, acceleration) {
                         return Ok(Some(Event::Imu(sample)));
-                    };
-                    self.counters.count_loss(name, 1, || {
-                        let (rate, acceleration) = (sample.rate_rad_s, sample.acceleration_m_s2);
-                        format!(
-                            "{rate:?} rad/s, {acceleration:?} m/s^2 in the sample stamped {}",
-                            sample.header.stamp_ns
-                        )
-                    });
+                    }
                 }
                 Step::Event(event) => return Ok(Some(event)),
             }

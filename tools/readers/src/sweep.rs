@@ -10,4 +10,4 @@ pub(crate) use learn::Turn;
 pub(crate) use polar::Polar;
 #[cfg(test)]
 pub(crate) use polar::PolarPoint;
-pub(crate) use repair::repair;
+pub(crate) use repair::{find_first_returns, repair};

@@ -47,22 +47,9 @@ impl Caster {
     /// left out.
     pub fn new(walls: &[Wall]) -> Self {
         let segments: Vec<Segment> = walls.iter().filter_map(segment).collect();
-        let (mut low, mut high) = (Vector2::repeat(0.0), Vector2::repeat(0.0));
-        for (index, segment) in segments.iter().enumerate() {
-            let ends = [segment.from, segment.from + segment.along];
-            for end in ends {
-                low = if index == 0 {
-                    end.inf(&ends[0])
-                } else {
-                    low.inf(&end)
-                };
-                high = if index == 0 {
-                    end.sup(&ends[0])
-                } else {
-                    high.sup(&end)
-                };
-            }
-        }
+        let ends = segments.iter().flat_map(|it| [it.from, it.from + it.along]);
+        let low = ends.clone().reduce(|a, b| a.inf(&b)).unwrap_or_default();
+        let high = ends.reduce(|a, b| a.sup(&b)).unwrap_or_default();
         let origin = low.add_scalar(-0.5 * CELL_M);
         // A map of 4 km is a mistake; the grid then only loses speed at its rim.
         let cells = |extent: f64| (extent / CELL_M).ceil().clamp(1.0, 4096.0) as i64;
@@ -72,10 +59,8 @@ impl Caster {
         for (index, segment) in segments.iter().enumerate() {
             let end = segment.from + segment.along;
             let cell = |x: f64, count: i64| ((x / CELL_M).floor() as i64).clamp(0, count - 1);
-            let (low, high) = (
-                segment.from.inf(&end) - origin,
-                segment.from.sup(&end) - origin,
-            );
+            let low = segment.from.inf(&end) - origin;
+            let high = segment.from.sup(&end) - origin;
             for row in cell(low.y, rows)..=cell(high.y, rows) {
                 for column in cell(low.x, columns)..=cell(high.x, columns) {
                     if let Some(list) = lists.get_mut((row * columns + column) as usize) {
@@ -118,13 +103,8 @@ impl Caster {
         let mut sorted = 0;
         while entered_m <= range_max_m {
             if (0..self.columns).contains(&column) && (0..self.rows).contains(&row) {
-                self.test_cell(
-                    (row * self.columns + column) as usize,
-                    origin,
-                    direction,
-                    range_max_m,
-                    hits,
-                );
+                let cell = (row * self.columns + column) as usize;
+                self.test_cell(cell, origin, direction, range_max_m, hits);
             } else if leaving(column, step_x, self.columns) || leaving(row, step_y, self.rows) {
                 break;
             }
@@ -166,14 +146,9 @@ impl Caster {
         let (Some(&begin), Some(&end)) = (self.starts.get(cell), self.starts.get(cell + 1)) else {
             return;
         };
-        for &index in self
-            .entries
-            .get(begin as usize..end as usize)
-            .unwrap_or_default()
-        {
-            let Some(segment) = self.segments.get(index as usize) else {
-                continue;
-            };
+        let entries = self.entries.get(begin as usize..end as usize);
+        let entries = entries.unwrap_or_default().iter();
+        for segment in entries.filter_map(|index| self.segments.get(*index as usize)) {
             // origin + t direction = from + u along
             let cross = direction.perp(&segment.along);
             if cross == 0.0 {
@@ -182,24 +157,18 @@ impl Caster {
             let offset = segment.from - origin;
             let range_m = offset.perp(&segment.along) / cross;
             let fraction = offset.perp(&direction) / cross;
+            let material = segment.material;
+            let is_same = |hit: &Hit| hit.range_m == range_m && hit.material == material;
             if range_m > SELF_HIT_M
                 && range_m <= range_max_m
                 && (0.0..=1.0).contains(&fraction)
-                && !hits
-                    .iter()
-                    .any(|hit| hit.range_m == range_m && hit.material == segment.material)
+                && !hits.iter().any(is_same)
             {
                 let facing = direction.dot(&segment.normal);
-                let normal = if facing > 0.0 {
-                    -segment.normal
-                } else {
-                    segment.normal
-                };
-                let material = segment.material;
                 hits.push(Hit {
                     range_m,
                     cos_incidence: facing.abs(),
-                    normal,
+                    normal: segment.normal * if facing > 0.0 { -1.0 } else { 1.0 },
                     material,
                 });
             }

@@ -45,18 +45,9 @@ impl World {
             let before = world.walls.len();
             line.read(&mut world)?;
             let added = world.walls.iter().skip(before);
-            wall_length_m += added
-                .map(|wall| (wall.to_m - wall.from_m).norm())
-                .sum::<f64>();
-            if wall_length_m > LENGTH_MAX_M || world.walls.len() > WALLS_MAX {
-                return Err(WorldError::Large {
-                    line: line.number,
-                    length_m: wall_length_m,
-                    walls: world.walls.len(),
-                    length_max_m: LENGTH_MAX_M,
-                    walls_max: WALLS_MAX,
-                });
-            }
+            let lengths_m = added.map(|wall| (wall.to_m - wall.from_m).norm());
+            wall_length_m += lengths_m.sum::<f64>();
+            line.check_size(wall_length_m, &world)?;
         }
         let corners = world.route_m.len();
         if corners < 3 {
@@ -80,12 +71,12 @@ impl<'a> Line<'a> {
                 let amplitude_m = self.number("an amplitude in m", 0.01, 1.0)?;
                 self.keyword("seed")?;
                 let word = self.word("a seed")?;
-                let seed = word
-                    .parse()
-                    .map_err(|_| self.wrong(word, "a seed: a whole number"))?;
+                let seed = word.parse();
+                let seed = seed.map_err(|_| self.wrong(word, "a seed: a whole number"))?;
                 let (points, next) = self.line()?;
                 self.end(next)?;
-                self.check_length(shape::length_m(&points), world)?;
+                // Rough walls have many pieces: refused before they are made.
+                self.check_size(shape::length_m(&points), world)?;
                 let points = shape::roughened(&points, amplitude_m, seed);
                 shape::wall(&points, material, &[], &mut world.walls);
             }
@@ -129,14 +120,12 @@ impl<'a> Line<'a> {
             }
             "slope" | "hill" | "ramp" => {
                 let relief = self.relief()?;
-                if relief.grade_max() > GRADE_MAX {
-                    return Err(self.wrong(
-                        self.statement,
-                        &format!(
-                            "a grade of at most {GRADE_MAX} (rise per m), this one has {:.2}",
-                            relief.grade_max()
-                        ),
-                    ));
+                let grade = relief.grade_max();
+                if grade > GRADE_MAX {
+                    let expected = format!(
+                        "a grade of at most {GRADE_MAX} (rise per m), this one has {grade:.2}"
+                    );
+                    return Err(self.wrong(self.statement, &expected));
                 }
                 world.ground.reliefs.push(relief);
             }
@@ -208,10 +197,8 @@ impl<'a> Line<'a> {
                         let expected = format!("an opening FROM..TO within 0..{length_m:.2} m");
                         return Err(self.wrong(word, &expected));
                     }
-                    if spans
-                        .iter()
-                        .any(|span| from_m < span.to_m && span.from_m < to_m)
-                    {
+                    let meets = |span: &Span| from_m < span.to_m && span.from_m < to_m;
+                    if spans.iter().any(meets) {
                         return Err(self.wrong(word, "an opening apart from the others"));
                     }
                     spans.push(Span {
@@ -231,9 +218,9 @@ impl<'a> Line<'a> {
         Ok(spans)
     }
 
-    /// Rough walls have many pieces: refused before they are made.
-    fn check_length(&self, length_m: f64, world: &World) -> Result<(), WorldError> {
-        if length_m <= LENGTH_MAX_M {
+    /// Refuses walls of a length, and those of a world, that are more than a simulation is for.
+    fn check_size(&self, length_m: f64, world: &World) -> Result<(), WorldError> {
+        if length_m <= LENGTH_MAX_M && world.walls.len() <= WALLS_MAX {
             return Ok(());
         }
         Err(WorldError::Large {

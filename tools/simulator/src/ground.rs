@@ -37,7 +37,7 @@ pub enum Relief {
 }
 
 /// Height, gradient and curvature of the ground at one point.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GroundPoint {
     /// Height.
     pub height_m: f64,
@@ -120,11 +120,7 @@ pub struct Ground {
 impl Ground {
     /// Height, gradient and curvature at a point.
     pub fn at(&self, point_m: Vector2<f64>) -> GroundPoint {
-        let level = GroundPoint {
-            height_m: 0.0,
-            gradient: Vector2::zeros(),
-            curvature: Matrix2::zeros(),
-        };
+        let level = GroundPoint::default();
         self.reliefs.iter().fold(level, |sum, relief| {
             let ground = relief.at(point_m);
             GroundPoint {
@@ -198,9 +194,8 @@ impl RobotAttitude {
 
     /// A point of the body's x-y plane, in the level frame.
     pub fn level(&self, point: Vector2<f64>) -> Vector2<f64> {
-        self.tilt.map_or(point, |tilt| {
-            (tilt * Vector3::new(point.x, point.y, 0.0)).xy()
-        })
+        let tilted = |tilt: Matrix3<f64>| (tilt * Vector3::new(point.x, point.y, 0.0)).xy();
+        self.tilt.map_or(point, tilted)
     }
 
     /// A direction in the body's x-y plane: its azimuth in the level frame, and cosine and sine of

@@ -115,13 +115,12 @@ impl Imu {
         let error =
             |random: &mut Random, size: i64| (random.between(-1.0, 1.0) * size as f64) as i64;
         let stamp_ns = self.next_ns + error(&mut self.random, profile.stamp_error_ns);
-        let header = Header {
-            sequence: self.sequence,
-            stamp_ns,
-            ..Header::default()
-        };
         let sample = ImuSample {
-            header,
+            header: Header {
+                sequence: self.sequence,
+                stamp_ns,
+                ..Header::default()
+            },
             device_ns: self.next_ns - profile.offset_ns,
             // USB brings samples late by a millisecond or so.
             arrival_ns: stamp_ns + 1_000_000 + (500_000.0 * self.random.exponential()) as i64,

@@ -29,6 +29,7 @@ pub use material::{Material, Response};
 pub use motion::{Drive, MotionProfile, MotionState};
 pub use radar::RadarProfile;
 pub use random::Random;
-pub use simulation::{Event, Robot, START_NS, Simulation};
+pub use randt_messages::Event;
+pub use simulation::{Robot, START_NS, Simulation};
 pub use surface::BeamSurface;
 pub use world::{Wall, World};

@@ -23,11 +23,9 @@ impl<'a> Line<'a> {
     }
 
     pub fn keyword(&mut self, keyword: &str) -> Result<(), WorldError> {
-        let word = self.word(keyword)?;
-        if word == keyword {
-            Ok(())
-        } else {
-            Err(self.wrong(word, keyword))
+        match self.word(keyword)? {
+            word if word == keyword => Ok(()),
+            word => Err(self.wrong(word, keyword)),
         }
     }
 
@@ -53,10 +51,9 @@ impl<'a> Line<'a> {
         min: f64,
         max: f64,
     ) -> Result<f64, WorldError> {
-        text.parse()
-            .ok()
-            .filter(|value| (min..=max).contains(value))
-            .ok_or_else(|| self.wrong(word, expected))
+        let number = text.parse().ok();
+        let number = number.filter(|value| (min..=max).contains(value));
+        number.ok_or_else(|| self.wrong(word, expected))
     }
 
     pub fn point(&mut self) -> Result<Vector2<f64>, WorldError> {
@@ -86,9 +83,8 @@ impl<'a> Line<'a> {
         expected: &str,
         min: f64,
     ) -> Result<Vector2<f64>, WorldError> {
-        let (x, y) = word
-            .split_once(separator)
-            .ok_or_else(|| self.wrong(word, expected))?;
+        let parts = word.split_once(separator);
+        let (x, y) = parts.ok_or_else(|| self.wrong(word, expected))?;
         let value = |text| self.as_number(text, word, expected, min, COORDINATE_MAX_M);
         Ok(Vector2::new(value(x)?, value(y)?))
     }

@@ -93,7 +93,7 @@ impl MotionState {
     }
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Knot {
     pose: [f64; 3],
     twist: [f64; 3],
@@ -122,11 +122,9 @@ impl Drive {
     pub fn new(world: &World, profile: MotionProfile, seed: u64) -> Self {
         let route = Route::new(&world.route_m);
         let (start, direction) = route.start();
-        let pose = [start.x, start.y, atan2(direction.y, direction.x)];
         let knot = Knot {
-            pose,
-            twist: [0.0; 3],
-            path_m: 0.0,
+            pose: [start.x, start.y, atan2(direction.y, direction.x)],
+            ..Knot::default()
         };
         Self {
             profile,
@@ -151,12 +149,7 @@ impl Drive {
             self.extend();
         }
         let offset = (index - self.first) as usize;
-        let standing = Knot {
-            pose: [0.0; 3],
-            twist: [0.0; 3],
-            path_m: 0.0,
-        };
-        let from = self.knots.get(offset).copied().unwrap_or(standing);
+        let from = self.knots.get(offset).copied().unwrap_or_default();
         let to = self.knots.get(offset + 1).copied().unwrap_or(from);
         between(&from, to.twist, (time_ns - index * KNOT_NS) as f64 * 1e-9)
     }
@@ -204,14 +197,15 @@ impl Drive {
         if time_s >= self.next_decision_s && self.turns_left_rad.is_empty() {
             self.decide(time_s);
         }
-        let curvature = self
+        let position = Vector2::new(x, y);
+        let target = self
             .route
-            .ahead(Vector2::new(x, y), LOOKAHEAD_M.max(LOOKAHEAD_S * speed))
-            .map_or(0.0, |target| {
-                let (sin, cos) = sin_cos(yaw);
-                let offset = target - Vector2::new(x, y);
-                2.0 * (cos * offset.y - sin * offset.x) / offset.norm_squared()
-            });
+            .ahead(position, LOOKAHEAD_M.max(LOOKAHEAD_S * speed));
+        let curvature = target.map_or(0.0, |target| {
+            let (sin, cos) = sin_cos(yaw);
+            let offset = target - position;
+            2.0 * (cos * offset.y - sin * offset.x) / offset.norm_squared()
+        });
         // A little below the limit: the filter on the turn overshoots.
         let turn_max = 0.93 * limits.yaw_rate_max_rad_s;
         let slow = turn_max / curvature.abs().max(1e-9);
@@ -249,14 +243,10 @@ impl Drive {
         self.decisions = self.decisions.wrapping_add(1);
         let stop = self.decisions.checked_rem(self.profile.stop_every) == Some(0);
         if stop && self.profile.turn_in_place_rad > 0.0 {
-            let sense = if self.turns.is_multiple_of(2) {
-                1.0
-            } else {
-                -1.0
-            };
-            let angle_rad = sense * self.profile.turn_in_place_rad;
-            self.turns_left_rad
-                .extend([angle_rad, -2.0 * angle_rad, angle_rad]);
+            let is_left = self.turns.is_multiple_of(2);
+            let angle_rad = self.profile.turn_in_place_rad * if is_left { 1.0 } else { -1.0 };
+            let turns = [angle_rad, -2.0 * angle_rad, angle_rad];
+            self.turns_left_rad.extend(turns);
             self.turns = self.turns.wrapping_add(1);
         }
         (self.speed_target_m_s, self.next_decision_s) = if stop {

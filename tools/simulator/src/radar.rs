@@ -127,15 +127,11 @@ impl Radar {
         let fan = core::array::from_fn(|ray| {
             let offset = FAN * (2.0 * ray as f64 / (RAYS - 1) as f64 - 1.0);
             // 12 (offset / width)^2 dB down.
-            (
-                offset * profile.beam_width_rad,
-                amplitude(-12.0 * offset * offset),
-            )
+            let weight = amplitude(-12.0 * offset * offset);
+            (offset * profile.beam_width_rad, weight)
         });
-        let power: f64 = fan
-            .iter()
-            .map(|(_, weight): &(f64, f64)| weight * weight)
-            .sum();
+        let powers = fan.iter().map(|(_, weight): &(f64, f64)| weight * weight);
+        let power: f64 = powers.sum();
         Self {
             mounting,
             caster,
@@ -252,36 +248,25 @@ impl Radar {
         let ground_m = self.clutter(radar, attitude, azimuth_rad);
         for (offset_rad, weight) in self.fan {
             let (direction, cos_elevation, _) = self.ray(radar, attitude, azimuth_rad + offset_rad);
-            self.caster.cast(
-                origin,
-                direction,
-                range_max_m * cos_elevation,
-                &mut self.hits,
-            );
+            let level_max_m = range_max_m * cos_elevation;
+            (self.caster).cast(origin, direction, level_max_m, &mut self.hits);
             let mut amplitude = weight * self.level;
             for index in 0..self.hits.len() {
                 let Some(hit) = self.hits.get(index).copied() else {
                     break;
                 };
                 let response = self.response(hit.material);
-                let seen = if hit.range_m > ground_m {
-                    BEHIND_GROUND
-                } else {
-                    1.0
+                let seen = match hit.range_m > ground_m {
+                    true => BEHIND_GROUND,
+                    false => 1.0,
                 };
-                self.add_echo(
-                    hit.range_m / cos_elevation,
-                    seen * amplitude * reflect(&response, hit.cos_incidence),
-                    Some(hit.normal),
-                );
+                let strength = seen * amplitude * reflect(&response, hit.cos_incidence);
+                let range_m = hit.range_m / cos_elevation;
+                self.add_echo(range_m, strength, Some(hit.normal));
                 if index == 0 {
-                    self.mirror(
-                        origin + direction * hit.range_m,
-                        direction,
-                        &hit,
-                        seen * amplitude * response.mirror,
-                        cos_elevation,
-                    );
+                    let point = origin + direction * hit.range_m;
+                    let amplitude = seen * amplitude * response.mirror;
+                    self.mirror(point, direction, &hit, amplitude, cos_elevation);
                 }
                 amplitude *= response.through;
             }
@@ -363,10 +348,8 @@ impl Radar {
     fn response(&self, material: Material) -> Response {
         // The array has one entry for each of `Material::ALL`, which is in the order of
         // declaration.
-        self.responses
-            .get(material as usize)
-            .copied()
-            .unwrap_or_else(|| material.response())
+        let response = self.responses.get(material as usize).copied();
+        response.unwrap_or_else(|| material.response())
     }
 }
 

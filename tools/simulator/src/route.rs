@@ -16,12 +16,9 @@ impl Route {
     pub fn new(corners: &[Vector2<f64>]) -> Self {
         let mut points = corners.to_vec();
         for _ in 0..4 {
-            let next = points.iter().cycle().skip(1);
-            points = points
-                .iter()
-                .zip(next)
-                .flat_map(|(a, b)| [a * 0.75 + b * 0.25, a * 0.25 + b * 0.75])
-                .collect();
+            let pairs = points.iter().zip(points.iter().cycle().skip(1));
+            let cut = pairs.flat_map(|(a, b)| [a * 0.75 + b * 0.25, a * 0.25 + b * 0.75]);
+            points = cut.collect();
         }
         if corners.len() < 3 {
             points.clear();

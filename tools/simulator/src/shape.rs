@@ -98,21 +98,12 @@ pub(crate) fn block(
     let centre = corner_m + size_m * 0.5;
     let (sin, cos) = sin_cos(turn_rad);
     let corner = |x: f64, y: f64| {
-        let offset = Vector2::new(x * size_m.x, y * size_m.y) * 0.5;
-        centre
-            + Vector2::new(
-                cos * offset.x - sin * offset.y,
-                sin * offset.x + cos * offset.y,
-            )
+        let (x, y) = (x * size_m.x * 0.5, y * size_m.y * 0.5);
+        centre + Vector2::new(cos * x - sin * y, sin * x + cos * y)
     };
-    let line = [
-        (-1.0, -1.0),
-        (1.0, -1.0),
-        (1.0, 1.0),
-        (-1.0, 1.0),
-        (-1.0, -1.0),
-    ];
-    wall(&line.map(|(x, y)| corner(x, y)), material, &[], out);
+    let (first, third) = (corner(-1.0, -1.0), corner(1.0, 1.0));
+    let line = [first, corner(1.0, -1.0), third, corner(-1.0, 1.0), first];
+    wall(&line, material, &[], out);
 }
 
 /// A round post or trunk, as a polygon.
@@ -140,12 +131,7 @@ pub(crate) fn roughened(line: &[Vector2<f64>], amplitude_m: f64, seed: u64) -> V
         let size_m = amplitude_m / f64::from(1_u32 << scale);
         // Straight between random offsets at regular points.
         let every = 1_usize << (ROUGH_SCALES - 1 - scale);
-        let mut offset = || {
-            Vector2::new(
-                random.between(-size_m, size_m),
-                random.between(-size_m, size_m),
-            )
-        };
+        let mut offset = || Vector2::from_fn(|_, _| random.between(-size_m, size_m));
         let (mut before, mut after) = (Vector2::zeros(), offset());
         for (index, point) in points.iter_mut().enumerate().take(last).skip(1) {
             if index % every == 0 {

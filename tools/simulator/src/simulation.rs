@@ -5,7 +5,7 @@ use crate::inertial::Imu;
 use crate::radar::Radar;
 use crate::{BeamSurface, Drive, Ground, ImuProfile, MotionProfile, RadarProfile, World};
 use randt_geometry::Pose2;
-use randt_messages::{Header, ImuSample, Message, RadarScan, SensorKind, TruthPose};
+use randt_messages::{Event, Header, Message, RadarScan, SensorKind, TruthPose};
 
 /// Stamps of a simulated drive begin here: a round date, as in a real recording.
 pub const START_NS: i64 = 1_700_000_000_000_000_000;
@@ -57,29 +57,6 @@ impl Robot {
     }
 }
 
-/// What happens next.
-#[derive(Clone, Debug)]
-pub enum Event {
-    /// A sweep has ended.
-    Scan(Message<RadarScan>),
-    /// The IMU was read.
-    Imu(ImuSample),
-    /// Where the robot is. The truth of a sweep's end comes with the sweep's stamp (that of a
-    /// radar that is not late), before the sweep.
-    Truth(TruthPose),
-}
-
-impl Event {
-    /// Its stamp.
-    pub fn stamp_ns(&self) -> i64 {
-        match self {
-            Self::Scan(scan) => scan.head.header.stamp_ns,
-            Self::Imu(sample) => sample.header.stamp_ns,
-            Self::Truth(pose) => pose.header.stamp_ns,
-        }
-    }
-}
-
 /// The simulation: an iterator over events. The same world, robot, number and seed give the same
 /// bits.
 ///
@@ -112,16 +89,10 @@ pub struct Simulation {
 impl Simulation {
     /// A drive of this many sweeps.
     pub fn new(world: &World, robot: Robot, scans: u64, seed: u64) -> Self {
-        let caster = Caster::new(&world.walls);
+        let (caster, ground) = (Caster::new(&world.walls), world.ground.clone());
         Self {
             drive: Drive::new(world, robot.motion, seed),
-            radar: Radar::new(
-                robot.radar,
-                robot.radar_mounting,
-                caster,
-                world.ground.clone(),
-                seed,
-            ),
+            radar: Radar::new(robot.radar, robot.radar_mounting, caster, ground, seed),
             radar_late_ns: robot.radar_late_ns,
             imu: Imu::new(robot.imu, seed),
             ground: world.ground.clone(),
@@ -159,11 +130,11 @@ impl Simulation {
             ..Header::default()
         };
         self.truths += 1;
-        let pose = state.pose2().to_array();
+        let (pose, velocity) = (state.pose2().to_array(), state.velocity);
         Event::Truth(TruthPose {
             header,
             pose,
-            velocity: state.velocity,
+            velocity,
         })
     }
 
@@ -195,10 +166,9 @@ impl Iterator for Simulation {
         if let Some(scan) = self.waiting.take() {
             return Some(Event::Scan(scan));
         }
-        let scan_ns = if self.scans_left > 0 {
-            self.radar.next_ns()
-        } else {
-            i64::MAX
+        let scan_ns = match self.scans_left {
+            0 => i64::MAX,
+            _ => self.radar.next_ns(),
         };
         let imu_ns = self.imu.next_ns();
         let next_ns = imu_ns.min(scan_ns).min(self.next_truth_ns);

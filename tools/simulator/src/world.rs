@@ -62,10 +62,8 @@ impl World {
             (point_m - nearest).norm()
         };
         // A wall without length has no nearest point: NaN is never the least.
-        self.walls
-            .iter()
-            .map(distance_m)
-            .fold(f64::INFINITY, f64::min)
+        let distances_m = self.walls.iter().map(distance_m);
+        distances_m.fold(f64::INFINITY, f64::min)
     }
 
     /// The world of a name; `None` for any other.

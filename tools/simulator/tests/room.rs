@@ -151,7 +151,7 @@ fn the_figures_of_the_room_are_those_of_the_recording() {
     let scans = std::iter::from_fn(|| {
         loop {
             match source.next_event().unwrap()? {
-                randt_readers::Event::Scan(scan) => return Some(scan),
+                Event::Scan(scan) => return Some(scan),
                 _ => continue,
             }
         }

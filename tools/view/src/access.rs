@@ -72,7 +72,7 @@ impl Refusal {
 impl AccessPolicy {
     /// The viewers' own programs, and what the configuration adds.
     pub fn new(origins: &WebOrigins, host_names: &HostNames) -> Self {
-        let viewers = VIEWERS.iter().filter_map(|origin| origin.parse().ok());
+        let viewers = VIEWERS.iter().filter_map(|origin| WebOrigin::parse(origin));
         Self {
             origins: viewers.chain(origins.0.iter().cloned()).collect(),
             host_names: host_names.0.clone(),
@@ -109,7 +109,7 @@ impl AccessPolicy {
     }
 
     fn may_watch(&self, origin: &str, host: &Host) -> bool {
-        origin.parse::<WebOrigin>().is_ok_and(|origin| {
+        WebOrigin::parse(origin).is_some_and(|origin| {
             self.origins.contains(&origin)
                 || origin.is_on_loopback()
                 || origin.is_at_address_of(host)
@@ -128,9 +128,8 @@ fn only<'a>(
     if values.next().is_some() {
         return Err(Refusal::Request(twice));
     }
-    let text = first.map(|value| value.to_str());
-    text.transpose()
-        .map_err(|_| Refusal::Request("a header that is not ASCII"))
+    let text = first.map(|value| value.to_str()).transpose();
+    text.map_err(|_| Refusal::Request("a header that is not ASCII"))
 }
 
 /// The beginning of a client's header, for the journal.

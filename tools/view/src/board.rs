@@ -3,6 +3,7 @@
 use randt_config::Robot;
 use randt_foxglove_schemas::tile::{Detail, of_tile};
 use randt_foxglove_schemas::{Graph, SceneUpdate, ViewerTopic};
+use randt_geometry::Pose2;
 use randt_messages::{
     Correction, MapperGraph, MapperGrid, Message, MessageRef, OdometryState, RadarPoints,
 };
@@ -61,10 +62,8 @@ impl Board {
 
     /// A pose.
     pub fn take_state(&mut self, state: &OdometryState) {
-        if self
-            .state
-            .is_some_and(|known| known.header.epoch != state.header.epoch)
-        {
+        let is_other = |known: OdometryState| known.header.epoch != state.header.epoch;
+        if self.state.is_some_and(is_other) {
             self.published_ns.clear();
         }
         if self.published_ns.len() == RATE_OVER {
@@ -117,14 +116,10 @@ impl Board {
         }
         let entities = randt_foxglove_schemas::graph_entities(&self.graph);
         let is_there = |name: &String| entities.iter().any(|(there, _)| there == name);
-        let known = self
-            .entities
-            .keys()
-            .filter(|(topic, _)| *topic == ViewerTopic::Path);
-        let gone: Vec<String> = known
-            .map(|(_, name)| name.clone())
-            .filter(|n| !is_there(n))
-            .collect();
+        let known = self.entities.keys();
+        let known = known.filter(|(topic, _)| *topic == ViewerTopic::Path);
+        let gone = known.map(|(_, name)| name).filter(|name| !is_there(name));
+        let gone: Vec<String> = gone.cloned().collect();
         for name in gone {
             // Drawn empty, so that viewers remove it.
             self.draw(randt_foxglove_schemas::empty_entity(&name), name);
@@ -147,11 +142,8 @@ impl Board {
         bytes: Vec<u8>,
         coarse: Option<Vec<u8>>,
     ) {
-        if self
-            .entities
-            .get(&key)
-            .is_some_and(|known| known.bytes == bytes)
-        {
+        let known = self.entities.get(&key);
+        if known.is_some_and(|known| known.bytes == bytes) {
             return;
         }
         self.version += 1;
@@ -167,25 +159,18 @@ impl Board {
     /// Where the robot is in `map`, m, as far as is known.
     pub(crate) fn robot_m(&self) -> [f64; 2] {
         let pose = self.state.map_or([0.0; 3], |state| state.pose);
-        let at = randt_geometry::Pose2::from_array(pose);
-        let correction = self
-            .correction
-            .map_or([0.0; 3], |correction| correction.map_from_odom);
-        let [x, y, _] = randt_geometry::Pose2::from_array(correction)
-            .compose(&at)
-            .to_array();
-        [x, y]
+        let odom = self.correction.map_or([0.0; 3], |it| it.map_from_odom);
+        let at = Pose2::from_array(odom).compose(&Pose2::from_array(pose));
+        [at.x_m, at.y_m]
     }
 
     /// How old the newest pose is, s; `None` before there is one.
     pub(crate) fn age_s(&self, now_ns: i64) -> Option<f64> {
         let header = self.state?.header;
         let late_ns = header.published_ns.saturating_sub(header.stamp_ns);
-        let is_ours = (0..OTHER_CLOCK_NS).contains(&late_ns);
-        let measured_ns = if is_ours {
-            header.stamp_ns
-        } else {
-            header.published_ns
+        let measured_ns = match (0..OTHER_CLOCK_NS).contains(&late_ns) {
+            true => header.stamp_ns,
+            false => header.published_ns,
         };
         Some(now_ns.saturating_sub(measured_ns).max(0) as f64 * 1e-9)
     }

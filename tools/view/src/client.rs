@@ -5,7 +5,7 @@ use crate::sent_entities::SentEntities;
 use crate::status_text::status_text;
 use crate::{Board, Flow, protocol};
 use randt_foxglove_schemas::{ViewerTopic, bytes, pose_of_state, status, transforms};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// A cloud takes this much of the link's time, s.
 const CLOUD_TAKES_S: f64 = 0.2;
@@ -46,9 +46,9 @@ pub struct Client {
     /// What is sent first, in order.
     greeting: VecDeque<String>,
     /// By channel: the subscription's number.
-    subscriptions: [Option<u32>; ViewerTopic::ALL.len()],
+    subscriptions: BTreeMap<ViewerTopic, u32>,
     /// By channel: the number of the last state or cloud that went out.
-    had: [Option<u64>; ViewerTopic::ALL.len()],
+    had: BTreeMap<ViewerTopic, u64>,
     entities: SentEntities,
     status_ns: i64,
     log_ns: i64,
@@ -81,9 +81,8 @@ impl Client {
                 }
             }
             Request::Unsubscribe(gone) => {
-                for subscription in &mut self.subscriptions {
-                    *subscription = subscription.filter(|number| !gone.contains(number));
-                }
+                self.subscriptions
+                    .retain(|_, number| !gone.contains(number));
             }
             Request::Other => {}
         }
@@ -106,16 +105,12 @@ impl Client {
             ViewerTopic::Points => self.cloud_ns = 0,
             _ => {}
         }
-        set(&mut self.had, topic, None);
-        set(&mut self.subscriptions, topic, Some(subscription));
+        self.had.remove(&topic);
+        self.subscriptions.insert(topic, subscription);
     }
 
     fn subscription(&self, topic: ViewerTopic) -> Option<u32> {
-        self.subscriptions.get(topic.index()).copied().flatten()
-    }
-
-    fn had(&self, topic: ViewerTopic) -> Option<u64> {
-        self.had.get(topic.index()).copied().flatten()
+        self.subscriptions.get(&topic).copied()
     }
 
     /// The next message, where there is one and it may go now.
@@ -185,11 +180,9 @@ impl Client {
     fn state(&mut self, board: &Board, now_ns: i64) -> Option<Frame> {
         let state = board.state?;
         for topic in [ViewerTopic::Transforms, ViewerTopic::Pose] {
-            let had = self.had(topic);
-            let Some(subscription) = self
-                .subscription(topic)
-                .filter(|_| had != Some(board.states))
-            else {
+            let had = self.had.get(&topic).copied();
+            let subscription = self.subscription(topic);
+            let Some(subscription) = subscription.filter(|_| had != Some(board.states)) else {
                 continue;
             };
             if let Some(time) = self.time(board, now_ns, board.states) {
@@ -200,7 +193,7 @@ impl Client {
                 _ => bytes(&transforms(&board.robot, &state, board.correction.as_ref()))?,
             };
             self.dropped += had.map_or(0, |had| board.states - had - 1);
-            set(&mut self.had, topic, Some(board.states));
+            self.had.insert(topic, board.states);
             return Some(data(subscription, state.header.stamp_ns, &payload));
         }
         None
@@ -208,7 +201,8 @@ impl Client {
 
     /// The subscription of the cloud where one is due.
     fn cloud(&self, board: &Board, now_ns: i64) -> Option<u32> {
-        let is_new = board.points.is_some() && self.had(ViewerTopic::Points) != Some(board.clouds);
+        let had = self.had.get(&ViewerTopic::Points);
+        let is_new = board.points.is_some() && had != Some(&board.clouds);
         let subscription = self.subscription(ViewerTopic::Points);
         subscription.filter(|_| is_new && now_ns >= self.cloud_ns)
     }
@@ -229,30 +223,20 @@ impl Client {
         if !flow.has_room(payload.len(), 0.0) {
             return None;
         }
-        let is_fast = flow.rate() > FAST;
-        let period_ns = match is_fast {
+        let period_ns = match flow.rate() > FAST {
             true => CLOUD_FAST_NS,
             false => ViewerTopic::Points.live_period_ns(),
         };
         self.cloud_ns = now_ns + period_ns;
-        set(&mut self.had, ViewerTopic::Points, Some(board.clouds));
+        self.had.insert(ViewerTopic::Points, board.clouds);
         Some(data(subscription, points.head.header.stamp_ns, &payload))
     }
 
     /// An entity of path or grid that it does not have.
     fn entity(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
-        let wanted = |topic: ViewerTopic| {
-            let subscription = self.subscriptions.get(topic.index());
-            subscription.copied().flatten()
-        };
+        let wanted = |topic| self.subscriptions.get(&topic).copied();
         let (subscription, payload) = self.entities.next(board, flow, now_ns, wanted)?;
         Some(data(subscription, board.time_ns(now_ns), &payload))
-    }
-}
-
-fn set<T>(values: &mut [T], topic: ViewerTopic, value: T) {
-    if let Some(slot) = values.get_mut(topic.index()) {
-        *slot = value;
     }
 }
 

@@ -1,6 +1,8 @@
 //! Rate limit of journal lines about clients: a few lines a minute for each kind of event, and the
 //! number of suppressed ones. Every client can connect, but none may fill the journal by it.
 
+use std::collections::BTreeMap;
+
 /// Lines are counted over this time, ns.
 const MINUTE_NS: i64 = 60_000_000_000;
 
@@ -26,17 +28,6 @@ pub(crate) enum Event {
 }
 
 impl Event {
-    const ALL: [Self; 8] = [
-        Self::Watches,
-        Self::Gone,
-        Self::Origin,
-        Self::Host,
-        Self::Request,
-        Self::Handshake,
-        Self::Crowd,
-        Self::Accept,
-    ];
-
     /// Its name in counts.
     fn name(self) -> &'static str {
         match self {
@@ -64,7 +55,7 @@ impl Event {
 /// Counters of each kind of event.
 #[derive(Debug, Default)]
 pub(crate) struct ClientLog {
-    counters: [EventCounter; Event::ALL.len()],
+    counters: BTreeMap<Event, EventCounter>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -100,9 +91,7 @@ impl ClientLog {
         now_ns: i64,
         log_line: &mut dyn FnMut(&str),
     ) {
-        let Some(counter) = self.counters.get_mut(event as usize) else {
-            return;
-        };
+        let counter = self.counters.entry(event).or_default();
         counter.total += 1;
         if !counter.takes_line(event.lines_max(), now_ns) {
             counter.suppressed += 1;
@@ -116,7 +105,7 @@ impl ClientLog {
 
     /// Writes the number of suppressed events when their minute is over.
     pub fn catch_up(&mut self, now_ns: i64, log_line: &mut dyn FnMut(&str)) {
-        for (event, counter) in Event::ALL.into_iter().zip(&mut self.counters) {
+        for (event, counter) in &mut self.counters {
             if counter.suppressed > 0 && counter.takes_line(event.lines_max(), now_ns) {
                 let more = std::mem::take(&mut counter.suppressed);
                 log_line(&format!("clients {}: {more} more", event.name()));
@@ -126,8 +115,7 @@ impl ClientLog {
 
     /// Numbers of refused clients by reason; empty where there are none.
     pub fn refused(&self) -> String {
-        let counters = Event::ALL.into_iter().zip(&self.counters);
-        let refused = counters.filter(|(event, counter)| event.is_refusal() && counter.total > 0);
+        let refused = self.counters.iter().filter(|(event, _)| event.is_refusal());
         let parts = refused.map(|(event, counter)| format!("{} {}", counter.total, event.name()));
         parts.collect::<Vec<_>>().join(", ")
     }

@@ -89,9 +89,8 @@ impl Flow {
     /// A ping's content, where one is due. `last`: nothing more follows for now.
     pub fn ping(&mut self, now_ns: i64, last: bool) -> Option<[u8; 8]> {
         let unmarked = self.sent - self.pinged;
-        let pause_s = self
-            .pinged_ns
-            .map_or(f64::MAX, |then| seconds(then, now_ns));
+        let pinged_ns = self.pinged_ns;
+        let pause_s = pinged_ns.map_or(f64::MAX, |then_ns| seconds(then_ns, now_ns));
         let is_due = unmarked >= PING_EVERY || last && (unmarked > 0 || pause_s >= PING_PAUSE_S);
         is_due.then(|| {
             self.pinged = self.sent;

@@ -116,11 +116,10 @@ impl Server {
         self.rests_until_ns = None;
         let mut own_name: Option<Rc<str>> = None;
         for _ in 0..ACCEPTED_MAX {
-            let accepted = match &self.listener {
-                Some(listener) => listener.accept(),
-                None => return,
+            let Some(listener) = &self.listener else {
+                return;
             };
-            let made = accepted.and_then(|(stream, address)| {
+            let made = listener.accept().and_then(|(stream, address)| {
                 let own_name = own_name.get_or_insert_with(read_own_name);
                 Handshake::new(stream, address, &self.policy, own_name, now_ns)
             });
@@ -199,12 +198,9 @@ impl Server {
         };
         let slowest = self.viewers.iter().max_by_key(|c| c.client.dropped);
         if let Some(slowest) = slowest.filter(|slowest| slowest.client.dropped >= BEHIND) {
-            text.push_str(&format!(
-                "; {}: {} dropped frames, link {:.1} s",
-                slowest.address,
-                slowest.client.dropped,
-                slowest.flow.round_trip_s(now_ns)
-            ));
+            let (address, dropped) = (slowest.address, slowest.client.dropped);
+            let link_s = slowest.flow.round_trip_s(now_ns);
+            text += &format!("; {address}: {dropped} dropped frames, link {link_s:.1} s");
         }
         let refused = self.log.refused();
         if !refused.is_empty() {
@@ -217,23 +213,16 @@ impl Server {
     pub fn descriptors(&self) -> impl Iterator<Item = BorrowedFd<'_>> {
         // A client that cannot be accepted now would end every sleep at once.
         let is_open = self.rests_until_ns.is_none();
-        let listener = self
-            .listener
-            .iter()
-            .filter(move |_| is_open)
-            .map(AsFd::as_fd);
-        let waiting = self
-            .handshakes
-            .iter()
-            .map(|handshake| handshake.descriptor());
+        let listener = self.listener.iter().filter(move |_| is_open);
+        let listener = listener.map(AsFd::as_fd);
+        let waiting = self.handshakes.iter().map(Handshake::descriptor);
         let viewers = self.viewers.iter().map(Connection::descriptor);
         listener.chain(waiting).chain(viewers)
     }
 
     /// How long to sleep at most.
     pub fn pause(&self) -> Duration {
-        let is_alone = self.viewers.is_empty() && self.handshakes.is_empty();
-        if is_alone {
+        if self.viewers.is_empty() && self.handshakes.is_empty() {
             PAUSE_ALONE
         } else if self.viewers.iter().any(|viewer| viewer.is_full) {
             PAUSE_FULL

@@ -15,16 +15,12 @@ const SLOW_S: f64 = 1.5;
 pub(crate) fn status_text(board: &Board, now_ns: i64, round_trip_s: f64) -> (String, StatusLevel) {
     let link = format!("link {round_trip_s:.1} s");
     let (Some(state), Some(age_s)) = (board.state, board.age_s(now_ns)) else {
-        return (
-            format!("no pose yet: odometry has published nothing, {link}"),
-            StatusLevel::Bad,
-        );
+        let text = format!("no pose yet: odometry has published nothing, {link}");
+        return (text, StatusLevel::Bad);
     };
     if age_s >= DEAD_S {
-        return (
-            format!("pose {age_s:.0} s old, odometry silent, {link}"),
-            StatusLevel::Bad,
-        );
+        let text = format!("pose {age_s:.0} s old, odometry silent, {link}");
+        return (text, StatusLevel::Bad);
     }
     let trust = state.trust();
     let level = match trust {

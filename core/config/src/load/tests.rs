@@ -52,9 +52,9 @@ fn every_default_is_in_its_own_range() {
                 key.name,
                 config.get(section.name, key.name).unwrap()
             );
-            let mut again = Config::default();
-            apply_override(&text, &mut again, &mut Origins::new()).unwrap();
-            assert_eq!(again, config, "{text}");
+            let mut again = Loaded::default();
+            apply_override(&text, &mut again).unwrap();
+            assert_eq!(again.config, config, "{text}");
             assert!(key.doc.iter().all(|line| !line.is_empty()), "{text}");
         }
     }
@@ -261,7 +261,7 @@ fn a_file_is_refused_with_its_lines_and_all_that_is_wrong() {
             only,
         };
         layer
-            .apply(&mut Config::default(), &mut Origins::new())
+            .apply(&mut Loaded::default())
             .iter()
             .map(Error::to_string)
             .collect()
@@ -306,7 +306,7 @@ fn what_is_shown_can_be_read_back() {
             only: None,
         };
         let mut again = Loaded::default();
-        let problems = layer.apply(&mut again.config, &mut again.origins);
+        let problems = layer.apply(&mut again);
         assert!(problems.is_empty(), "{problems:?}\n{text}");
         assert_eq!(again.config, loaded.config, "{text}");
         assert_eq!(again.is_set("robot"), loaded.is_set("robot"));

@@ -19,13 +19,8 @@ pub struct Leftover {
 /// that is left over.
 pub fn leftovers(domain: &Domain) -> Vec<Leftover> {
     let mut found = Vec::new();
-    let prefix = domain.segment_prefix();
-    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-    for entry in entries {
-        if entry.file_name().to_string_lossy().starts_with(&prefix) {
-            add(entry.path(), &mut found);
-        }
-    }
+    let memory = domain.files_in(Path::new(SHARED_MEMORY));
+    memory.for_each(|path| add(path, &mut found));
     add_below(&domain.root(), &mut found);
     found.sort_by(|a, b| a.path.cmp(&b.path));
     found

@@ -67,34 +67,20 @@ pub(crate) struct Service {
     pub segment: Option<PathBuf>,
 }
 
-/// The slots of a service, as its segment has them.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum ServiceSlots {
-    /// Processes may join; these have.
-    Open(Vec<ServiceSlot>),
-    /// The last process has left, and has not removed the service.
-    Closed,
-    /// No process can join: it is cut, gone, half made or of another version.
-    Unusable,
-}
-
 /// All services of a domain that are made.
 pub(crate) fn services(domain: &Domain) -> Vec<Service> {
-    let prefix = domain.segment_prefix();
-    let segments = segments(&prefix);
-    let folder = domain.root().join("services");
-    let files = fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut services: Vec<Service> = files
-        .filter_map(|file| {
-            let name = file.file_name().into_string().ok()?;
-            let (hash, kind) = name.strip_prefix(&prefix)?.split_once('.')?;
-            let definition = file.path();
+    let segments = segments(domain);
+    let definitions = domain.files_in(&domain.root().join("services"));
+    let mut services: Vec<Service> = definitions
+        .filter_map(|definition| {
+            let (hash, kind) = domain.name_parts(&definition)?;
+            let hash = hash.to_owned();
             let text = fs::read_to_string(&definition).ok()?;
             (kind == DEFINITION).then(|| Service {
-                hash: hash.to_owned(),
-                name: service_name(&text).unwrap_or(hash).to_owned(),
-                definition,
+                name: service_name(&text).unwrap_or(&hash).to_owned(),
+                hash,
                 segment: service_id(&text).and_then(|id| segments.get(&id).cloned()),
+                definition,
             })
         })
         .collect();
@@ -104,18 +90,15 @@ pub(crate) fn services(domain: &Domain) -> Vec<Service> {
 
 /// Segments of services by the services' numbers, the last part of their names. Any user can make
 /// files of such names in /dev/shm: those of other users are ignored.
-pub(crate) fn segments(prefix: &str) -> BTreeMap<u128, PathBuf> {
-    let files = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
+pub(crate) fn segments(domain: &Domain) -> BTreeMap<u128, PathBuf> {
+    let is_own = |path: &PathBuf| fs::symlink_metadata(path).is_ok_and(|found| is_own_file(&found));
     let number = |path: &Path| {
-        let name = path.file_name()?.to_str()?.strip_prefix(prefix)?;
-        let (stem, kind) = name.split_once('.')?;
+        let (stem, kind) = domain.name_parts(path)?;
         let (_, number) = stem.rsplit_once('_')?;
         (kind == SEGMENT).then(|| number.parse().ok())?
     };
-    let is_own = |file: &fs::DirEntry| file.metadata().is_ok_and(|found| is_own_file(&found));
-    let paths = files.filter(is_own).map(|file| file.path());
-    paths
-        .filter_map(|path| Some((number(&path)?, path)))
+    let own = domain.files_in(Path::new(SHARED_MEMORY)).filter(is_own);
+    own.filter_map(|path| Some((number(&path)?, path)))
         .collect()
 }
 
@@ -144,41 +127,11 @@ fn service_id(definition: &str) -> Option<u128> {
 }
 
 impl Service {
-    /// The slots that are taken now.
-    pub(crate) fn slots(&self) -> ServiceSlots {
-        let bytes = self.segment.as_ref().and_then(|path| fs::read(path).ok());
-        bytes
-            .as_deref()
-            .and_then(slots)
-            .unwrap_or(ServiceSlots::Unusable)
+    /// The slots that are taken now; none where no process can join: the last one has left and has
+    /// not removed the service, or it is cut, gone, half made or of another version.
+    pub(crate) fn slots(&self) -> Option<Vec<ServiceSlot>> {
+        slots(&fs::read(self.segment.as_ref()?).ok()?)
     }
-}
-
-/// The slots in the bytes of a segment; none if they are no whole segment.
-fn slots(bytes: &[u8]) -> Option<ServiceSlots> {
-    if word(bytes, 0)? != VERSION {
-        return None;
-    }
-    let [first, second] = match word(bytes, PATTERN)? as u32 {
-        TOPIC => [EntryLayout::SUBSCRIBER, EntryLayout::PUBLISHER],
-        NOTICES => [EntryLayout::LISTENER, EntryLayout::NOTIFIER],
-        _ => return None,
-    };
-    let tables = [
-        (FIRST_PORTS, first),
-        (SECOND_PORTS, second),
-        (NODES, EntryLayout::NODE),
-    ];
-    let mut found = Vec::new();
-    for (at, entry) in tables {
-        read_table(bytes, at, entry, &mut found)?;
-    }
-    let is_closed = word(bytes, NODES + LOCK)? == NO_OWNER;
-    Some(if is_closed {
-        ServiceSlots::Closed
-    } else {
-        ServiceSlots::Open(found)
-    })
 }
 
 /// The layout of a table's entries, bytes.
@@ -189,32 +142,44 @@ struct EntryLayout {
     port_at: Option<usize>,
 }
 
-impl EntryLayout {
-    const NODE: Self = Self {
+/// That of ports.
+macro_rules! entry_layout {
+    ($details:ident, $port_id:ident) => {
+        EntryLayout {
+            size: size_of::<$details>(),
+            node_at: offset_of!($details, node_id),
+            port_at: Some(offset_of!($details, $port_id)),
+        }
+    };
+}
+
+/// The slots in the bytes of a segment; none if they are no whole segment, or it is closed.
+fn slots(bytes: &[u8]) -> Option<Vec<ServiceSlot>> {
+    if word(bytes, 0)? != VERSION {
+        return None;
+    }
+    let [first, second] = match word(bytes, PATTERN)? as u32 {
+        TOPIC => [
+            entry_layout!(SubscriberDetails, subscriber_id),
+            entry_layout!(PublisherDetails, publisher_id),
+        ],
+        NOTICES => [
+            entry_layout!(ListenerDetails, listener_id),
+            entry_layout!(NotifierDetails, notifier_id),
+        ],
+        _ => return None,
+    };
+    let nodes = EntryLayout {
         size: size_of::<u128>(),
         node_at: 0,
         port_at: None,
     };
-    const SUBSCRIBER: Self = Self {
-        size: size_of::<SubscriberDetails>(),
-        node_at: offset_of!(SubscriberDetails, node_id),
-        port_at: Some(offset_of!(SubscriberDetails, subscriber_id)),
-    };
-    const PUBLISHER: Self = Self {
-        size: size_of::<PublisherDetails>(),
-        node_at: offset_of!(PublisherDetails, node_id),
-        port_at: Some(offset_of!(PublisherDetails, publisher_id)),
-    };
-    const LISTENER: Self = Self {
-        size: size_of::<ListenerDetails>(),
-        node_at: offset_of!(ListenerDetails, node_id),
-        port_at: Some(offset_of!(ListenerDetails, listener_id)),
-    };
-    const NOTIFIER: Self = Self {
-        size: size_of::<NotifierDetails>(),
-        node_at: offset_of!(NotifierDetails, node_id),
-        port_at: Some(offset_of!(NotifierDetails, notifier_id)),
-    };
+    let tables = [(FIRST_PORTS, first), (SECOND_PORTS, second), (NODES, nodes)];
+    let mut found = Vec::new();
+    for (at, entry) in tables {
+        read_table(bytes, at, entry, &mut found)?;
+    }
+    (word(bytes, NODES + LOCK)? != NO_OWNER).then_some(found)
 }
 
 /// Adds the taken slots of a table.
@@ -283,10 +248,7 @@ mod tests {
     }
 
     fn open(service: &Service) -> Vec<ServiceSlot> {
-        match service.slots() {
-            ServiceSlots::Open(slots) => slots,
-            other => panic!("{other:?}"),
-        }
+        service.slots().unwrap()
     }
 
     #[test]

@@ -67,7 +67,7 @@ impl Domain {
     /// of readers, and a stage that comes back must always find room.
     pub(crate) fn watcher_lock(&self) -> Result<File, Error> {
         for watcher in 0..WATCHERS {
-            let file = open_lock(&self.folder().join(format!("watch-{watcher}.lock")))?;
+            let file = open_private(&self.folder().join(format!("watch-{watcher}.lock")))?;
             if file.try_lock().is_ok() {
                 return Ok(file);
             }
@@ -82,60 +82,66 @@ impl Domain {
     /// stopped (SIGSTOP) does not keep the others from starting.
     pub(crate) fn start(&self) -> Result<File, Error> {
         let path = self.folder().join("start.lock");
-        let file = open_lock(&path)?;
+        let file = open_private(&path)?;
         let give_up = Instant::now() + START_WAIT;
-        loop {
-            match file.try_lock() {
-                Ok(()) => {
-                    let text = format!("{:<10}", std::process::id());
-                    let written = file.write_all_at(text.as_bytes(), 0);
-                    written.map_err(Error::file(path, "cannot be written"))?;
-                    return Ok(file);
-                }
-                Err(TryLockError::WouldBlock)
-                    if Instant::now() < give_up && !is_holder_stopped(&path) =>
-                {
-                    std::thread::sleep(START_PAUSE);
-                }
-                Err(TryLockError::WouldBlock) => return Ok(file),
-                Err(TryLockError::Error(cause)) => {
-                    return Err(Error::file(path, "cannot be locked")(cause));
-                }
-            }
+        let waits = || Instant::now() < give_up && !is_holder_stopped(&path);
+        if try_lock(&file, &path, START_PAUSE, waits)? {
+            let text = format!("{:<10}", std::process::id());
+            let written = file.write_all_at(text.as_bytes(), 0);
+            written.map_err(Error::file(path, "cannot be written"))?;
         }
+        Ok(file)
     }
 
     /// The lock that says that no process is in, if that is so. Hold the lock `entry` meanwhile,
     /// or another one may enter.
     pub(crate) fn try_alone(&self) -> Result<Option<File>, Error> {
         let path = self.folder().join("alive.lock");
-        let file = open_lock(&path)?;
-        match file.try_lock() {
-            Ok(()) => Ok(Some(file)),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(cause)) => Err(Error::file(path, "cannot be locked")(cause)),
-        }
+        let file = open_private(&path)?;
+        let is_alone = try_lock(&file, &path, Duration::ZERO, || false)?;
+        Ok(is_alone.then_some(file))
     }
 
     /// Waits for a lock of this domain.
     pub(crate) fn lock(&self, name: &str, exclusive: bool) -> Result<File, Error> {
         let path = self.folder().join(format!("{name}.lock"));
-        let file = open_lock(&path)?;
-        let locked = if exclusive {
-            file.lock()
-        } else {
-            file.lock_shared()
+        let file = open_private(&path)?;
+        let locked = match exclusive {
+            true => file.lock(),
+            false => file.lock_shared(),
         };
         locked.map_err(Error::file(path, "cannot be locked"))?;
         Ok(file)
     }
 }
 
-fn open_lock(path: &Path) -> Result<File, Error> {
+/// Locks a file; while another process has it locked, again after a pause as long as `waits`.
+/// Returns whether it is locked now.
+pub(super) fn try_lock(
+    file: &File,
+    path: &Path,
+    pause: Duration,
+    waits: impl Fn() -> bool,
+) -> Result<bool, Error> {
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(true),
+            Err(TryLockError::WouldBlock) if waits() => std::thread::sleep(pause),
+            Err(TryLockError::WouldBlock) => return Ok(false),
+            Err(TryLockError::Error(cause)) => {
+                return Err(Error::file(path, "cannot be locked")(cause));
+            }
+        }
+    }
+}
+
+/// Opens a file to read and to write, or makes it: no other user's.
+pub(crate) fn open_private(path: &Path) -> Result<File, Error> {
     File::options()
         .create(true)
         .mode(0o600)
         .truncate(false)
+        .read(true)
         .write(true)
         .open(path)
         .map_err(Error::file(path, "cannot be opened"))

@@ -1,7 +1,7 @@
 //! This process as a member of its domain: the name that it runs under, and what the others see of
 //! it.
 
-use super::{Clock, Domain, Entry, Presence, Registry};
+use super::{Clock, Domain, Presence, Registry};
 use crate::{Error, dead_node_cleanup::clean_up_before_start};
 use randt_messages::Topic;
 use std::fs::File;
@@ -9,12 +9,13 @@ use std::fs::File;
 /// What a stage holds in its domain until it ends.
 #[derive(Debug)]
 pub(crate) struct Membership {
-    registry: Registry,
-    presence: Presence,
+    /// What the register says of the stage.
+    pub registry: Registry,
+    pub presence: Presence,
     /// The lock of those who start; held until the loop begins.
     start: Option<File>,
-    domain: Domain,
-    clock: Clock,
+    pub domain: Domain,
+    pub clock: Clock,
 }
 
 impl Membership {
@@ -37,29 +38,12 @@ impl Membership {
 
     /// The stage's name.
     pub(crate) fn name(&self) -> &str {
-        &self.register_entry().name
-    }
-
-    /// What the register says of the stage.
-    pub(crate) fn register_entry(&self) -> &Entry {
-        self.registry.entry()
-    }
-
-    pub(crate) fn domain(&self) -> &Domain {
-        &self.domain
-    }
-
-    pub(crate) fn presence(&self) -> &Presence {
-        &self.presence
-    }
-
-    pub(crate) fn clock(&self) -> Clock {
-        self.clock
+        &self.registry.entry().name
     }
 
     /// The epoch of the messages of this process: when it started, ns.
     pub(crate) fn epoch(&self) -> u64 {
-        self.register_entry().started_ns.unsigned_abs()
+        self.registry.entry().started_ns.unsigned_abs()
     }
 
     /// Registers that the stage has opened a topic.
@@ -67,18 +51,8 @@ impl Membership {
         self.registry.add_topic(T::NAME, T::TYPE_NAME)
     }
 
-    /// Registers how many files of shared memory it has left because they were gone.
-    pub(crate) fn set_left_files(&mut self, files: u64) -> Result<(), Error> {
-        self.registry.set_left_files(files)
-    }
-
     /// The start is over: the next process may start.
     pub(crate) fn end_start(&mut self) {
         self.start = None;
-    }
-
-    /// Registers that the stage has ended in order.
-    pub(crate) fn mark_ended(&mut self) -> Result<(), Error> {
-        self.registry.end()
     }
 }

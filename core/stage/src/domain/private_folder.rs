@@ -110,11 +110,9 @@ fn open_own(path: &Path) -> Result<(OwnedFd, Stat), Error> {
 
 fn open_checked(path: &Path) -> Result<(OwnedFd, Stat), Error> {
     let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-    let opened = open(path, flags, Mode::empty()).and_then(|folder| {
-        let found = fstat(&folder)?;
-        Ok((folder, found))
-    });
-    let (folder, found) = opened.map_err(|cause| match fs::symlink_metadata(path) {
+    let opened = open(path, flags, Mode::empty());
+    let opened = opened.and_then(|folder| Ok((fstat(&folder)?, folder)));
+    let (found, folder) = opened.map_err(|cause| match fs::symlink_metadata(path) {
         // It cannot be opened because another user owns it.
         Ok(found) if found.uid() != user() => other_user(path, found.uid()),
         _ => Error::file(path, "is no folder, or cannot be opened")(cause.into()),
@@ -128,7 +126,7 @@ fn open_checked(path: &Path) -> Result<(OwnedFd, Stat), Error> {
     Ok((folder, found))
 }
 
-fn other_user(path: &Path, owner: u32) -> Error {
+pub(crate) fn other_user(path: &Path, owner: u32) -> Error {
     Error::OtherUser {
         path: path.to_owned(),
         owner,

@@ -1,10 +1,11 @@
 //! Who runs: one file a stage in the domain's folder, locked while the stage lives.
 
+use super::locks::{open_private, try_lock};
 use crate::{Domain, Error};
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io::Read;
-use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::os::unix::fs::FileExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -54,32 +55,14 @@ impl Registry {
         let folder = folder(domain);
         fs::create_dir_all(&folder).map_err(Error::file(&folder, "cannot be made"))?;
         let path = folder.join(format!("{name}.json"));
-        let mut file = File::options()
-            .create(true)
-            .mode(0o600)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(&path)
-            .map_err(Error::file(&path, "cannot be opened"))?;
+        let mut file = open_private(&path)?;
         let give_up = Instant::now() + CHECKED_WITHIN;
-        loop {
-            match file.try_lock() {
-                Ok(()) => break,
-                Err(TryLockError::WouldBlock) if Instant::now() < give_up => {
-                    std::thread::sleep(PAUSE);
-                }
-                Err(TryLockError::WouldBlock) => {
-                    return Err(Error::RunsAlready {
-                        stage: name.to_owned(),
-                        pid: read(&mut file).unwrap_or_default().pid,
-                        run: domain.folder(),
-                    });
-                }
-                Err(TryLockError::Error(cause)) => {
-                    return Err(Error::file(path, "cannot be locked")(cause));
-                }
-            }
+        if !try_lock(&file, &path, PAUSE, || Instant::now() < give_up)? {
+            return Err(Error::RunsAlready {
+                stage: name.to_owned(),
+                pid: read(&mut file).unwrap_or_default().pid,
+                run: domain.folder(),
+            });
         }
         let last = read(&mut file).unwrap_or_default();
         let mut registry = Self {
@@ -94,9 +77,7 @@ impl Registry {
                 command: std::env::args_os()
                     .map(|word| word.to_string_lossy().into_owned())
                     .collect(),
-                topics: BTreeMap::new(),
-                ended: false,
-                left_files: 0,
+                ..Entry::default()
             },
         };
         registry.write()?;

@@ -68,10 +68,8 @@ fn files(domain: &Domain) -> Vec<(PathBuf, Metadata)> {
         domain.folder().join("stages"),
         domain.state(),
     ];
-    let entries = folders
-        .into_iter()
-        .filter_map(|folder| fs::read_dir(folder).ok());
-    let beside = entries.flatten().flatten().map(|entry| entry.path());
+    let entries = folders.iter().flat_map(fs::read_dir).flatten().flatten();
+    let beside = entries.map(|entry| entry.path());
     memory
         .chain(beside)
         .filter_map(|path| Some((fs::symlink_metadata(&path).ok()?, path)))

@@ -23,11 +23,7 @@ impl MemoryBudget {
     /// it needs (`preallocation`), so that no memory is promised twice. Call it under the lock of
     /// those who start.
     pub(crate) fn require(&self, what: &str, bytes: usize) -> Result<(), Error> {
-        let free = free_bytes(Path::new(SHARED_MEMORY));
-        if free >= bytes as u64 {
-            return Ok(());
-        }
-        Err(self.too_little(Path::new(SHARED_MEMORY), free, bytes as u64, what))
+        self.require_free(Path::new(SHARED_MEMORY), bytes as u64, what)
     }
 
     /// Refuses if there is no room for a file; the blocks that it has already are not counted
@@ -36,22 +32,22 @@ impl MemoryBudget {
         let folder = path.parent().unwrap_or(path);
         let there = fs::metadata(path).map_or(0, |found| found.blocks() * 512);
         let missing = (bytes as u64).saturating_sub(there);
-        let free = free_bytes(folder);
-        if free >= missing {
-            return Ok(());
-        }
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        Err(self.too_little(mount_point(folder), free, missing, &name))
+        self.require_free(mount_point(folder), missing, &name)
     }
 
-    fn too_little(&self, path: &Path, free: u64, missing: u64, what: &str) -> Error {
-        Error::TooLittleMemory {
-            path: path.to_owned(),
+    fn require_free(&self, file_system: &Path, bytes: u64, what: &str) -> Result<(), Error> {
+        let free = free_bytes(file_system);
+        if free >= bytes {
+            return Ok(());
+        }
+        Err(Error::TooLittleMemory {
+            path: file_system.to_owned(),
             stage: self.stage.clone(),
             free_mb: free as f64 * 1e-6,
-            needed_mb: missing as f64 * 1e-6,
+            needed_mb: bytes as f64 * 1e-6,
             what: what.to_owned(),
-        }
+        })
     }
 }
 
@@ -64,9 +60,8 @@ pub(super) fn free_bytes(path: &Path) -> u64 {
 
 /// The file system that a folder is in: what can be made larger.
 fn mount_point(folder: &Path) -> &Path {
-    let inside = folder
-        .ancestors()
-        .take_while(|above| device(above) == device(folder));
+    let above = folder.ancestors();
+    let inside = above.take_while(|above| device(above) == device(folder));
     inside.last().unwrap_or(folder)
 }
 

@@ -7,10 +7,11 @@
 //! all of the tables that it has made or joined.
 
 use super::budget::free_bytes;
-use crate::{Domain, Error, Qos, domain::SHARED_MEMORY};
+use crate::{Domain, Error, domain::SHARED_MEMORY, ports::qos};
 use iceoryx2::service::header::publish_subscribe::Header;
+use randt_messages::BusTopic;
 use rustix::fs::{FallocateFlags, fallocate};
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -28,7 +29,7 @@ const MESSAGES: &str = "data";
 pub(crate) struct MessageMemory {
     file: File,
     path: PathBuf,
-    qos: Qos,
+    topic: BusTopic,
     /// From one message to the next, bytes.
     stride: usize,
     /// Bytes of each message's items for which memory is taken.
@@ -40,19 +41,20 @@ impl MessageMemory {
     pub(crate) fn take(
         domain: &Domain,
         publisher: u128,
-        qos: Qos,
+        topic: BusTopic,
         items_bytes: usize,
     ) -> Result<Self, Error> {
         let ending = format!("_{publisher}.{MESSAGES}");
-        let path = segments(domain).find(|path| path.to_string_lossy().ends_with(&ending));
+        let mut segments = domain.files_in(Path::new(SHARED_MEMORY));
+        let path = segments.find(|path| path.to_string_lossy().ends_with(&ending));
         let path = path.unwrap_or_else(|| Path::new(SHARED_MEMORY).join(&ending));
         let file = open(&path).map_err(Error::file(&path, "cannot be opened"))?;
-        let largest = qos.items_bytes_max.max(1);
+        let largest = topic.head_bytes + qos::items_bytes_max(&topic).max(1);
         let mut memory = Self {
             file,
             path,
-            stride: (size_of::<Header>() + qos.head_bytes + largest).next_multiple_of(ALIGNMENT),
-            qos,
+            stride: (size_of::<Header>() + largest).next_multiple_of(ALIGNMENT),
+            topic,
             items_bytes: 0,
         };
         memory.grow(items_bytes)?;
@@ -68,9 +70,9 @@ impl MessageMemory {
     }
 
     fn grow(&mut self, items_bytes: usize) -> Result<(), Error> {
-        let items_bytes = items_bytes.min(self.qos.items_bytes_max);
-        let used = size_of::<Header>() + self.qos.head_bytes + items_bytes + TABLE;
-        let count = self.qos.living();
+        let items_bytes = items_bytes.min(qos::items_bytes_max(&self.topic));
+        let used = size_of::<Header>() + self.topic.head_bytes + items_bytes + TABLE;
+        let count = qos::living(&self.topic.qos);
         if used >= self.stride {
             self.allocate(0, count * self.stride + TABLE)?;
         } else {
@@ -86,7 +88,7 @@ impl MessageMemory {
         let length = self.file.metadata().map_or(0, |found| found.len());
         let bytes = (bytes as u64).min(length.saturating_sub(offset as u64));
         allocate(&self.file, offset as u64, bytes)
-            .map_err(|cause| no_room(&self.path, self.qos.topic, bytes, cause))
+            .map_err(|cause| no_room(&self.path, self.topic.name, bytes, cause))
     }
 }
 
@@ -106,7 +108,7 @@ fn no_room(path: &Path, what: &str, bytes: u64, cause: std::io::Error) -> Error 
 /// Takes the memory of all tables of a domain: those of services, notices, and connections of
 /// ports.
 pub(crate) fn take_tables(domain: &Domain) -> Result<(), Error> {
-    for path in segments(domain) {
+    for path in domain.files_in(Path::new(SHARED_MEMORY)) {
         if path.extension().is_some_and(|kind| kind == MESSAGES) {
             continue;
         }
@@ -122,14 +124,6 @@ pub(crate) fn take_tables(domain: &Domain) -> Result<(), Error> {
         }
     }
     Ok(())
-}
-
-fn segments(domain: &Domain) -> impl Iterator<Item = PathBuf> {
-    let prefix = domain.segment_prefix();
-    let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-    entries
-        .filter(move |entry| entry.file_name().to_string_lossy().starts_with(&prefix))
-        .map(|entry| entry.path())
 }
 
 fn open(path: &Path) -> std::io::Result<File> {

@@ -4,8 +4,8 @@
 //! logout (RemoveIPC), or by hand. A process goes on in what it has mapped, alone: a process that
 //! starts after that makes everything anew. So each process checks its own memory.
 
-use crate::dead_node_cleanup::{NodeFiles, ServiceSlots, owner_of, services};
-use crate::{Domain, Entry, Error, Presence, domain::SHARED_MEMORY};
+use crate::dead_node_cleanup::{NodeFiles, owner_of, services};
+use crate::{Domain, Entry, Error, Presence, domain::SHARED_MEMORY, ports::Bus};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -39,9 +39,7 @@ impl MemoryWatch {
         Self {
             domain: domain.clone(),
             node,
-            left: gone_in(domain, std::process::id(), owner_of(node) as u32)
-                .into_iter()
-                .collect(),
+            left: BTreeSet::from_iter(gone_in(domain, std::process::id(), owner_of(node) as u32)),
         }
     }
 
@@ -50,11 +48,13 @@ impl MemoryWatch {
         self.left.len() as u64
     }
 
-    /// Fails if memory of this process, the stage `name`, is gone.
-    pub(crate) fn check(&self, name: &str, presence: &Presence) -> Result<(), Error> {
+    /// Fails if memory of this process, the stage `name`, is gone: the bus does not release it
+    /// then.
+    pub(crate) fn check(&self, name: &str, presence: &Presence, bus: &Bus) -> Result<(), Error> {
         let gone = self.gone(presence);
         let files = gone.len();
         gone.into_iter().next().map_or(Ok(()), |path| {
+            bus.memory_loss.set();
             Err(Error::MemoryGone {
                 path,
                 stage: name.to_owned(),
@@ -97,7 +97,7 @@ pub fn memory_gone(domain: &Domain, stage: &Entry) -> Vec<PathBuf> {
 fn gone_in(domain: &Domain, pid: u32, number: u32) -> Vec<PathBuf> {
     let open: Vec<PathBuf> = services(domain)
         .into_iter()
-        .filter(|service| matches!(service.slots(), ServiceSlots::Open(_)))
+        .filter(|service| service.slots().is_some())
         .filter_map(|service| service.segment)
         .collect();
     let state = fs::canonicalize(domain.state()).unwrap_or_else(|_| domain.state());
@@ -125,10 +125,8 @@ enum Kind {
 }
 
 fn kind(domain: &Domain, path: &Path, number: u32) -> Option<Kind> {
-    let name = path.strip_prefix(SHARED_MEMORY).ok()?.to_str()?;
-    let (stem, kind) = name
-        .strip_prefix(&domain.segment_prefix())?
-        .split_once('.')?;
+    let in_memory = path.parent() == Some(Path::new(SHARED_MEMORY));
+    let (stem, kind) = domain.name_parts(path).filter(|_| in_memory)?;
     match kind {
         "dynamic" => Some(Kind::Service),
         "data" | "event_mgmt" => {

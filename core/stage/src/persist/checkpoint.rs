@@ -35,20 +35,19 @@ impl Checkpoint {
     pub fn open(path: &Path, capacity: usize) -> Result<Self, Error> {
         let slot_bytes = HEAD + capacity.next_multiple_of(64);
         let mut checkpoint = Self {
-            file: MappedFile::open(path, 2 * slot_bytes, true)?,
+            file: MappedFile::open(path, 2 * slot_bytes)?,
             slot_bytes,
             number: 0,
         };
-        let newest = checkpoint.newest().map(|(number, _)| number);
+        let newest = checkpoint.whole_slots().first().map(|(number, _)| *number);
         checkpoint.number = newest.unwrap_or(0);
         Ok(checkpoint)
     }
 
     /// The newest whole version, and the one before where that is whole too.
     pub fn versions(&self) -> Vec<&[u8]> {
-        let mut versions: Vec<_> = (0..2).filter_map(|slot| self.slot(slot)).collect();
-        versions.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
-        versions.into_iter().map(|(_, bytes)| bytes).collect()
+        let slots = self.whole_slots().into_iter();
+        slots.map(|(_, bytes)| bytes).collect()
     }
 
     /// Writes a version: `fill` gets the slot of the older one and gives the number of bytes.
@@ -76,24 +75,22 @@ impl Checkpoint {
         Ok(())
     }
 
-    fn newest(&self) -> Option<(u64, &[u8])> {
-        (0..2)
-            .filter_map(|slot| self.slot(slot))
-            .max_by_key(|(number, _)| *number)
+    /// The newest first.
+    fn whole_slots(&self) -> Vec<(u64, &[u8])> {
+        let mut slots: Vec<_> = (0..2).filter_map(|slot| self.slot(slot)).collect();
+        slots.sort_by_key(|(number, _)| std::cmp::Reverse(*number));
+        slots
     }
 
     /// Number and bytes of a slot, where it is whole.
     fn slot(&self, slot: usize) -> Option<(u64, &[u8])> {
         let at = slot * self.slot_bytes;
-        let (head, body) = self
-            .file
-            .bytes()
-            .get(at..at + self.slot_bytes)?
-            .split_at_checked(HEAD)?;
+        let slot = self.file.bytes().get(at..at + self.slot_bytes)?;
+        let (head, body) = slot.split_at_checked(HEAD)?;
         let head: Head = bytemuck::pod_read_unaligned(head.get(..size_of::<Head>())?);
         let bytes = body.get(..usize::try_from(head.length).ok()?)?;
-        (head.number > 0 && head.crc == checksum(head.number, bytes))
-            .then_some((head.number, bytes))
+        let is_whole = head.number > 0 && head.crc == checksum(head.number, bytes);
+        is_whole.then_some((head.number, bytes))
     }
 }
 

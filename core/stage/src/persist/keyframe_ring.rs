@@ -42,7 +42,7 @@ impl KeyframeRing {
     /// Opens or makes the ring; its writer is the only one.
     pub fn open(path: &Path) -> Result<Self, Error> {
         let mut ring = Self {
-            file: MappedFile::open(path, LIST + BYTES, true)?,
+            file: MappedFile::open(path, LIST + BYTES)?,
             next: LIST,
             bytes: Vec::new(),
         };
@@ -88,38 +88,29 @@ impl KeyframeRing {
 
     /// A keyframe, where it is still there.
     pub fn get(&self, id: u64) -> Option<Message<Keyframe>> {
-        let entry = self.entry(id)?;
+        let entry = self.entry_at(entry_offset(id))?;
         let bytes = self.file.bytes().get(entry.offset as usize..end(&entry))?;
-        let whole = checksum(entry.number, bytes) == entry.crc;
+        let whole = entry.number == id + 1 && checksum(entry.number, bytes) == entry.crc;
         whole.then(|| Message::from_bytes(bytes)).flatten()
     }
 
     /// Number of the newest keyframe.
     pub fn newest(&self) -> Option<u64> {
-        self.newest_entry().map(|entry| entry.number - 1)
+        self.entries().map(|entry| entry.number - 1).max()
     }
 
     fn newest_whole(&self) -> Option<Entry> {
-        let mut entries: Vec<Entry> = (0..ENTRIES as u64)
-            .filter_map(|i| self.entry_at(entry_offset(i)))
-            .filter(|entry| entry.number > 0)
-            .collect();
+        let mut entries: Vec<Entry> = self.entries().collect();
         entries.sort_unstable_by_key(|entry| std::cmp::Reverse(entry.number));
         entries
             .into_iter()
             .find(|entry| self.get(entry.number - 1).is_some())
     }
 
-    fn newest_entry(&self) -> Option<Entry> {
+    fn entries(&self) -> impl Iterator<Item = Entry> {
         (0..ENTRIES as u64)
-            .filter_map(|i| self.entry_at(entry_offset(i)))
-            .max_by_key(|entry| entry.number)
+            .filter_map(|id| self.entry_at(entry_offset(id)))
             .filter(|entry| entry.number > 0)
-    }
-
-    fn entry(&self, id: u64) -> Option<Entry> {
-        self.entry_at(entry_offset(id))
-            .filter(|e| e.number == id + 1)
     }
 
     fn entry_at(&self, at: usize) -> Option<Entry> {

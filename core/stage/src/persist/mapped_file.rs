@@ -2,10 +2,10 @@
 //! last is there when it is killed; and a large file that is read without being copied. The only
 //! place that maps files.
 
-use crate::Error;
+use crate::{Error, domain::open_private};
 use memmap2::{Mmap, MmapMut, MmapOptions};
 use std::fs::File;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// Bits of a file's mode by which its group and all others may write to it.
@@ -20,27 +20,16 @@ pub(crate) struct MappedFile {
 }
 
 impl MappedFile {
-    /// Opens or makes a file of `bytes`; one of another size is made anew. `exclusive`: for its
-    /// writer.
-    pub(crate) fn open(path: &Path, bytes: usize, exclusive: bool) -> Result<Self, Error> {
-        let file = File::options()
-            .create(true)
-            .mode(0o600)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(path)
-            .map_err(Error::file(path, "cannot be opened"))?;
-        if exclusive {
-            let locked = file.try_lock().map_err(std::io::Error::from);
-            locked.map_err(Error::file(path, "is in use by another process"))?;
-        }
-        let found = file
-            .metadata()
-            .map_err(Error::file(path, "cannot be read"))?;
+    /// Opens or makes a file of `bytes` for its only writer; one of another size is made anew.
+    pub(crate) fn open(path: &Path, bytes: usize) -> Result<Self, Error> {
+        let file = open_private(path)?;
+        let locked = file.try_lock().map_err(std::io::Error::from);
+        locked.map_err(Error::file(path, "is in use by another process"))?;
+        let found = file.metadata();
+        let found = found.map_err(Error::file(path, "cannot be read"))?;
         if found.len() != bytes as u64 {
-            file.set_len(0)
-                .map_err(Error::file(path, "cannot be emptied"))?;
+            let emptied = file.set_len(0);
+            emptied.map_err(Error::file(path, "cannot be emptied"))?;
         }
         // Memory is taken now: if none is left, a later store would end the process.
         rustix::fs::fallocate(&file, rustix::fs::FallocateFlags::empty(), 0, bytes as u64)

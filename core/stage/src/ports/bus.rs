@@ -2,7 +2,7 @@
 
 use super::exhausted::Exhausted;
 use super::resource::{BusResource, MemoryLoss};
-use super::{Qos, qos, wire::Wire};
+use super::{qos, wire::Wire};
 use crate::{Domain, Error, Registry, dead_node_cleanup::free_slots};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -33,8 +33,10 @@ pub(crate) type Service<T> = publish_subscribe::PortFactory<ipc::Service, [u8], 
 #[derive(Debug)]
 pub(crate) struct Bus {
     node: BusResource<Node<ipc::Service>>,
-    memory_loss: MemoryLoss,
-    domain: Domain,
+    /// Whether the memory of this node's resources is lost: they are not released then.
+    pub(crate) memory_loss: MemoryLoss,
+    /// The domain that it is in.
+    pub(crate) domain: Domain,
     name: String,
     /// Whether a port could not connect because this process has run out of something.
     pub(crate) exhausted: Exhausted,
@@ -65,18 +67,13 @@ impl Bus {
         // Every failure comes back as an error, which is logged once.
         set_log_level(LogLevel::Fatal);
         let config = configuration(domain)?;
-        let node_name =
-            NodeName::new(name).map_err(|cause| Error::bus(format!("node {name}"), cause))?;
-        let node = retry(
-            || format!("node {name}"),
-            || {},
-            || {
-                NodeBuilder::new()
-                    .name(&node_name)
-                    .config(&config)
-                    .create::<ipc::Service>()
-            },
-        )?;
+        let what = format!("node {name}");
+        let node_name = NodeName::new(name).map_err(|cause| Error::bus(&what, cause))?;
+        let create = || {
+            let builder = NodeBuilder::new().name(&node_name).config(&config);
+            builder.create::<ipc::Service>()
+        };
+        let node = retry(&what, || {}, create)?;
         let memory_loss = MemoryLoss::default();
         Ok(Self {
             node: memory_loss.guard(node),
@@ -87,16 +84,6 @@ impl Bus {
         })
     }
 
-    /// Whether the memory of this node's resources is lost: they are not released then.
-    pub(crate) fn memory_loss(&self) -> &MemoryLoss {
-        &self.memory_loss
-    }
-
-    /// The domain that it is in.
-    pub(crate) fn domain(&self) -> &Domain {
-        &self.domain
-    }
-
     /// The node's id.
     pub(crate) fn node_id(&self) -> u128 {
         self.node.id().value()
@@ -104,19 +91,19 @@ impl Bus {
 
     /// Opens a topic, or makes it if this is the first process to open it.
     pub(crate) fn topic<T: Topic>(&self) -> Result<BusResource<Service<T>>, Error> {
-        let qos = Qos::for_topic::<T>();
+        let topic = qos::topic::<T>();
         let name = service_name(T::NAME)?;
         let opened = self.retry(T::NAME, || {
             self.node
                 .service_builder(&name)
                 .publish_subscribe::<[u8]>()
                 .user_header::<Wire<T>>()
-                .max_publishers(qos.writers)
-                .max_subscribers(qos.readers)
+                .max_publishers(qos::WRITERS)
+                .max_subscribers(topic.qos.readers)
                 .max_nodes(NODES)
-                .subscriber_max_buffer_size(qos.buffer)
+                .subscriber_max_buffer_size(topic.qos.buffer)
                 .subscriber_max_borrowed_samples(qos::BORROWED)
-                .history_size(qos.history)
+                .history_size(topic.qos.history)
                 .enable_safe_overflow(true)
                 .open_or_create()
         });
@@ -139,26 +126,19 @@ impl Bus {
                 (theirs != T::TYPE_NAME).then_some((entry, theirs))
             })
             .collect();
-        let names: Vec<String> = holders
+        let names = holders
             .iter()
             .map(|(entry, _)| format!("randt-{} (process {})", entry.name, entry.pid))
-            .collect();
+            .reduce(|names, name| format!("{names} and {name}"));
+        let unknown =
+            "a process that is not in the register (perhaps a randt top of another build)";
         let theirs = holders.first().map_or("another one", |(_, theirs)| theirs);
         Error::Layout {
             topic: T::NAME,
             ours: T::TYPE_NAME,
             theirs: theirs.to_owned(),
-            holder: if names.is_empty() {
-                "a process that is not in the register (perhaps a randt top of another build)"
-                    .to_owned()
-            } else {
-                names.join(" and ")
-            },
-            restart: if names.is_empty() {
-                "all stages".to_owned()
-            } else {
-                names.join(" and ")
-            },
+            holder: names.clone().unwrap_or_else(|| unknown.to_owned()),
+            restart: names.unwrap_or_else(|| "all stages".to_owned()),
         }
     }
 
@@ -206,12 +186,12 @@ impl Bus {
             // Where nothing could be freed the next attempt fails as this one did.
             let _ = free_slots(&self.domain, Some(self.node_id()));
         };
-        retry(|| name.to_owned(), clear, attempt)
+        retry(name, clear, attempt)
     }
 }
 
 fn retry<R, E: std::fmt::Debug>(
-    what: impl Fn() -> String,
+    what: &str,
     clear: impl Fn(),
     mut attempt: impl FnMut() -> Result<R, E>,
 ) -> Result<R, Error> {
@@ -219,7 +199,7 @@ fn retry<R, E: std::fmt::Debug>(
     loop {
         match attempt() {
             Ok(made) => return Ok(made),
-            Err(cause) if failed + 1 == ATTEMPTS => return Err(Error::bus(what(), cause)),
+            Err(cause) if failed + 1 == ATTEMPTS => return Err(Error::bus(what, cause)),
             Err(_) => failed += 1,
         }
         clear();

@@ -40,12 +40,11 @@ impl Exhausted {
 
     /// Refuses to go on where a port could not connect.
     pub(crate) fn check(&self) -> Result<(), Error> {
-        match self.0.load(Ordering::Relaxed) {
-            false => Ok(()),
-            true => Err(Error::Exhausted {
-                what: exhausted_resource().unwrap_or_else(|| "descriptors or memory".to_owned()),
-            }),
+        if !self.0.load(Ordering::Relaxed) {
+            return Ok(());
         }
+        let what = exhausted_resource().unwrap_or_else(|| "descriptors or memory".to_owned());
+        Err(Error::Exhausted(what))
     }
 }
 

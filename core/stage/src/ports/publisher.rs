@@ -1,7 +1,7 @@
 //! The writing end of a topic.
 
 use super::bus::{Bus, Service};
-use super::{BusResource, PortCounters, Qos, qos, wire::Wire};
+use super::{BusResource, PortCounters, qos, wire::Wire};
 use crate::{Clock, Error, memory::MessageMemory};
 use iceoryx2::identifiers::UniqueSubscriberId;
 use iceoryx2::port::notifier::Notifier;
@@ -86,21 +86,21 @@ impl<T: Topic> Publisher<T> {
         counters: Rc<PortCounters>,
         is_long_range: bool,
     ) -> Result<Self, Error> {
-        let qos = Qos::for_topic::<T>();
+        let topic = qos::topic::<T>();
         let port = bus.retry(T::NAME, || {
             service
                 .publisher_builder()
-                .initial_max_slice_len(qos.items_bytes_max.max(1))
+                .initial_max_slice_len(qos::items_bytes_max(&topic).max(1))
                 .allocation_strategy(AllocationStrategy::Static)
                 .max_loaned_samples(qos::LOANED)
                 .set_degradation_handler(bus.exhausted.on_failure())
                 .create()
         })?;
-        let usual = qos.items_bytes_usual(is_long_range);
-        let memory = MessageMemory::take(bus.domain(), port.id().value(), qos, usual)?;
+        let usual = qos::items_bytes_usual(&topic, is_long_range);
+        let memory = MessageMemory::take(&bus.domain, port.id().value(), topic, usual)?;
         Ok(Self {
             outgoing: Rc::new(Outgoing {
-                port: bus.memory_loss().guard(port),
+                port: bus.memory_loss.guard(port),
                 notifier: bus.notifier(T::NAME)?,
             }),
             memory: RefCell::new(memory),

@@ -43,7 +43,7 @@ impl<T: Topic> Subscriber<T> {
                 .create()
         })?;
         Ok(Self {
-            port: bus.memory_loss().guard(port),
+            port: bus.memory_loss.guard(port),
             listener,
             counters,
             last: None,
@@ -102,16 +102,12 @@ impl<T: Topic> Subscriber<T> {
         let (epoch, sequence) = (header.epoch, header.sequence);
         // Another epoch begins anew: what a publisher sent before this reader came was never
         // promised.
-        if let Some((last_epoch, last)) = self.last
-            && last_epoch == epoch
-            && sequence > last + 1
-        {
-            self.counters.lose(sequence - last - 1);
+        let last = self.last.filter(|last| last.0 == epoch).map(|last| last.1);
+        let missed = last.map_or(0, |last| sequence.saturating_sub(last + 1));
+        if missed > 0 {
+            self.counters.lose(missed);
         }
-        if self
-            .last
-            .is_none_or(|last| last.0 != epoch || last.1 < sequence)
-        {
+        if last.is_none_or(|last| last < sequence) {
             self.last = Some((epoch, sequence));
         }
         self.counters.count(header.published_ns);

@@ -12,7 +12,7 @@ pub(crate) struct FollowedConfiguration {
     /// The section that it takes without a restart.
     live: Option<&'static str>,
     /// A configuration in which only that section has changed, until the stage takes it over.
-    changed: Option<Config>,
+    pub changed: Option<Config>,
 }
 
 impl FollowedConfiguration {
@@ -31,16 +31,6 @@ impl FollowedConfiguration {
             live,
             changed: None,
         }
-    }
-
-    /// Whether a configuration waits to be taken over.
-    pub(crate) fn has_changed(&self) -> bool {
-        self.changed.is_some()
-    }
-
-    /// A configuration to take over, once.
-    pub(crate) fn take_changed(&mut self) -> Option<Config> {
-        self.changed.take()
     }
 
     /// Reads it again; returns what is to be logged, line by line. An error is that of the
@@ -78,17 +68,14 @@ impl FollowedConfiguration {
                 });
             }
         }
-        self.changed = match self.live {
-            Some("radar") if self.config.radar != new.radar => {
-                self.config.radar = new.radar.clone();
-                Some(self.config.clone())
-            }
-            Some("imu") if self.config.imu != new.imu => {
-                self.config.imu = new.imu.clone();
-                Some(self.config.clone())
-            }
-            _ => None,
-        };
+        let mut config = self.config.clone();
+        match self.live {
+            Some("radar") => config.radar.clone_from(&new.radar),
+            Some("imu") => config.imu.clone_from(&new.imu),
+            _ => {}
+        }
+        self.changed = (config != self.config).then(|| config.clone());
+        self.config = config;
         if messages.is_empty() {
             messages.push("nothing of it has changed".to_owned());
         }
@@ -113,7 +100,7 @@ mod tests {
         new.ndt.cell_size_m = 7.0;
         let mut radar = followed(&["sensor"], Some("radar"));
         let messages = radar.compare("radar", &new, &Origins::new());
-        let live = radar.take_changed().unwrap();
+        let live = radar.changed.take().unwrap();
         assert_eq!(live.radar.address, "10.0.0.9:6317");
         assert_eq!(live.sensor, Config::default().sensor);
         assert_eq!(messages.len(), 2, "{:?}", messages);
@@ -122,7 +109,7 @@ mod tests {
         assert!(messages[1].starts_with("radar.address is \"10.0.0.9:6317\" from now on"));
         // What was not taken is logged again.
         let messages = radar.compare("radar", &new, &Origins::new());
-        assert!(!radar.has_changed());
+        assert!(radar.changed.is_none());
         assert_eq!(messages.len(), 1);
     }
 

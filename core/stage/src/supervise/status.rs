@@ -7,24 +7,23 @@ use randt_messages::{HEALTH_PORTS, PortHealth, StageHealth, StageState, health::
 const PERIOD_NS: i64 = 500_000_000;
 
 /// How a stage is.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct StageStatus {
     pub state: StageState,
     /// What is wrong, or a remark while all is well.
-    message: String,
+    pub message: String,
     /// Data lost in the stage itself.
     lost: u64,
-    next_publish_ns: i64,
+    /// When health is published next, ns.
+    pub next_publish_ns: i64,
 }
 
 impl StageStatus {
     /// Before the loop begins; nothing is published until then.
     pub(crate) fn starting() -> Self {
         Self {
-            state: StageState::Starting,
-            message: String::new(),
-            lost: 0,
             next_publish_ns: i64::MAX,
+            ..Self::default()
         }
     }
 
@@ -33,10 +32,9 @@ impl StageStatus {
     pub(crate) fn set(&mut self, message: &str, lost: u64) -> bool {
         let is_new = self.message != message;
         self.lost = lost;
-        self.state = if message.is_empty() {
-            StageState::Running
-        } else {
-            StageState::Degraded
+        self.state = match message {
+            "" => StageState::Running,
+            _ => StageState::Degraded,
         };
         if is_new {
             message.clone_into(&mut self.message);
@@ -49,15 +47,6 @@ impl StageStatus {
         if self.state == StageState::Running && self.message != message {
             message.clone_into(&mut self.message);
         }
-    }
-
-    pub(crate) fn message(&self) -> &str {
-        &self.message
-    }
-
-    /// When health is published next, ns.
-    pub(crate) fn next_publish_ns(&self) -> i64 {
-        self.next_publish_ns
     }
 
     /// Whether health is to be published.

@@ -9,8 +9,6 @@ use crate::bytes::{array, float_bytes, floats};
 pub const SENSOR_DATA: u8 = 0x80;
 pub(crate) const ACCELERATION: u8 = 0x04;
 pub(crate) const RATE: u8 = 0x05;
-const MAGNETIC: u8 = 0x06;
-const QUATERNION: u8 = 0x0A;
 pub(crate) const REFERENCE_TIME: u8 = 0xD5;
 const GPS_TIME: u8 = 0xD3;
 
@@ -50,10 +48,6 @@ pub enum Field {
     Acceleration([f32; 3]),
     /// Angular rate, rad/s.
     Rate([f32; 3]),
-    /// Magnetic field, gauss.
-    Magnetic([f32; 3]),
-    /// Attitude, w x y z.
-    Quaternion([f32; 4]),
     /// The device's own time, ns.
     ReferenceTime(u64),
     /// Time of GPS.
@@ -66,8 +60,6 @@ impl Field {
         match descriptor {
             ACCELERATION => floats(data).map(Self::Acceleration),
             RATE => floats(data).map(Self::Rate),
-            MAGNETIC => floats(data).map(Self::Magnetic),
-            QUATERNION => floats(data).map(Self::Quaternion),
             REFERENCE_TIME => {
                 let bytes = data.try_into().ok()?;
                 Some(Self::ReferenceTime(u64::from_be_bytes(bytes)))
@@ -90,8 +82,6 @@ impl Field {
         match self {
             Self::Acceleration(values) => (ACCELERATION, float_bytes(values)),
             Self::Rate(values) => (RATE, float_bytes(values)),
-            Self::Magnetic(values) => (MAGNETIC, float_bytes(values)),
-            Self::Quaternion(values) => (QUATERNION, float_bytes(values)),
             Self::ReferenceTime(time_ns) => (REFERENCE_TIME, time_ns.to_be_bytes().to_vec()),
             Self::Gps(gps) => {
                 let mut data = gps.time_of_week_s.to_be_bytes().to_vec();
@@ -163,13 +153,10 @@ mod tests {
     }
 
     fn field() -> impl Strategy<Value = Field> {
-        let float = || -1e9_f32..1e9;
-        let three = move || prop::array::uniform3(float());
+        let three = || prop::array::uniform3(-1e9_f32..1e9);
         prop_oneof![
             three().prop_map(Field::Acceleration),
             three().prop_map(Field::Rate),
-            three().prop_map(Field::Magnetic),
-            prop::array::uniform4(float()).prop_map(Field::Quaternion),
             any::<u64>().prop_map(Field::ReferenceTime),
             (0.0..604_800.0, any::<u16>(), any::<u16>()).prop_map(
                 |(time_of_week_s, week, valid)| {

@@ -83,7 +83,7 @@ impl<'a> Iterator for Fields<'a> {
 }
 
 /// How MIP packets are found.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct MipFraming;
 
 impl Framing for MipFraming {

@@ -1,31 +1,14 @@
 //! MIP as a serial protocol: packets to readings.
 
-use super::setup::Step;
-use super::{Field, MipFraming, MipSetup, Packet, SENSOR_DATA};
-use crate::command_sequence::CommandSequence;
-use crate::protocol::{Codec, Framed};
+use super::{Field, MipCodec, Packet};
+use crate::protocol::Framed;
 use crate::reading::{Reading, STANDARD_GRAVITY_M_S2};
 
 /// A MicroStrain device.
 pub type Mip = Framed<MipCodec>;
 
-impl Mip {
-    /// One that is asked for this many readings a second.
-    pub fn new(rate_hz: f64) -> Self {
-        Self::with_codec(MipCodec {
-            setup: MipSetup::new(rate_hz),
-        })
-    }
-}
-
-/// What MIP's packets mean.
-#[derive(Debug)]
-pub struct MipCodec {
-    setup: MipSetup,
-}
-
 /// A packet of sensor data as a reading; none where rate or acceleration is not in it.
-fn reading(packet: &Packet<'_>, arrival_ns: i64) -> Option<Reading> {
+pub(super) fn reading(packet: &Packet<'_>, arrival_ns: i64) -> Option<Reading> {
     let (mut rate, mut acceleration, mut reference_ns, mut gps_ns) = (None, None, None, None);
     for (descriptor, data) in packet.fields() {
         match Field::decode(descriptor, data) {
@@ -46,41 +29,10 @@ fn reading(packet: &Packet<'_>, arrival_ns: i64) -> Option<Reading> {
     })
 }
 
-impl Codec for MipCodec {
-    type Framing = MipFraming;
-    type Step = Step;
-
-    fn restart(&mut self) {
-        self.setup.restart();
-    }
-
-    fn command(&self, step: Step) -> Vec<u8> {
-        self.setup.command(step)
-    }
-
-    fn take(
-        &mut self,
-        frame: &[u8],
-        commands: &mut CommandSequence<Step>,
-        arrival_ns: i64,
-    ) -> Option<Reading> {
-        let packet = Packet::from_frame(frame)?;
-        if packet.set == SENSOR_DATA {
-            return reading(&packet, arrival_ns);
-        }
-        self.setup.take(&packet, commands);
-        None
-    }
-
-    fn interval_ns(&self) -> i64 {
-        self.setup.interval_ns()
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::SENSOR_DATA;
     use super::*;
-    use crate::protocol::Protocol;
 
     #[test]
     fn a_packet_is_a_reading_in_si_units() {

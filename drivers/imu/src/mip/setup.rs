@@ -5,9 +5,11 @@
 //! (0x0C,0x0F), (0x0C,0x11).
 
 use super::field::{ACCELERATION, RATE, REFERENCE_TIME, SENSOR_DATA};
-use super::packet::Packet;
+use super::packet::{MipFraming, Packet};
+use super::protocol::reading;
+use crate::Reading;
 use crate::command_sequence::{self, CommandSequence};
-use crate::protocol::interval_ns;
+use crate::protocol::{Codec, interval_ns};
 
 /// Commands and their descriptors.
 pub mod command {
@@ -86,33 +88,53 @@ impl command_sequence::Step for Step {
     }
 }
 
-/// Configures a device.
+/// What MIP's packets mean, and how a device is configured.
 #[derive(Debug)]
-pub struct MipSetup {
+pub struct MipCodec {
     rate_hz: f64,
     base_hz: u16,
 }
 
-impl MipSetup {
-    /// For this many readings a second.
-    pub fn new(rate_hz: f64) -> Self {
+impl Codec for MipCodec {
+    type Framing = MipFraming;
+    type Step = Step;
+
+    fn new(rate_hz: f64) -> Self {
         Self {
             rate_hz,
             base_hz: BASE_HZ,
         }
     }
 
-    /// From the beginning.
-    pub fn restart(&mut self) {
+    fn restart(&mut self) {
         self.base_hz = BASE_HZ;
     }
 
-    /// The packet of a step.
-    pub fn command(&self, step: Step) -> Vec<u8> {
+    fn command(&self, step: Step) -> Vec<u8> {
         let (set, descriptor) = step.command();
         Packet::encode(set, &[(descriptor, &self.data(step))])
     }
 
+    fn take(
+        &mut self,
+        frame: &[u8],
+        commands: &mut CommandSequence<Step>,
+        arrival_ns: i64,
+    ) -> Option<Reading> {
+        let packet = Packet::from_frame(frame)?;
+        if packet.set == SENSOR_DATA {
+            return reading(&packet, arrival_ns);
+        }
+        self.take_answer(&packet, commands);
+        None
+    }
+
+    fn interval_ns(&self) -> i64 {
+        interval_ns(f64::from(self.base_hz) / f64::from(self.decimation()))
+    }
+}
+
+impl MipCodec {
     fn data(&self, step: Step) -> Vec<u8> {
         let decimation = self.decimation().to_be_bytes();
         let fields: &[u8] = match step {
@@ -135,14 +157,9 @@ impl MipSetup {
         ((f64::from(self.base_hz) / self.rate_hz + 0.5) as u16).max(1)
     }
 
-    /// From one reading to the next, ns.
-    pub fn interval_ns(&self) -> i64 {
-        interval_ns(f64::from(self.base_hz) / f64::from(self.decimation()))
-    }
-
     /// Takes a packet that is not sensor data. It counts only where it echoes the command that was
     /// sent.
-    pub fn take(&mut self, packet: &Packet<'_>, commands: &mut CommandSequence<Step>) {
+    fn take_answer(&mut self, packet: &Packet<'_>, commands: &mut CommandSequence<Step>) {
         for (field, data) in packet.fields() {
             let Some(step) = commands.step() else {
                 return;
@@ -174,7 +191,6 @@ impl MipSetup {
 mod tests {
     use super::*;
     use crate::mip::Mip;
-    use crate::protocol::Protocol;
 
     fn ack(set: u8, echo: u8, error: u8) -> Vec<u8> {
         Packet::encode(set, &[(command::ACK, &[echo, error])])

@@ -25,7 +25,7 @@ const STUCK_NS: i64 = 5_000_000_000;
 const SETTLING_NS: i64 = 1_500_000_000;
 
 /// The Spatial that the configuration names.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct WantedSpatial {
     /// Path of the vendor's library; empty where the system searches.
     library: String,
@@ -38,7 +38,7 @@ struct WantedSpatial {
 }
 
 /// A Phidgets Spatial.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Spatial {
     wanted: WantedSpatial,
     channel: Option<Channel>,
@@ -58,18 +58,14 @@ impl Spatial {
     /// By its configuration; refuses a serial number or a server that is none.
     pub fn new(config: &ImuDriver) -> Result<Self, Error> {
         let given = |text: &String| (!text.is_empty()).then(|| text.clone());
-        let refused = |key, found, expected| Error::Value {
-            key,
-            found,
-            expected,
-        };
         let server = given(&config.server).map(|text| {
             let expected = "a Phidget network server's host:port, such as \"10.0.0.5:5661\"";
-            Server::parse(&text).ok_or_else(|| refused("server", text, expected))
+            Server::parse(&text).ok_or_else(|| Error::new("server", &text, expected))
         });
         let serial_number = given(&config.device).map(|text| {
             let number = text.parse::<i32>().ok().filter(|number| *number > 0);
-            number.ok_or_else(|| refused("device", text, "a Phidget's serial number, or empty"))
+            let expected = "a Phidget's serial number, or empty";
+            number.ok_or_else(|| Error::new("device", &text, expected))
         });
         let location = match given(&config.server) {
             Some(server) => format!("at {server}"),
@@ -84,26 +80,15 @@ impl Spatial {
                 interval_ms: ((1000.0 / config.rate_hz + 0.5) as u32).max(1),
                 patience_ns: ((config.silence_s * 1e9) as i64).max(SETTLING_NS),
             },
-            channel: None,
-            backoff: Backoff::default(),
-            attached: false,
-            attaches: 0,
-            interval_ms: 0,
-            fault: String::new(),
-            complaint: String::new(),
-            library_error: String::new(),
-            since_ns: 0,
+            ..Self::default()
         })
     }
 
     fn open(&mut self, now_ns: i64) {
+        let wanted = &self.wanted;
+        let (serial_number, interval_ms) = (wanted.serial_number, wanted.interval_ms);
         let opened = self.load().and_then(|library| {
-            Channel::open(
-                library,
-                self.wanted.serial_number,
-                self.wanted.server.clone(),
-                self.wanted.interval_ms,
-            )
+            Channel::open(library, serial_number, wanted.server.clone(), interval_ms)
         });
         match opened {
             Ok(channel) => {
@@ -119,11 +104,9 @@ impl Spatial {
     }
 
     fn load(&self) -> Result<Library, String> {
-        let configured = [self.wanted.library.as_str()];
-        let names: &[&str] = if self.wanted.library.is_empty() {
-            &NAMES
-        } else {
-            &configured
+        let names: &[&str] = match self.wanted.library.as_str() {
+            "" => &NAMES,
+            configured => &[configured],
         };
         let mut why = String::new();
         for name in names {
@@ -133,12 +116,10 @@ impl Spatial {
             }
         }
         // The loader names what it did not find: the library itself, or one that it needs.
-        if why.contains("libusb") {
-            return Err(format!(
-                "libphidget22 needs libusb-1.0 (apt install libusb-1.0-0): {why}"
-            ));
-        }
-        Err(format!("libphidget22 is not installed: {ADVICE} ({why})"))
+        Err(match why.contains("libusb") {
+            true => format!("libphidget22 needs libusb-1.0 (apt install libusb-1.0-0): {why}"),
+            false => format!("libphidget22 is not installed: {ADVICE} ({why})"),
+        })
     }
 
     fn take(&mut self, event: Event, now_ns: i64, now: Instant, readings: &mut Vec<Reading>) {
@@ -157,10 +138,8 @@ impl Spatial {
             }
             Event::Detach => {
                 self.attached = false;
-                self.fault = format!(
-                    "the Phidget {} is gone; waiting for it",
-                    self.wanted.location
-                );
+                let location = &self.wanted.location;
+                self.fault = format!("the Phidget {location} is gone; waiting for it");
                 self.since_ns = now_ns;
             }
             Event::Error(text) => self.library_error = text,
@@ -194,12 +173,10 @@ impl Spatial {
         }
         self.since_ns = now_ns;
         if !self.attached {
-            self.fault = format!(
-                "no Phidget Spatial {}; waiting for one",
-                self.wanted.location
-            );
+            let location = &self.wanted.location;
+            self.fault = format!("no Phidget Spatial {location}; waiting for one");
             if !self.library_error.is_empty() {
-                self.fault = format!("{} ({})", self.fault, self.library_error);
+                self.fault += &format!(" ({})", self.library_error);
             }
         }
         if let Some(channel) = &self.channel
@@ -265,10 +242,9 @@ impl ReadingSource for Spatial {
     }
 
     fn interval_ns(&self) -> i64 {
-        let interval_ms = if self.interval_ms > 0 {
-            self.interval_ms
-        } else {
-            self.wanted.interval_ms
+        let interval_ms = match self.interval_ms {
+            0 => self.wanted.interval_ms,
+            agreed => agreed,
         };
         i64::from(interval_ms) * 1_000_000
     }

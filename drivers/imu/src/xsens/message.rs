@@ -79,7 +79,7 @@ impl<'a> Iterator for Items<'a> {
 }
 
 /// How Xbus messages are found.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct XsensFraming;
 
 impl Framing for XsensFraming {

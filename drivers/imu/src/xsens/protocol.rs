@@ -1,9 +1,7 @@
 //! Xbus as a serial protocol: messages to readings.
 
-use super::setup::Step;
-use super::{Item, Message, XsensFraming, XsensSetup, id};
-use crate::command_sequence::CommandSequence;
-use crate::protocol::{Codec, Framed};
+use super::{Item, Message, XsensCodec};
+use crate::protocol::Framed;
 use crate::reading::Reading;
 
 /// Unit of the sample time.
@@ -12,26 +10,9 @@ const TICK_NS: i64 = 100_000;
 /// An Xsens device.
 pub type Xsens = Framed<XsensCodec>;
 
-impl Xsens {
-    /// One that is asked for this many readings a second.
-    pub fn new(rate_hz: f64) -> Self {
-        Self::with_codec(XsensCodec {
-            setup: XsensSetup::new(rate_hz),
-            ticks: Ticks::default(),
-        })
-    }
-}
-
-/// What Xbus messages mean.
-#[derive(Debug)]
-pub struct XsensCodec {
-    setup: XsensSetup,
-    ticks: Ticks,
-}
-
 /// The sample time beyond 2^32.
 #[derive(Debug, Default)]
-struct Ticks {
+pub(super) struct Ticks {
     turns: i64,
     last: u32,
 }
@@ -47,7 +28,11 @@ impl Ticks {
 }
 
 /// A message of measurements as a reading; none where rate or acceleration is not in it.
-fn reading(message: &Message<'_>, arrival_ns: i64, ticks: &mut Ticks) -> Option<Reading> {
+pub(super) fn reading(
+    message: &Message<'_>,
+    arrival_ns: i64,
+    ticks: &mut Ticks,
+) -> Option<Reading> {
     let (mut rate, mut acceleration) = (None, None);
     let mut reading = Reading {
         arrival_ns,
@@ -67,41 +52,9 @@ fn reading(message: &Message<'_>, arrival_ns: i64, ticks: &mut Ticks) -> Option<
     Some(reading)
 }
 
-impl Codec for XsensCodec {
-    type Framing = XsensFraming;
-    type Step = Step;
-
-    fn restart(&mut self) {
-        self.ticks = Ticks::default();
-    }
-
-    fn command(&self, step: Step) -> Vec<u8> {
-        self.setup.command(step)
-    }
-
-    fn take(
-        &mut self,
-        frame: &[u8],
-        commands: &mut CommandSequence<Step>,
-        arrival_ns: i64,
-    ) -> Option<Reading> {
-        let message = Message::from_frame(frame)?;
-        if message.id == id::MT_DATA2 {
-            return reading(&message, arrival_ns, &mut self.ticks);
-        }
-        self.setup.take(&message, commands);
-        None
-    }
-
-    fn interval_ns(&self) -> i64 {
-        self.setup.interval_ns()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::Protocol;
 
     /// A message as a device sent it: a comment in antymistor/RS485, Demo/HARDWARE/MTI/MTI.h.
     const DEVICE: &[u8] = &[

@@ -4,9 +4,11 @@
 //! Source: MT0101P, GoToConfig, SetOutputConfiguration, GoToMeasurement.
 
 use super::item::{ACCELERATION, PACKET_COUNTER, RATE_OF_TURN, SAMPLE_TIME_FINE};
-use super::message::Message;
+use super::message::{Message, XsensFraming};
+use super::protocol::{Ticks, reading};
+use crate::Reading;
 use crate::command_sequence::{self, CommandSequence};
-use crate::protocol::interval_ns;
+use crate::protocol::{Codec, interval_ns};
 
 /// Message identifiers.
 pub mod id {
@@ -63,25 +65,33 @@ impl command_sequence::Step for Step {
     }
 }
 
-/// Configures a device.
+/// What Xbus messages mean, and how a device is configured.
 #[derive(Debug)]
-pub struct XsensSetup {
+pub struct XsensCodec {
     rate_hz: u16,
     granted_hz: u16,
+    ticks: Ticks,
 }
 
-impl XsensSetup {
-    /// For this many readings a second; the protocol has whole ones.
-    pub fn new(rate_hz: f64) -> Self {
+impl Codec for XsensCodec {
+    type Framing = XsensFraming;
+    type Step = Step;
+
+    /// The protocol has whole rates.
+    fn new(rate_hz: f64) -> Self {
         let rate_hz = ((rate_hz + 0.5) as u16).max(1);
         Self {
             rate_hz,
             granted_hz: rate_hz,
+            ticks: Ticks::default(),
         }
     }
 
-    /// The message of a step.
-    pub fn command(&self, step: Step) -> Vec<u8> {
+    fn restart(&mut self) {
+        self.ticks = Ticks::default();
+    }
+
+    fn command(&self, step: Step) -> Vec<u8> {
         let output = match step {
             Step::Output => self.output().concat(),
             Step::Config | Step::Measurement => Vec::new(),
@@ -89,6 +99,26 @@ impl XsensSetup {
         Message::encode(step.message(), &output)
     }
 
+    fn take(
+        &mut self,
+        frame: &[u8],
+        commands: &mut CommandSequence<Step>,
+        arrival_ns: i64,
+    ) -> Option<Reading> {
+        let message = Message::from_frame(frame)?;
+        if message.id == id::MT_DATA2 {
+            return reading(&message, arrival_ns, &mut self.ticks);
+        }
+        self.take_answer(&message, commands);
+        None
+    }
+
+    fn interval_ns(&self) -> i64 {
+        interval_ns(f64::from(self.granted_hz))
+    }
+}
+
+impl XsensCodec {
     /// What is asked for: each item's identifier and rate, Hz.
     fn output(&self) -> [[u8; 4]; 4] {
         [
@@ -106,7 +136,7 @@ impl XsensSetup {
     /// Takes a message that is not MTData2. It counts only where it has what an answer to the
     /// command that was sent must have: a device that was away during a step would else be taken
     /// to be configured.
-    pub fn take(&mut self, message: &Message<'_>, commands: &mut CommandSequence<Step>) {
+    fn take_answer(&mut self, message: &Message<'_>, commands: &mut CommandSequence<Step>) {
         let Some(step) = commands.step() else {
             return;
         };
@@ -149,17 +179,11 @@ impl XsensSetup {
         }
         granted_hz.filter(|hz| *hz > 0 && rest.is_empty())
     }
-
-    /// From one reading to the next, ns.
-    pub fn interval_ns(&self) -> i64 {
-        interval_ns(f64::from(self.granted_hz))
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::Protocol;
     use crate::xsens::Xsens;
 
     fn answer(xsens: &mut Xsens, id: u8, data: &[u8]) -> Vec<u8> {

@@ -26,11 +26,12 @@ struct LastBeam {
 }
 
 /// Follows the numbers and azimuths of a stream of beams.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct BeamLocator {
     /// Time of a turn where the radar does not give it, ns.
     turn_ns: i64,
-    beams: u16,
+    /// Beams of a whole sweep.
+    pub beams: u16,
     running: Option<RunningCounter>,
     last: Option<LastBeam>,
     /// In which sense a running counter's azimuths go: 1 they rise, -1 they fall.
@@ -43,12 +44,8 @@ impl BeamLocator {
     pub fn new(turn_ns: i64) -> Self {
         Self {
             turn_ns,
-            beams: 0,
-            running: None,
-            last: None,
             sense: 1,
-            turned: 0,
-            azimuth: None,
+            ..Self::default()
         }
     }
 
@@ -57,15 +54,6 @@ impl BeamLocator {
         self.last = None;
         self.running = None;
         self.azimuth = None;
-    }
-
-    /// Beams of a whole sweep.
-    pub fn beams(&self) -> u16 {
-        self.beams
-    }
-
-    pub fn set_beams(&mut self, beams: u16) {
-        self.beams = beams;
     }
 
     /// Whether beams have a running counter.

@@ -3,7 +3,7 @@
 use super::fragments::FragmentJoiner;
 use super::packet::{Packet, Refusal};
 use crate::counters::counters;
-use crate::{BeamDecoder, BeamLayout, RawBeam, Sender};
+use crate::{BeamDecoder, RawBeam, Sender};
 use randt_config::{DevicePin, RadarDriver, SenderPin};
 use randt_device::Count;
 use randt_messages::MAX_BEAMS;
@@ -25,14 +25,13 @@ counters! {
 }
 
 /// beam-udp to beams: of all senders, or of those that the configuration pins.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct BeamUdpDecoder {
     keep_power: f32,
     device: DevicePin,
     sender: SenderPin,
     from: Option<SocketAddr>,
     /// Sender and layout of the last beam.
-    last: Option<(Sender, BeamLayout)>,
     joiner: FragmentJoiner,
     counters: Counters,
 }
@@ -42,12 +41,7 @@ impl BeamUdpDecoder {
     pub fn new(keep_power: f32) -> Self {
         Self {
             keep_power,
-            device: DevicePin::default(),
-            sender: SenderPin::default(),
-            from: None,
-            last: None,
-            joiner: FragmentJoiner::default(),
-            counters: Counters::default(),
+            ..Self::default()
         }
     }
 
@@ -61,19 +55,6 @@ impl BeamUdpDecoder {
         self.from = address;
     }
 
-    /// The radar and its beams, for people.
-    pub fn about(&self) -> String {
-        match self.last {
-            None => "nothing received yet".to_owned(),
-            Some((sender, layout)) => format!(
-                "{sender}, {} beams of {:.4} m bins, {}clockwise",
-                layout.beams,
-                layout.bin_m,
-                if layout.clockwise { "" } else { "counter-" },
-            ),
-        }
-    }
-
     /// What is listened for, for people: empty where every sender is.
     pub fn pinned(&self) -> String {
         match (self.device.0, self.sender.ip) {
@@ -81,26 +62,6 @@ impl BeamUdpDecoder {
             (Some(device), None) => format!(" of device {device} (radar.device)"),
             (None, Some(_)) => format!(" from {} (radar.sender)", self.sender),
             (Some(device), Some(_)) => format!(" of device {device} from {}", self.sender),
-        }
-    }
-
-    fn take(
-        &mut self,
-        packet: &Packet<'_>,
-        checksum: u32,
-        arrival_ns: i64,
-        beams: &mut dyn FnMut(&RawBeam),
-    ) {
-        let sender = Sender {
-            device: packet.device,
-            address: self.from,
-        };
-        let joined = self
-            .joiner
-            .push(packet, checksum, sender, self.keep_power, arrival_ns);
-        if let Some(beam) = joined {
-            self.last = Some((sender, beam.layout));
-            beams(beam);
         }
     }
 }
@@ -119,7 +80,12 @@ impl BeamDecoder for BeamUdpDecoder {
             Ok(packet) if !self.device.allows(packet.device) => self.counters.devices += 1,
             Ok(packet) => {
                 let checksum = bytes.last_chunk().copied().map_or(0, u32::from_le_bytes);
-                self.take(&packet, checksum, arrival_ns, beams);
+                let (device, address) = (packet.device, self.from);
+                let (sender, keep_power) = (Sender { device, address }, self.keep_power);
+                let joiner = &mut self.joiner;
+                if let Some(beam) = joiner.push(&packet, checksum, sender, keep_power, arrival_ns) {
+                    beams(beam);
+                }
             }
             Err(Refusal::Foreign) => self.counters.foreign += 1,
             Err(Refusal::Version) => self.counters.versions += 1,
@@ -129,16 +95,13 @@ impl BeamDecoder for BeamUdpDecoder {
     }
 
     fn restart(&mut self) {
-        self.last = None;
         self.joiner.restart();
     }
 
     fn counts(&self, visit: &mut dyn FnMut(Count)) {
-        let counters = Counters {
-            incomplete: self.joiner.incomplete,
-            fragments_doubled: self.joiner.doubled,
-            ..self.counters
-        };
+        let mut counters = self.counters;
+        counters.incomplete = self.joiner.incomplete;
+        counters.fragments_doubled = self.joiner.doubled;
         counters.visit(visit);
     }
 }

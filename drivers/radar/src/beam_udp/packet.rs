@@ -21,28 +21,24 @@ pub const CLOCKWISE: u16 = 1;
 
 /// How values are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Format {
     /// One byte a bin, 0.5 each.
-    Dense8,
+    Dense8 = 0,
     /// Two bytes a bin, 0.01 each.
-    Dense16,
+    Dense16 = 1,
     /// Bin and signed value, 0.1 each: four bytes a return.
-    Sparse,
+    Sparse = 2,
 }
 
 impl Format {
     fn from_code(code: u8) -> Option<Self> {
-        [Self::Dense8, Self::Dense16, Self::Sparse]
-            .get(usize::from(code))
-            .copied()
+        let all = [Self::Dense8, Self::Dense16, Self::Sparse];
+        all.into_iter().find(|format| format.code() == code)
     }
 
     fn code(self) -> u8 {
-        match self {
-            Self::Dense8 => 0,
-            Self::Dense16 => 1,
-            Self::Sparse => 2,
-        }
+        self as u8
     }
 
     /// Bytes of one value.
@@ -195,13 +191,11 @@ impl<'a> Packet<'a> {
             let mut bytes = Bytes(value);
             match self.format {
                 Format::Dense8 => bytes.u8().map(|v| keep(bin as u16, f32::from(v) * 0.5)),
-                Format::Dense16 => bytes
-                    .u16_le()
-                    .map(|v| keep(bin as u16, f32::from(v) / 100.0)),
-                Format::Sparse => bytes
-                    .u16_le()
-                    .zip(bytes.array().map(i16::from_le_bytes))
-                    .map(|(bin, v)| keep(bin, f32::from(v) / 10.0)),
+                Format::Dense16 => (bytes.u16_le()).map(|v| keep(bin as u16, f32::from(v) / 100.0)),
+                Format::Sparse => {
+                    let pair = bytes.u16_le().zip(bytes.array().map(i16::from_le_bytes));
+                    pair.map(|(bin, v)| keep(bin, f32::from(v) / 10.0))
+                }
             };
         }
         dropped

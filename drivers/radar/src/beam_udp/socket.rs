@@ -1,12 +1,13 @@
 //! The socket that beam-udp is received on. Does I/O.
 
 use super::decoder::BeamUdpDecoder;
+use crate::poller::open_socket;
 use crate::{BeamDecoder, BeamSink, BeamSource, Error, Poller};
 use nix::sys::socket::{
     ControlMessageOwned, MsgFlags, SockaddrStorage, recvmsg, setsockopt, sockopt as kernel,
 };
 use randt_device::{Backoff, Count, Link};
-use rustix::net::{self, AddressFamily, SocketFlags, SocketType, sockopt};
+use rustix::net::{self, SocketType, sockopt};
 use rustix::time::{ClockId, clock_gettime};
 use std::io::IoSliceMut;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -39,7 +40,7 @@ impl Listening {
     ) -> Result<Self, Error> {
         let group = match address.ip() {
             IpAddr::V4(ip) if ip.is_multicast() => Some((ip, interface)),
-            IpAddr::V6(ip) if ip.is_multicast() => return Err(Error::Group { address }),
+            IpAddr::V6(ip) if ip.is_multicast() => return Err(Error::Group(address)),
             _ => None,
         };
         Ok(Self {
@@ -51,13 +52,7 @@ impl Listening {
 
     /// An open socket and the size of its receive buffer.
     fn open(&self) -> std::io::Result<(OwnedFd, usize)> {
-        let family = if self.address.is_ipv4() {
-            AddressFamily::INET
-        } else {
-            AddressFamily::INET6
-        };
-        let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
-        let socket = net::socket_with(family, SocketType::DGRAM, flags, None)?;
+        let socket = open_socket(&self.address, SocketType::DGRAM)?;
         // Only with CAP_NET_ADMIN may it exceed net.core.rmem_max.
         if sockopt::set_socket_recv_buffer_size_force(&socket, self.receive_buffer).is_err() {
             sockopt::set_socket_recv_buffer_size(&socket, self.receive_buffer)?;
@@ -236,10 +231,8 @@ impl BeamUdpSocket {
         if now_ns - self.received.beam_ns <= self.silence_ns {
             if std::mem::take(&mut self.received.has_beam) || self.link.streams() {
                 self.backoff.succeeded();
-                self.link = match &self.warning {
-                    Some(warning) => Link::Warning(warning.clone()),
-                    None => Link::Streaming,
-                };
+                let warning = self.warning.clone();
+                self.link = warning.map_or(Link::Streaming, Link::Warning);
             }
             return;
         }
@@ -321,19 +314,9 @@ impl BeamSource for BeamUdpSocket {
         &self.link
     }
 
-    fn about(&self) -> String {
-        format!(
-            "beam-udp on {}: {}",
-            self.listening.address,
-            self.decoder.about()
-        )
-    }
-
     fn counts(&self, visit: &mut dyn FnMut(Count)) {
         self.decoder.counts(visit);
-        visit(Count::event(
-            "datagrams_dropped_by_the_kernel",
-            self.kernel_drops.total,
-        ));
+        let dropped = self.kernel_drops.total;
+        visit(Count::event("datagrams_dropped_by_the_kernel", dropped));
     }
 }

@@ -2,10 +2,11 @@
 
 use super::decoder::NavtechDecoder;
 use super::frame::{command, kind};
+use crate::poller::open_socket;
 use crate::{BeamDecoder, BeamSink, BeamSource, Poller};
 use randt_device::{Backoff, Count, Link};
 use rustix::io::Errno;
-use rustix::net::{self, AddressFamily, SendFlags, SocketFlags, SocketType, ipproto, sockopt};
+use rustix::net::{self, SendFlags, SocketType, sockopt};
 use std::net::SocketAddr;
 use std::os::fd::OwnedFd;
 use std::sync::Arc;
@@ -52,7 +53,7 @@ pub struct NavtechClient {
     asked_ns: i64,
     answered: Answered,
     connects: u64,
-    buffers: Buffers,
+    received: Vec<u8>,
 }
 
 /// How many of the decoder's configurations and doubts were answered.
@@ -60,13 +61,6 @@ pub struct NavtechClient {
 struct Answered {
     configurations: u64,
     doubts: u64,
-}
-
-/// Bytes from the radar, and the command to it.
-#[derive(Debug)]
-struct Buffers {
-    received: Vec<u8>,
-    command: Vec<u8>,
 }
 
 impl NavtechClient {
@@ -89,21 +83,12 @@ impl NavtechClient {
             asked_ns: 0,
             answered: Answered::default(),
             connects: 0,
-            buffers: Buffers {
-                received: vec![0; READ_BYTES],
-                command: Vec::new(),
-            },
+            received: vec![0; READ_BYTES],
         }
     }
 
     fn connect(&mut self, now_ns: i64) -> Result<(), Errno> {
-        let family = if self.address.is_ipv4() {
-            AddressFamily::INET
-        } else {
-            AddressFamily::INET6
-        };
-        let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
-        let socket = net::socket_with(family, SocketType::STREAM, flags, Some(ipproto::TCP))?;
+        let socket = open_socket(&self.address, SocketType::STREAM)?;
         sockopt::set_tcp_nodelay(&socket, true)?;
         match net::connect(&socket, &self.address) {
             Ok(()) | Err(Errno::INPROGRESS) => {}
@@ -145,16 +130,29 @@ impl NavtechClient {
         }
     }
 
-    fn send(socket: &OwnedFd, version: u8, kind: u8, bytes: &mut Vec<u8>) -> Result<(), String> {
-        bytes.clear();
-        command(version, kind, bytes);
-        match net::send(socket, bytes, SendFlags::NOSIGNAL) {
+    fn send(socket: &OwnedFd, version: u8, kind: u8) -> Result<(), String> {
+        let mut bytes = Vec::new();
+        command(version, kind, &mut bytes);
+        match net::send(socket, &bytes, SendFlags::NOSIGNAL) {
             Ok(sent) if sent == bytes.len() => Ok(()),
             Ok(_) => Err("the radar takes nothing more; connecting anew".to_owned()),
-            Err(errno) => Err(format!(
-                "the connection is gone ({}); connecting anew",
-                std::io::Error::from(errno).kind()
-            )),
+            Err(errno) => {
+                let why = std::io::Error::from(errno).kind();
+                Err(format!("the connection is gone ({why}); connecting anew"))
+            }
+        }
+    }
+
+    fn opened(&mut self, now_ns: i64) {
+        let connecting = std::mem::replace(&mut self.connection, Connection::None);
+        if let Connection::Connecting { socket, .. } = connecting {
+            self.connects += 1;
+            self.asked_ns = now_ns;
+            self.connection = Connection::Open {
+                socket,
+                since_ns: now_ns,
+                keep_alive_ns: now_ns + KEEP_ALIVE_NS,
+            };
         }
     }
 
@@ -170,11 +168,11 @@ impl NavtechClient {
             return Ok(());
         };
         for _ in 0..READS_MAX {
-            match rustix::io::read(&*socket, &mut self.buffers.received) {
+            match rustix::io::read(&*socket, &mut self.received) {
                 Ok(0) => return Err("the radar has closed the connection; trying again".to_owned()),
                 Ok(count) => {
                     let beam_ns = &mut self.beam_ns;
-                    let bytes = self.buffers.received.get(..count).unwrap_or_default();
+                    let bytes = self.received.get(..count).unwrap_or_default();
                     self.decoder.decode(bytes, now_ns, &mut |beam| {
                         *beam_ns = Some(now_ns);
                         sink.beam(beam);
@@ -192,16 +190,15 @@ impl NavtechClient {
         if self.answered.configurations != self.decoder.configurations() {
             self.answered.configurations = self.decoder.configurations();
             self.asked_ns = now_ns;
-            Self::send(socket, version, kind::START_FFT, &mut self.buffers.command)?;
+            Self::send(socket, version, kind::START_FFT)?;
         }
         if self.answered.doubts != self.decoder.doubts() {
             self.answered.doubts = self.decoder.doubts();
-            let kind = kind::CONFIGURATION_REQUEST;
-            Self::send(socket, version, kind, &mut self.buffers.command)?;
+            Self::send(socket, version, kind::CONFIGURATION_REQUEST)?;
         }
         if now_ns >= *keep_alive_ns {
             *keep_alive_ns = now_ns + KEEP_ALIVE_NS;
-            Self::send(socket, version, kind::KEEP_ALIVE, &mut self.buffers.command)?;
+            Self::send(socket, version, kind::KEEP_ALIVE)?;
         }
         let last_ns = self.beam_ns.unwrap_or(*since_ns);
         let silent_ns = now_ns - last_ns;
@@ -215,7 +212,7 @@ impl NavtechClient {
                 Some(_) => kind::START_FFT,
                 None => kind::CONFIGURATION_REQUEST,
             };
-            Self::send(socket, version, ask, &mut self.buffers.command)?;
+            Self::send(socket, version, ask)?;
         }
         if silent_ns > self.silence_ns {
             self.link = Link::Down(self.silent());
@@ -247,12 +244,8 @@ impl BeamSource for NavtechClient {
         if let Connection::Connecting { socket, since_ns } = &self.connection {
             let made = Self::established(socket, now_ns - since_ns);
             let watched = made.and_then(|made| {
-                let watch = if made {
-                    self.poller.now_readable(socket)
-                } else {
-                    Ok(())
-                };
-                watch.map_err(|_| Errno::IO).map(|()| made)
+                let watched = made.then(|| self.poller.now_readable(socket)).transpose();
+                watched.map_err(|_| Errno::IO).map(|_| made)
             });
             match watched {
                 Ok(false) => return,
@@ -283,38 +276,16 @@ impl BeamSource for NavtechClient {
     fn reconnect(&mut self, now_ns: i64, sink: &mut dyn BeamSink) {
         // A new connection begins with the radar's configuration: the one in force may be wrong.
         let address = self.address;
-        self.lost(
-            format!("beams from {address}, but no whole sweep; connecting anew"),
-            now_ns,
-            sink,
-        );
+        let why = format!("beams from {address}, but no whole sweep; connecting anew");
+        self.lost(why, now_ns, sink);
     }
 
     fn link(&self) -> &Link {
         &self.link
     }
 
-    fn about(&self) -> String {
-        format!("navtech {}: {}", self.address, self.decoder.about())
-    }
-
     fn counts(&self, visit: &mut dyn FnMut(Count)) {
         visit(Count::event("connections", self.connects));
         self.decoder.counts(visit);
-    }
-}
-
-impl NavtechClient {
-    fn opened(&mut self, now_ns: i64) {
-        let connecting = std::mem::replace(&mut self.connection, Connection::None);
-        if let Connection::Connecting { socket, .. } = connecting {
-            self.connects += 1;
-            self.asked_ns = now_ns;
-            self.connection = Connection::Open {
-                socket,
-                since_ns: now_ns,
-                keep_alive_ns: now_ns + KEEP_ALIVE_NS,
-            };
-        }
     }
 }

@@ -3,7 +3,7 @@
 use super::configuration::Configuration;
 use super::fft::Fft;
 use super::frame::{Frame, FrameParser, VERSION, kind};
-use super::order::{Order, Stamps};
+use super::order::Stamps;
 use crate::counters::counters;
 use crate::{BeamDecoder, BeamLayout, BeamPosition, RawBeam};
 use randt_config::ByteOrder;
@@ -40,7 +40,6 @@ struct State {
     configurations: u64,
     /// One that contradicts it, until the radar sends it once more.
     doubted: Option<Configuration>,
-    sixteen: bool,
     version: u8,
     beam: RawBeam,
     counters: Counters,
@@ -58,7 +57,6 @@ impl NavtechDecoder {
                 configuration: None,
                 configurations: 0,
                 doubted: None,
-                sixteen: false,
                 version: VERSION,
                 beam: RawBeam::default(),
                 counters: Counters::default(),
@@ -90,28 +88,6 @@ impl NavtechDecoder {
     /// The version of the radar's last message, which it is answered in.
     pub fn version(&self) -> u8 {
         self.state.version
-    }
-
-    /// The radar and its beams, for people.
-    pub fn about(&self) -> String {
-        let Some(configuration) = &self.state.configuration else {
-            return "no configuration yet".to_owned();
-        };
-        let order = match self.state.stamps.order() {
-            Some(Order::Little) => "stamps lowest byte first",
-            Some(Order::Big) => "stamps highest byte first",
-            None => "no stamps that follow each other: times of arrival",
-        };
-        format!(
-            "{} {}, {} x {} bins of {} bit and {:.4} m, {} turns/s, {order}",
-            configuration.details.model,
-            configuration.details.mac,
-            configuration.azimuths,
-            configuration.bins,
-            if self.state.sixteen { 16 } else { 8 },
-            configuration.bin_m(),
-            f64::from(configuration.rotation_mhz) / 1000.0,
-        )
     }
 }
 
@@ -183,8 +159,7 @@ impl State {
             self.counters.unconfigured += 1;
             return;
         };
-        self.sixteen = frame.kind == kind::FFT_16;
-        let fft = Fft::decode(frame.payload, self.sixteen)
+        let fft = Fft::decode(frame.payload, frame.kind == kind::FFT_16)
             .filter(|fft| fft.azimuth < configuration.encoder_size);
         let Some(fft) = fft else {
             self.counters.damaged += 1;

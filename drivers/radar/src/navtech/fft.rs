@@ -94,9 +94,7 @@ impl Bins<'_> {
         }
         self.count().saturating_sub(echoes.len() - before) as u32
     }
-}
 
-impl Bins<'_> {
     /// Adds all of them, in 0.5 dB.
     pub fn all(&self, powers: &mut Vec<u8>) {
         match self {

@@ -27,10 +27,6 @@ pub mod kind {
     pub const START_FFT: u8 = 21;
     /// To the radar, no body.
     pub const STOP_FFT: u8 = 22;
-    /// To the radar, no body.
-    pub const START_HEALTH: u8 = 23;
-    /// To the radar, no body.
-    pub const STOP_HEALTH: u8 = 24;
     /// From the radar: a beam, one byte a bin.
     pub const FFT_8: u8 = 30;
     /// From the radar: a beam, two bytes a bin.

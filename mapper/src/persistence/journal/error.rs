@@ -7,19 +7,11 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum Error {
     /// The header is not whole.
-    #[error("{bytes} bytes: a journal's header is longer")]
-    HeaderCut {
-        /// How many there are.
-        bytes: usize,
-    },
+    #[error("{0} bytes: a journal's header is longer")]
+    HeaderCut(usize),
     /// The first bytes are not a journal's.
-    #[error(
-        "offset 0: not a mapper's journal: it begins with {found:02x?}, a journal with RANDTMAP"
-    )]
-    NotAJournal {
-        /// Its first bytes.
-        found: [u8; 8],
-    },
+    #[error("offset 0: not a mapper's journal: it begins with {0:02x?}, a journal with RANDTMAP")]
+    NotAJournal([u8; 8]),
     /// The header's checksum does not fit.
     #[error("the header is damaged")]
     HeaderDamaged,
@@ -59,18 +51,12 @@ pub enum Error {
         /// What it reports.
         cause: std::io::Error,
     },
-    /// Another mapper writes there.
-    #[error("{}: another process has this journal open", path.display())]
-    Locked {
-        /// The lock's file.
-        path: PathBuf,
-    },
+    /// Another mapper writes there: the lock's file.
+    #[error("{}: another process has this journal open", .0.display())]
+    Locked(PathBuf),
     /// What is on the disk is no longer known; only reading the file again shows it.
-    #[error("{}: a write or sync has failed before: open the journal anew", path.display())]
-    Unsure {
-        /// The file.
-        path: PathBuf,
-    },
+    #[error("{}: a write or sync has failed before: open the journal anew", .0.display())]
+    Unsure(PathBuf),
     /// A record is too large to be written.
     #[error("a record of this size is never read back: it is not written")]
     TooLarge,

@@ -1,10 +1,9 @@
-//! The journal as a file: opened by one mapper, appended to, cut back, quarantined, written anew;
-//! never deleted.
+//! The journal as a file: opened by one mapper, appended to, cut back, quarantined; never deleted.
 
 use super::tail::Tail;
 use super::{
-    Bytes, Contents, Damage, Error, append_keyframe, append_snapshot, begin, compacted,
-    is_snapshot_due, read_head,
+    Bytes, Contents, Damage, Error, append_keyframe, append_snapshot, begin, is_snapshot_due,
+    read_head,
 };
 use crate::{Known, Mapper};
 use randt_config::Config;
@@ -63,17 +62,12 @@ impl Count {
         let mut head = KeyframeHead::default();
         let newest = contents.keyframes.last();
         let is_read = newest.is_some_and(|packed| read_head(packed, &mut head));
+        let end = is_read.then(|| head.id.saturating_add(1));
+        let snapshot = contents.snapshots.last();
         Self {
             keyframes: contents.keyframes.len() as u64,
-            in_snapshot: contents
-                .snapshots
-                .last()
-                .map_or(0, |(_, before)| *before as u64),
-            end: if is_read {
-                head.id.saturating_add(1)
-            } else {
-                0
-            },
+            in_snapshot: snapshot.map_or(0, |(_, before)| *before as u64),
+            end: end.unwrap_or(0),
         }
     }
 }
@@ -116,7 +110,7 @@ impl JournalFile {
                     }
                 }
                 // Another program's file under a wrong name is not moved.
-                Err(cause @ Error::NotAJournal { .. }) => {
+                Err(cause @ Error::NotAJournal(_)) => {
                     let cause = Box::new(cause);
                     return Err(Error::Foreign { path, cause });
                 }
@@ -160,7 +154,8 @@ impl JournalFile {
     pub fn append_snapshot(&mut self, mapper: &Mapper) -> Result<(), Error> {
         let known = self.known;
         self.append(|bytes| append_snapshot(mapper, known, bytes))?;
-        self.has_snapshot(mapper);
+        self.count.in_snapshot = mapper.taken() as u64;
+        self.known = mapper.known();
         Ok(())
     }
 
@@ -185,11 +180,6 @@ impl JournalFile {
     /// Whether the mapper has taken keyframes that no snapshot has.
     pub fn has_news(&self, mapper: &Mapper) -> bool {
         self.after_snapshot(mapper) > 0
-    }
-
-    fn has_snapshot(&mut self, mapper: &Mapper) {
-        self.count.in_snapshot = mapper.taken() as u64;
-        self.known = mapper.known();
     }
 
     fn after_snapshot(&self, mapper: &Mapper) -> u64 {
@@ -228,31 +218,7 @@ impl JournalFile {
 
     /// Bytes of the file.
     pub fn length(&self) -> u64 {
-        self.tail.good()
-    }
-
-    /// Writes the journal anew: its keyframes and one snapshot of the mapper, which has taken all
-    /// of them.
-    pub fn compact(&mut self, mapper: &Mapper) -> Result<(), Error> {
-        self.check()?;
-        let bytes = compacted(&self.read()?, mapper)?;
-        write_whole(&self.path, &bytes)?;
-        // Until the new file is open the old one is, which no longer has a name.
-        self.tail.doubt();
-        self.tail = tail(&self.path, bytes.len() as u64)?;
-        self.has_snapshot(mapper);
-        self.on_disk = self.count.end;
-        Ok(())
-    }
-
-    /// Writes the same as a map file somewhere else.
-    pub fn export(&self, mapper: &Mapper, to: &Path) -> Result<(), Error> {
-        self.check()?;
-        write_whole(to, &compacted(&self.read()?, mapper)?)
-    }
-
-    fn read(&self) -> Result<Vec<u8>, Error> {
-        fs::read(&self.path).map_err(|cause| io_error(&self.path, "read", cause))
+        self.tail.good
     }
 
     fn append(
@@ -267,10 +233,8 @@ impl JournalFile {
     }
 
     fn check(&self) -> Result<(), Error> {
-        match self.tail.is_unsure() {
-            true => Err(Error::Unsure {
-                path: self.path.clone(),
-            }),
+        match self.tail.is_unsure {
+            true => Err(Error::Unsure(self.path.clone())),
             false => Ok(()),
         }
     }
@@ -280,8 +244,8 @@ impl JournalFile {
 fn tail(path: &Path, good: u64) -> Result<Tail<File>, Error> {
     let file = OpenOptions::new().append(true).open(path);
     let file = file.map_err(|cause| io_error(path, "open", cause))?;
-    file.set_len(good)
-        .map_err(|cause| io_error(path, "cut the damaged end off", cause))?;
+    let cut = file.set_len(good);
+    cut.map_err(|cause| io_error(path, "cut the damaged end off", cause))?;
     Ok(Tail::new(file, good))
 }
 
@@ -291,9 +255,7 @@ fn lock(path: &Path) -> Result<File, Error> {
     let file = file.map_err(|cause| io_error(path, "create", cause))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
-        Err(TryLockError::WouldBlock) => Err(Error::Locked {
-            path: path.to_owned(),
-        }),
+        Err(TryLockError::WouldBlock) => Err(Error::Locked(path.to_owned())),
         Err(TryLockError::Error(cause)) => Err(io_error(path, "lock", cause)),
     }
 }
@@ -304,9 +266,9 @@ fn quarantine(path: &Path) -> Result<PathBuf, Error> {
     let names = (1..).map(|n: u64| named(path, &format!(".quarantined-{n}")));
     let mut free = names.filter(|name| !name.exists());
     let quarantined = free.next().unwrap_or_else(|| named(path, ".quarantined"));
-    fs::hard_link(path, &quarantined)
-        .or_else(|_| fs::rename(path, &quarantined))
-        .map_err(|cause| io_error(path, "quarantine", cause))?;
+    let linked = fs::hard_link(path, &quarantined);
+    let renamed = linked.or_else(|_| fs::rename(path, &quarantined));
+    renamed.map_err(|cause| io_error(path, "quarantine", cause))?;
     Ok(quarantined)
 }
 
@@ -319,9 +281,8 @@ fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
         file.sync_all()?;
         fs::rename(&part, path)?;
         // The new name, too, is only safe once its folder is on the disk.
-        let folder = path
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty());
+        let folder = path.parent();
+        let folder = folder.filter(|folder| !folder.as_os_str().is_empty());
         File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
     };
     write().map_err(|cause| io_error(path, "write", cause))

@@ -33,24 +33,23 @@ impl Header {
 
     /// Appends it: magic, version, configuration, layout of the keyframe message, checksum.
     pub(super) fn append(&self, out: &mut Vec<u8>) {
-        let start = out.len();
         let layout = Keyframe::TYPE_NAME;
-        out.extend_from_slice(&MAGIC);
-        out.extend_from_slice(&VERSION.to_le_bytes());
-        out.extend_from_slice(&self.config.to_le_bytes());
-        out.extend_from_slice(&(layout.len() as u32).to_le_bytes());
-        out.extend_from_slice(layout.as_bytes());
-        let checksum = crc32fast::hash(out.get(start..).unwrap_or_default());
-        out.extend_from_slice(&checksum.to_le_bytes());
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend_from_slice(&VERSION.to_le_bytes());
+        bytes.extend_from_slice(&self.config.to_le_bytes());
+        bytes.extend_from_slice(&(layout.len() as u32).to_le_bytes());
+        bytes.extend_from_slice(layout.as_bytes());
+        bytes.extend_from_slice(&crc32fast::hash(&bytes).to_le_bytes());
+        out.append(&mut bytes);
     }
 
     /// Reads it and how many bytes it takes.
     pub(super) fn read(bytes: &[u8]) -> Result<(Self, usize), Error> {
         let mut rest = Unpacker(bytes);
-        let cut = || Error::HeaderCut { bytes: bytes.len() };
+        let cut = || Error::HeaderCut(bytes.len());
         let magic = rest.array().ok_or_else(cut)?;
         if magic != MAGIC {
-            return Err(Error::NotAJournal { found: magic });
+            return Err(Error::NotAJournal(magic));
         }
         let found = u32::from_le_bytes(rest.array().ok_or_else(cut)?);
         if found != VERSION {

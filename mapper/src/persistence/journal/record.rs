@@ -39,8 +39,6 @@ pub struct Record<'a> {
     pub kind: Kind,
     /// Packed.
     pub payload: &'a [u8],
-    /// All of it, as it can be copied to another journal.
-    pub bytes: &'a [u8],
 }
 
 /// Where a journal stops making sense.
@@ -117,7 +115,7 @@ impl<'a> Iterator for Records<'a> {
         }
         match first(rest) {
             Ok(record) => {
-                self.at += record.bytes.len();
+                self.at += HEAD_BYTES + record.payload.len();
                 Some(record)
             }
             Err(what) => {
@@ -148,12 +146,7 @@ fn first(bytes: &[u8]) -> Result<Record<'_>, &'static str> {
     if found != checksum(mark, length, payload) {
         return Err("the record's checksum is wrong");
     }
-    let whole = bytes.get(..HEAD_BYTES + payload.len()).ok_or(cut)?;
-    Ok(Record {
-        kind,
-        payload,
-        bytes: whole,
-    })
+    Ok(Record { kind, payload })
 }
 
 /// Whether a whole record begins anywhere behind the first byte.

@@ -33,8 +33,11 @@ impl Storage for File {
 #[derive(Debug)]
 pub(super) struct Tail<S> {
     storage: S,
-    good: u64,
-    is_unsure: bool,
+    /// Bytes that are good.
+    pub good: u64,
+    /// Whether what is on the disk is no longer known: cutting back or a sync has failed. After a
+    /// failed sync the kernel may have forgotten the bytes and would call the next one a success.
+    pub is_unsure: bool,
 }
 
 impl<S: Storage> Tail<S> {
@@ -45,22 +48,6 @@ impl<S: Storage> Tail<S> {
             good,
             is_unsure: false,
         }
-    }
-
-    /// Bytes that are good.
-    pub fn good(&self) -> u64 {
-        self.good
-    }
-
-    /// Whether what is on the disk is no longer known: cutting back or a sync has failed. After a
-    /// failed sync the kernel may have forgotten the bytes and would call the next one a success.
-    pub fn is_unsure(&self) -> bool {
-        self.is_unsure
-    }
-
-    /// From now on it is unsure.
-    pub fn doubt(&mut self) {
-        self.is_unsure = true;
     }
 
     /// Appends whole records, or nothing.
@@ -135,7 +122,7 @@ mod tests {
         assert!(tail.append(b"one ").is_ok());
         let full = tail.append(b"two ").unwrap_err();
         assert_eq!(full.kind(), io::ErrorKind::StorageFull);
-        assert_eq!((tail.good(), tail.is_unsure()), (8, false));
+        assert_eq!((tail.good, tail.is_unsure), (8, false));
         assert_eq!(tail.storage.bytes, b"headone ");
         tail.storage.room = 20;
         assert!(tail.append(b"two ").is_ok());
@@ -153,9 +140,9 @@ mod tests {
             Tail::new(storage, 0)
         };
         let mut tail = broken();
-        assert!(tail.append(b"one").is_err() && tail.is_unsure());
+        assert!(tail.append(b"one").is_err() && tail.is_unsure);
         let mut tail = broken();
-        assert!(tail.append(b"1").is_ok() && !tail.is_unsure());
-        assert!(tail.sync().is_err() && tail.is_unsure());
+        assert!(tail.append(b"1").is_ok() && !tail.is_unsure);
+        assert!(tail.sync().is_err() && tail.is_unsure);
     }
 }

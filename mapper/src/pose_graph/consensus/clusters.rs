@@ -97,12 +97,10 @@ pub(super) fn clusters(chain: &OdometryChain<'_>, loops: &[Edge]) -> (Vec<Vec<us
 /// with its nearest neighbour: false loops are the tail that a median ignores.
 fn noise(loops: &[Edge], near: &[Vec<(usize, f64)>]) -> f64 {
     let nearest = near.iter().enumerate().filter_map(|(b, near)| {
-        let apart = |a: usize| {
-            loops[a].from.0.abs_diff(loops[b].from.0) + loops[a].to.0.abs_diff(loops[b].to.0)
+        let apart = |(a, _): &&(usize, f64)| {
+            loops[*a].from.0.abs_diff(loops[b].from.0) + loops[*a].to.0.abs_diff(loops[b].to.0)
         };
-        near.iter()
-            .min_by_key(|(a, _)| apart(*a))
-            .map(|(_, chi2)| *chi2)
+        Some(near.iter().min_by_key(apart)?.1)
     });
     let mut cycles: Vec<f64> = nearest.collect();
     cycles.sort_by(f64::total_cmp);

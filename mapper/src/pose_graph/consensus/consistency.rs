@@ -8,7 +8,7 @@
 use super::super::Error;
 use super::super::edge::Edge;
 use super::super::loss::Loss;
-use super::super::solver::{Effort, Term, solve};
+use super::super::solver::{Effort, Term, believed, solve};
 use super::super::system::System;
 use super::clusters::GATE;
 use randt_geometry::{Pose2, elementary::ln};
@@ -51,11 +51,9 @@ impl Problem<'_> {
         clusters: &[Vec<usize>],
         mut result: ConsensusResult,
     ) -> Result<ConsensusResult, Error> {
-        let mut tried: Vec<&Vec<usize>> = clusters
-            .iter()
-            .filter(|cluster| cluster.len() > 1)
-            .collect();
-        tried.retain(|cluster| cluster.iter().all(|l| !result.on[*l]));
+        let is_off = |cluster: &&Vec<usize>| cluster.iter().all(|l| !result.on[*l]);
+        let mut tried: Vec<_> = clusters.iter().filter(is_off).collect();
+        tried.retain(|cluster| cluster.len() > 1);
         tried.sort_by_key(|cluster| std::cmp::Reverse(cluster.len()));
         for cluster in tried.into_iter().take(TRIED_MAX) {
             if cluster.iter().any(|l| result.on[*l]) {
@@ -103,7 +101,8 @@ impl Problem<'_> {
     ) -> Result<ConsensusResult, Error> {
         let mut system: Option<System> = None;
         for round in 1.. {
-            self.optimise(&mut system, &mut poses, &on)?;
+            let terms = believed(self.odometry, self.loops, &on);
+            solve(&mut system, &mut poses, &terms, EFFORT)?;
             let agreeing = self.agreeing(&poses);
             if agreeing == on || round > ROUNDS_MAX {
                 break;
@@ -125,41 +124,16 @@ impl Problem<'_> {
 
     /// The truncated sum of squares.
     fn cost(&self, poses: &[Pose2]) -> f64 {
-        let loops = self
-            .loops
-            .iter()
-            .map(|edge| chi2(edge, poses).min(self.gate));
-        self.odometry
-            .iter()
-            .map(|edge| chi2(edge, poses))
-            .sum::<f64>()
-            + loops.sum::<f64>()
-    }
-
-    fn optimise(
-        &self,
-        system: &mut Option<System>,
-        poses: &mut [Pose2],
-        on: &[bool],
-    ) -> Result<(), Error> {
-        let believed = self.loops.iter().zip(on).filter(|(_, on)| **on);
-        let terms: Vec<Term<'_>> = (self.odometry.iter())
-            .chain(believed.map(|(edge, _)| edge))
-            .map(|edge| (edge, Loss::QUADRATIC))
-            .collect();
-        solve(system, poses, &terms, EFFORT).map(|_| ())
+        let odometry = self.odometry.iter().map(|edge| edge.chi2(poses));
+        let truncated = |edge: &Edge| edge.chi2(poses).min(self.gate);
+        let loops = self.loops.iter().map(truncated);
+        odometry.sum::<f64>() + loops.sum::<f64>()
     }
 
     fn agreeing(&self, poses: &[Pose2]) -> Vec<bool> {
-        self.loops
-            .iter()
-            .map(|edge| chi2(edge, poses) <= self.gate)
-            .collect()
+        let agrees = |edge: &Edge| edge.chi2(poses) <= self.gate;
+        self.loops.iter().map(agrees).collect()
     }
-}
-
-fn chi2(edge: &Edge, poses: &[Pose2]) -> f64 {
-    edge.chi2(&poses[edge.from.0], &poses[edge.to.0])
 }
 
 #[cfg(test)]

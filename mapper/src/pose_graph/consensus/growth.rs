@@ -4,8 +4,7 @@
 use super::super::Error;
 use super::super::covariance;
 use super::super::edge::Edge;
-use super::super::loss::Loss;
-use super::super::solver::{Effort, Term, factorised, solve};
+use super::super::solver::{Effort, believed, factorised, solve};
 use super::super::system::System;
 use super::clusters::{GATE, NEAR_NODES, OdometryChain};
 use super::uncertain::Uncertain;
@@ -93,11 +92,7 @@ pub(super) fn grow(
         }
         // What is known when they arrive.
         let known = &odometry[..odometry.partition_point(|edge| edge.to.0 < end)];
-        let closed = loops.iter().zip(&on).filter(|(_, on)| **on);
-        let terms: Vec<Term<'_>> = (known.iter())
-            .chain(closed.map(|(edge, _)| edge))
-            .map(|edge| (edge, Loss::QUADRATIC))
-            .collect();
+        let terms = believed(known, loops, &on);
         solve(&mut system, &mut grown, &terms, EFFORT)?;
         let system = factorised(&mut system, &grown, &terms)?;
         while let Some(cluster) = waiting.next_if(arrives) {

@@ -56,9 +56,8 @@ pub(super) fn memberships(
 
 /// The loops of a bridge that agree with one of them, where they are more than half.
 fn majority(chain: &OdometryChain<'_>, loops: &[Edge], bridge: &[usize]) -> Option<Vec<usize>> {
-    let mut representatives = bridge
-        .iter()
-        .step_by(bridge.len().div_ceil(REPRESENTATIVES_MAX).max(1));
+    let step = bridge.len().div_ceil(REPRESENTATIVES_MAX).max(1);
+    let mut representatives = bridge.iter().step_by(step);
     representatives.find_map(|representative| {
         let agrees = |l: &usize| {
             let cycle = chain.cycle(&loops[*representative], &loops[*l]);

@@ -1,7 +1,7 @@
 //! Relative poses with their covariances.
 
 use super::super::Edge;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 use randt_geometry::Pose2;
 
 /// A relative pose and the covariance of a perturbation on its right.
@@ -47,15 +47,11 @@ impl Uncertain {
     /// How far a measurement is from it, with both their covariances: chi2 of three degrees of
     /// freedom.
     pub fn disagreement(&self, edge: &Edge) -> f64 {
-        let error = error(edge, &self.pose);
-        let weighed =
-            (self.covariance + edge.information.try_inverse().unwrap_or_default()).try_inverse();
+        let error = edge.error(&Pose2::IDENTITY, &self.pose);
+        let covariance = edge.information.try_inverse().unwrap_or_default();
+        let weighed = (self.covariance + covariance).try_inverse();
         weighed.map_or(f64::INFINITY, |weighed| error.dot(&(weighed * error)))
     }
-}
-
-fn error(edge: &Edge, seen: &Pose2) -> Vector3<f64> {
-    edge.error(&Pose2::IDENTITY, seen)
 }
 
 #[cfg(test)]

@@ -85,22 +85,22 @@ fn a_map_that_is_behind_takes_what_comes_after_what_was_there() {
 
     // By other rules all has to be made anew.
     let mut ingest = scene.open(&other);
-    assert_eq!((taken(&ingest), ingest.next()), (0, 10));
+    assert_eq!((taken(&ingest), ingest.sequence.next), (0, 10));
     assert!(!ingest.is_as_published() && !ingest.catch_up());
     take(&mut ingest, [9, 10, 11], 0);
-    assert_eq!((taken(&ingest), ingest.next()), (1, 12));
+    assert_eq!((taken(&ingest), ingest.sequence.next), (1, 12));
     assert_eq!(ingest.delay(), "takes its keyframes anew, 1 of 12");
     // What it has of them is kept where it ends before it is done.
     ingest.finish();
     drop(ingest);
     let mut ingest = scene.open(&other);
-    assert_eq!((taken(&ingest), ingest.next()), (1, 12));
+    assert_eq!((taken(&ingest), ingest.sequence.next), (1, 12));
     let done = (0..11).filter(|_| ingest.catch_up()).count();
     assert_eq!(
         (done, ingest.is_behind(), ingest.delay().as_str()),
         (1, false, "")
     );
-    assert_eq!((taken(&ingest), ingest.lost()), (12, 0));
+    assert_eq!((taken(&ingest), ingest.sequence.lost), (12, 0));
     drop(ingest);
     scene.end();
 }
@@ -116,17 +116,17 @@ fn the_published_frame_is_the_journals_and_unknown_odometry_does_not_go_on_in_it
     let mut ingest = scene.open(&other);
     assert_eq!((taken(&ingest), ingest.newest_frame()), (0, Some(1)));
     for _ in 0..REFUSALS_MAX {
-        assert!(!ingest.is_other_drive() && ingest.next() == 6);
-        ingest.request();
+        assert!(!ingest.sequence.is_other_drive && ingest.sequence.next == 6);
+        ingest.sequence.request();
         take(&mut ingest, [6], 1);
     }
-    assert!(ingest.is_other_drive());
+    assert!(ingest.sequence.is_other_drive);
     drop(ingest);
 
     // A new frame needs no proof.
     let mut ingest = scene.open(&other);
     take(&mut ingest, [6], 2);
-    assert_eq!((ingest.next(), ingest.newest_frame()), (7, Some(2)));
+    assert_eq!((ingest.sequence.next, ingest.newest_frame()), (7, Some(2)));
     drop(ingest);
     scene.end();
 }
@@ -143,11 +143,11 @@ fn another_drive_is_seen_in_a_keyframe_that_the_map_does_not_have_yet() {
     let mut foreign = keyframe(5, 0);
     foreign.head.header.stamp_ns += 1;
     ingest.take(foreign.as_ref());
-    assert!(ingest.is_other_drive());
+    assert!(ingest.sequence.is_other_drive);
     let mut ingest = scene.begin_anew(ingest);
-    assert_eq!((taken(&ingest), ingest.next()), (0, 0));
+    assert_eq!((taken(&ingest), ingest.sequence.next), (0, 0));
     take(&mut ingest, [0], 0);
-    assert_eq!((taken(&ingest), ingest.is_other_drive()), (1, false));
+    assert_eq!((taken(&ingest), ingest.sequence.is_other_drive), (1, false));
     drop(ingest);
     scene.end();
 }
@@ -157,28 +157,35 @@ fn missing_keyframes_are_waited_for_until_odometry_has_none() {
     let mut scene = Scene::new("missing");
     let mut ingest = scene.open(&Config::default());
     take(&mut ingest, [0, 1, 1, 0, 2], 0);
-    assert_eq!((ingest.next(), ingest.request()), (3, false));
+    assert_eq!(
+        (ingest.sequence.next, ingest.sequence.request()),
+        (3, false)
+    );
 
     // Odometry is away for long: one keyframe that was on its way, then nothing.
     take(&mut ingest, [5], 0);
     for _ in 0..100 {
-        assert!(ingest.request());
+        assert!(ingest.sequence.request());
     }
     // It is back and goes on before it hears the requests, then it answers.
     take(&mut ingest, [6, 7, 3, 4, 5, 6, 7, 8], 0);
     assert_eq!(
-        (ingest.next(), ingest.lost(), ingest.request()),
+        (
+            ingest.sequence.next,
+            ingest.sequence.lost,
+            ingest.sequence.request()
+        ),
         (9, 0, false)
     );
 
     // It does not have it any more.
     for _ in 0..REFUSALS_MAX {
-        assert_eq!(ingest.next(), 9);
+        assert_eq!(ingest.sequence.next, 9);
         take(&mut ingest, [12, 13], 0);
-        ingest.request();
+        ingest.sequence.request();
     }
     take(&mut ingest, [12], 0);
-    assert_eq!((ingest.next(), ingest.lost()), (13, 3));
+    assert_eq!((ingest.sequence.next, ingest.sequence.lost), (13, 3));
     drop(ingest);
     scene.end();
 }

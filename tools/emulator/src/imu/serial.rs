@@ -8,11 +8,12 @@ use super::mip::MipDevice;
 use super::terminal::{Terminal, link};
 use super::xsens::XsensDevice;
 use super::{ImuMeasurement, ImuMeasurements};
+use crate::pace::wait;
 use crate::wrong_content::WrongContent;
 use crate::{Error, FaultKind};
 use std::path::{Path, PathBuf};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// A device answers within this time.
 const ANSWER: Duration = Duration::from_millis(2);
@@ -122,7 +123,10 @@ impl SerialImu {
             let (unplugged, silent) = (on(FaultKind::Unplug), on(FaultKind::Silence));
             let is_wrong = on(FaultKind::Wrong);
             let close = measurements.faults().begun(FaultKind::Close, at_s) > closed;
-            if !self.wait(measurements.pace().due(measurement.stamp_ns), silent, ends) {
+            let due = measurements.pace().due(measurement.stamp_ns);
+            let plugged = &mut self.plugged;
+            let answer = || plugged.iter_mut().for_each(|it| it.answer(silent));
+            if !wait(due, ANSWER, ends, answer) {
                 break;
             }
             if unplugged {
@@ -152,28 +156,12 @@ impl SerialImu {
         Ok(())
     }
 
-    /// Sleeps until something is due, and answers meanwhile.
-    fn wait(&mut self, due: Instant, silent: bool, ends: &dyn Fn() -> bool) -> bool {
-        loop {
-            if let Some(plugged) = &mut self.plugged {
-                plugged.answer(silent);
-            }
-            let pause = due.saturating_duration_since(Instant::now());
-            if pause.is_zero() || ends() {
-                return pause.is_zero();
-            }
-            thread::sleep(pause.min(ANSWER));
-        }
-    }
-
     fn send(&mut self, measurement: &ImuMeasurement, measurements: &ImuMeasurements, half: bool) {
         let Some(plugged) = &mut self.plugged else {
             return;
         };
-        let Some(mut message) = plugged
-            .device
-            .message(measurement, measurements.interval_ns())
-        else {
+        let interval_ns = measurements.interval_ns();
+        let Some(mut message) = plugged.device.message(measurement, interval_ns) else {
             return;
         };
         let at_s = measurements.at_s(measurement.stamp_ns);
@@ -195,21 +183,17 @@ impl SerialImu {
             bytes.extend_from_slice(plugged.device.oversize());
         }
         bytes.extend(message);
-        if on(FaultKind::Doubled) && measurement.number.is_multiple_of(CORRUPTED_EVERY) {
+        if corrupted(FaultKind::Doubled) {
             bytes.extend_from_within(..);
         }
         plugged.held.extend(bytes);
         // Half of what is on its way stays there, so that messages are split and merged.
-        let keep = if on(FaultKind::Split) {
-            plugged.held.len() / 2
-        } else {
-            0
+        let now = match on(FaultKind::Split) {
+            true => plugged.held.len().div_ceil(2),
+            false => plugged.held.len(),
         };
-        let now = plugged.held.len() - keep;
-        plugged
-            .terminal
-            .write(plugged.held.get(..now).unwrap_or_default());
-        plugged.held.drain(..now);
+        let bytes: Vec<u8> = plugged.held.drain(..now).collect();
+        plugged.terminal.write(&bytes);
         thread::sleep(ON_THE_WIRE);
     }
 }

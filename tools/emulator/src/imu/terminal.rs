@@ -64,13 +64,10 @@ impl Terminal {
         bytes
     }
 
-    /// Sends; what the host does not fetch is lost, as on a wire. Gives how much was sent.
-    pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
-        match self.device.write(bytes) {
-            Ok(count) => count,
-            Err(error) if error.kind() == ErrorKind::Interrupted => self.write(bytes),
-            Err(_) => 0,
-        }
+    /// Sends; what the host does not fetch is lost, as on a wire.
+    pub(super) fn write(&mut self, bytes: &[u8]) {
+        let is_interrupted = |error: io::Error| error.kind() == ErrorKind::Interrupted;
+        while self.device.write(bytes).is_err_and(is_interrupted) {}
     }
 }
 

@@ -51,10 +51,9 @@ impl BeamUdpSender {
         recording: Recording<RadarScan>,
         pace: &Pace,
         faults: &Faults,
-        seed: u64,
         ends: &dyn Fn() -> bool,
     ) -> Result<Sent, Error> {
-        play(&mut self, recording, pace, faults, seed, ends)
+        play(&mut self, recording, pace, faults, ends)
     }
 
     /// The beam's values as the format has them: those of the bins, or of the returns.

@@ -46,11 +46,11 @@ pub(crate) struct FaultInjector {
 }
 
 impl FaultInjector {
-    pub fn new(faults: Faults, seed: u64) -> Self {
+    pub fn new(faults: Faults) -> Self {
         Self {
+            random: faults.seed() | 1,
+            wrong: WrongContent::new(faults.seed()),
             faults,
-            random: seed | 1,
-            wrong: WrongContent::new(seed),
             count: 0,
             closes: 0,
             held: Vec::new(),
@@ -116,18 +116,12 @@ impl FaultInjector {
         if on(FaultKind::Cut) && every(CORRUPTED_EVERY) {
             messages.iter_mut().for_each(|m| m.truncate(m.len() / 2));
         }
-        let times = if on(FaultKind::Doubled) && every(ASTRAY) {
-            2
-        } else {
-            1
-        };
-        let mut untaken = 0;
-        for message in (0..times).flat_map(|_| messages.iter()) {
-            untaken += u64::from(!wire.send(message));
-        }
-        for message in self.held.drain(..) {
-            untaken += u64::from(!wire.send(&message));
-        }
+        let is_doubled = on(FaultKind::Doubled) && every(ASTRAY);
+        let times = 1 + usize::from(is_doubled);
+        let now = (0..times).flat_map(|_| messages.iter());
+        let untaken = now.chain(&self.held).filter(|message| !wire.send(message));
+        let untaken = untaken.count() as u64;
+        self.held.clear();
         untaken
     }
 

@@ -54,10 +54,9 @@ impl NavtechServer {
         recording: Recording<RadarScan>,
         pace: &Pace,
         faults: &Faults,
-        seed: u64,
         ends: &dyn Fn() -> bool,
     ) -> Result<Sent, Error> {
-        play(&mut self, recording, pace, faults, seed, ends)
+        play(&mut self, recording, pace, faults, ends)
     }
 
     /// Sends the radar's configuration, where that is new: with a log's first sweep, or when it

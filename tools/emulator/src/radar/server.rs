@@ -45,9 +45,8 @@ impl Server {
             configuration: Vec::new(),
             split: false,
         };
-        server
-            .listen()
-            .map_err(Error::io(format!("listening on {address}")))?;
+        let listening = server.listen();
+        listening.map_err(Error::io(format!("listening on {address}")))?;
         Ok(server)
     }
 
@@ -66,9 +65,9 @@ impl Server {
     /// The radar's configuration: to all clients, and to each one that connects.
     pub fn configure(&mut self, message: &[u8]) {
         self.configuration = message.to_vec();
-        self.clients
-            .iter_mut()
-            .for_each(|client| client.configured = false);
+        for client in &mut self.clients {
+            client.configured = false;
+        }
     }
 
     /// Accepts clients, reads what is asked, sends what waits.

@@ -1,7 +1,7 @@
 //! A log's sweeps as what a radar sends.
 
 use crate::{Error, Recording};
-use randt_messages::{Message, RadarScan, Return};
+use randt_messages::{Beam, Message, RadarScan, Return};
 use std::f64::consts::TAU;
 
 /// The sweeps of a recording, numbered.
@@ -89,34 +89,25 @@ impl Turn {
     pub fn beams(&self) -> impl Iterator<Item = TurnBeam<'_>> {
         let sweep = &self.scan.head.sweep;
         let whole = sweep.beam_count as usize == usize::from(self.beams);
-        let first_rad = sweep
-            .beams()
-            .first()
-            .map_or(0.0, |b| f64::from(b.azimuth_rad));
-        let second_rad = sweep
-            .beams()
-            .get(1)
-            .map_or(0.0, |b| f64::from(b.azimuth_rad));
+        let beam_rad = |beam: Option<&Beam>| beam.map_or(0.0, |b| f64::from(b.azimuth_rad));
+        let first_rad = beam_rad(sweep.beams().first());
+        let second_rad = beam_rad(sweep.beams().get(1));
         // The sense in which it turns.
         let rises = (second_rad - first_rad).rem_euclid(TAU) < TAU / 2.0;
         sweep.beams().iter().enumerate().map(move |(index, beam)| {
             let azimuth_rad = f64::from(beam.azimuth_rad);
-            let turned_rad = if rises {
-                azimuth_rad - first_rad
-            } else {
-                first_rad - azimuth_rad
+            let turned_rad = match rises {
+                true => azimuth_rad - first_rad,
+                false => first_rad - azimuth_rad,
             };
             let steps = (turned_rad.rem_euclid(TAU) / self.step_rad()).round() as usize;
             let number = if whole { index } else { steps };
+            let returns = sweep.returns_of(index, self.scan.items.len());
             TurnBeam {
                 number: number.min(usize::from(self.beams) - 1) as u16,
                 stamp_ns: beam.stamp_ns + self.shift_ns,
                 azimuth_rad,
-                returns: self
-                    .scan
-                    .items
-                    .get(sweep.returns_of(index, self.scan.items.len()))
-                    .unwrap_or_default(),
+                returns: self.scan.items.get(returns).unwrap_or_default(),
             }
         })
     }

@@ -114,14 +114,14 @@ impl Emulator {
             RadarProtocol::BeamUdp(format) => {
                 let sender = BeamUdpSender::new(address, format).unwrap();
                 thread(Box::new(move |ends| {
-                    sender.play(recording, &pace, &faults, 1, ends).unwrap()
+                    sender.play(recording, &pace, &faults, ends).unwrap()
                 }))
             }
             RadarProtocol::Navtech { sixteen, order } => {
                 let server = NavtechServer::new(address, sixteen, order).unwrap();
                 bound = server.address();
                 thread(Box::new(move |ends| {
-                    server.play(recording, &pace, &faults, 1, ends).unwrap()
+                    server.play(recording, &pace, &faults, ends).unwrap()
                 }))
             }
         };

@@ -9,7 +9,7 @@ use figures::{Figures, Trial};
 use randt::drive::Drive;
 use randt::exit::Outcome;
 use randt::judgement::Judgement;
-use randt::output::{may_write, prepare_folder, print, write_whole};
+use randt::output::{may_write, prepare_folder, print_value, write_whole};
 use randt::{job, machine, progress};
 use randt_config::SelectionArguments;
 use randt_readers::Source;
@@ -133,11 +133,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     if let Some(path) = &arguments.out {
         write_whole(path, table.as_bytes())?;
     }
-    print(&if arguments.json {
-        format!("{}\n", serde_json::to_string_pretty(&ablation)?)
-    } else {
-        table
-    })?;
+    print_value(arguments.json, &ablation, || table)?;
     Ok(Outcome::Good)
 }
 

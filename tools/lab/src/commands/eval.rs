@@ -3,7 +3,7 @@
 use randt::accepted;
 use randt::exit::Outcome;
 use randt::judgement::Judgement;
-use randt::output::print;
+use randt::output::print_value;
 use randt::trust_spans;
 use randt_evaluation::{
     Evaluation, LoopEvaluation, LoopLimits, SilentlyWrong, Trajectory, Worst, silently_wrong,
@@ -107,15 +107,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let trust = arguments.trust.as_deref();
     let trust = trust.map(trust_spans::read).transpose()?;
     let silent = trust.map(|trust| silently_wrong(&estimate, &truth, &trust));
-    let text = if arguments.json {
-        format!(
-            "{}\n",
-            serde_json::to_string_pretty(&figures(&found, silent.as_ref()))?
-        )
-    } else {
-        table(&found, silent.as_ref())
-    };
-    print(&text)?;
+    let figures = figures(&found, silent.as_ref());
+    print_value(arguments.json, &figures, || table(&found, silent.as_ref()))?;
     let evaluation = &found.evaluation;
     if evaluation.frames > 1 {
         eprintln!(

@@ -11,7 +11,7 @@ use anyhow::{Context, ensure};
 use false_loops::FalseLoops;
 use problem::Problem;
 use randt::exit::Outcome;
-use randt::output::print;
+use randt::output::print_value;
 use randt_evaluation::{Trajectory, evaluate};
 use randt_mapper::KeyframeIdx;
 use randt_mapper::pose_graph::PoseGraph;
@@ -96,11 +96,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         converged: report.converged,
         trial: trial.transpose().with_context(|| file)?,
     };
-    print(&if arguments.json {
-        format!("{}\n", serde_json::to_string_pretty(&figures)?)
-    } else {
-        table(&figures)
-    })?;
+    print_value(arguments.json, &figures, || table(&figures))?;
     Ok(Outcome::Good)
 }
 

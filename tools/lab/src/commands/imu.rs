@@ -12,11 +12,11 @@ use anyhow::bail;
 use examination::Examination;
 use nalgebra::Vector3;
 use randt::exit::Outcome;
-use randt::output::{print, write_whole};
+use randt::output::{print_value, write_whole};
 use randt_config::SelectionArguments;
 use randt_filter::Mounting;
 use sample::Samples;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -71,16 +71,12 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
             counter.count, counter.name, counter.first
         );
     }
-    print(&if arguments.json {
-        as_json(&file, samples.format(), &examination, &counters)?
-    } else {
-        as_text(&file, samples.format(), &examination)
+    let format = samples.format();
+    let json = as_json(&file, format, &examination, &counters);
+    print_value(arguments.json, &json, || {
+        as_text(&file, format, &examination)
     })?;
-    Ok(if lost {
-        Outcome::DataLost
-    } else {
-        Outcome::Good
-    })
+    Ok(Outcome::finished(lost))
 }
 
 fn as_json(
@@ -88,7 +84,7 @@ fn as_json(
     format: &str,
     examination: &Examination,
     counters: &[randt_readers::Counter],
-) -> anyhow::Result<String> {
+) -> Value {
     let axes = |v: Vector3<f64>| [v.x, v.y, v.z];
     let degrees = |v: Vector3<f64>| axes(v.map(f64::to_degrees));
     let bias = examination.bias_rad_s();
@@ -99,7 +95,7 @@ fn as_json(
         .iter()
         .map(|c| json!({ "name": c.name, "count": c.count, "first": c.first, "loss": c.loss }))
         .collect();
-    let value = json!({
+    json!({
         "input": file,
         "format": format,
         "sampling": examination.timing(),
@@ -119,8 +115,7 @@ fn as_json(
         "turned_deg": examination.turned_rad().to_degrees(),
         "roll_deg": roll.to_degrees(),
         "pitch_deg": pitch.to_degrees(),
-    });
-    Ok(serde_json::to_string_pretty(&value)? + "\n")
+    })
 }
 
 fn as_text(file: &str, format: &str, examination: &Examination) -> String {

@@ -1,12 +1,12 @@
 //! `randt-lab register`: the motion between two radar scans.
 
 use anyhow::{Context, bail};
-use randt::{exit::Outcome, input::InputOptions, job, output::print};
+use randt::{exit::Outcome, input::InputOptions, job, output::print_value, results::Results};
 use randt_config::{Config, Loaded, SelectionArguments};
 use randt_filter::ClusterFilter;
 use randt_geometry::Pose2;
-use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, RadarScan, Trust};
-use randt_odometry::{Odometry, Sink};
+use randt_messages::{Message, RadarPoints, RadarScan, Trust};
+use randt_odometry::Odometry;
 use randt_readers::{Event, Options};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -47,16 +47,6 @@ struct Registration {
     stamp_b_ns: i64,
 }
 
-#[derive(Default)]
-struct States(Vec<OdometryState>);
-
-impl Sink for States {
-    fn state(&mut self, state: &OdometryState) {
-        self.0.push(*state);
-    }
-    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
-}
-
 /// Registers and prints.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let options = arguments.options.options();
@@ -74,13 +64,13 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
     let mut points = Message::<RadarPoints>::default();
     let mut odometry = Odometry::new(&config, false);
-    let mut states = States::default();
+    let mut results = Results::default();
     for scan in [&first, &second] {
         filter.process(scan.as_ref(), &mut points);
-        odometry.push_points(points.as_ref(), &mut states);
+        odometry.push_points(points.as_ref(), &mut results);
     }
-    odometry.finish(&mut states);
-    let [a, b] = states.0.as_slice() else {
+    odometry.finish(&mut results);
+    let [a, b] = results.states.as_slice() else {
         bail!(
             "{}: too few returns to register to",
             arguments.first.display()
@@ -104,11 +94,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         stamp_a_ns: a.header.stamp_ns,
         stamp_b_ns: b.header.stamp_ns,
     };
-    print(&if arguments.json {
-        format!("{}\n", serde_json::to_string_pretty(&registration)?)
-    } else {
-        text(&registration)
-    })?;
+    print_value(arguments.json, &registration, || text(&registration))?;
     Ok(Outcome::Good)
 }
 

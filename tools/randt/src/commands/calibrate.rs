@@ -16,18 +16,11 @@ use std::path::PathBuf;
 /// More stretches than these stand in the JSON only.
 const SPANS_SHOWN: usize = 8;
 
-/// Arguments of `randt calibrate`.
-#[derive(Debug, clap::Args)]
-pub struct Arguments {
-    #[command(subcommand)]
-    what: What,
-}
-
 /// What is calibrated.
 #[derive(Debug, clap::Subcommand)]
-enum What {
+pub enum What {
     /// How late the radar's stamps are against the gyro's
-    Time(time::Arguments),
+    Time(Recording),
     /// Where the radar sits in base_link: its yaw from straights, its position from turns on the
     /// spot
     Extrinsics(extrinsics::Arguments),
@@ -49,9 +42,9 @@ pub struct Recording {
 }
 
 /// Estimates and prints.
-pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    match arguments.what {
-        What::Time(arguments) => time::run(&arguments),
+pub fn run(what: What) -> anyhow::Result<Outcome> {
+    match what {
+        What::Time(recording) => time::run(&recording),
         What::Extrinsics(arguments) => extrinsics::run(&arguments),
     }
 }

@@ -4,16 +4,9 @@ use crate::exit::Outcome;
 use crate::output::print;
 use randt_config::{Error, SelectionArguments, check_file};
 
-/// Arguments of `randt config`.
-#[derive(Debug, clap::Args)]
-pub struct Arguments {
-    #[command(subcommand)]
-    action: Action,
-}
-
 /// What to do.
 #[derive(Debug, clap::Subcommand)]
-enum Action {
+pub enum Action {
     /// Print every key that is in force, what it means and where its value comes from
     ///
     /// The output is TOML and can be changed and given to --profile.
@@ -27,11 +20,9 @@ enum Action {
 }
 
 /// Shows or checks.
-pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    match arguments.action {
-        Action::Show(selection) => {
-            print(&selection.load(None)?.to_toml())?;
-        }
+pub fn run(action: Action) -> anyhow::Result<Outcome> {
+    match action {
+        Action::Show(selection) => print(&selection.load(None)?.to_toml())?,
         Action::Check { files } => {
             let mut mistakes = Vec::new();
             for file in &files {

@@ -30,20 +30,16 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     prepare_folder(&out)?;
     let log = out.join("building.mcap");
     print("1. simulating a drive through a building (radar, gyro, accelerometer, truth)\n")?;
-    simulate::run(simulate::Arguments::new(
-        "building",
-        log.clone(),
-        seed,
-        scans,
-    ))?;
+    let drive = simulate::Arguments::new("building", log.clone(), seed, scans);
+    simulate::run(drive)?;
     print("2. computing the trajectory from radar and IMU alone\n")?;
     let report = run::compute(run::Arguments::new(log, out.clone()))?;
     let stages = report.timing.iter().filter(|(stage, _)| **stage != "run");
     let mut text = String::from("3. result\n");
     for (stage, cost) in stages {
+        let (median, p99, max) = (cost.median_ms, cost.p99_ms, cost.max_ms);
         text += &format!(
-            "   {stage:20} median {:7.3} ms   p99 {:7.3} ms   max {:7.3} ms\n",
-            cost.median_ms, cost.p99_ms, cost.max_ms
+            "   {stage:20} median {median:7.3} ms   p99 {p99:7.3} ms   max {max:7.3} ms\n"
         );
     }
     let ate_m = report.ate_rmse_m;

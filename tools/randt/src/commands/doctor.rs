@@ -54,7 +54,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         // Nothing in it is opened: anybody may have made it.
         return print_findings(&title(&domain), &[finding]);
     }
-    // Root.s process reads and cleans with the rights of the domain's owner, who may have put
+    // Root's process reads and cleans with the rights of the domain's owner, who may have put
     // links in it.
     let owner = Identity::of_way_to(&domain.folder())?;
     owner.run(|| examine(domain, &arguments))

@@ -4,19 +4,14 @@ mod imu;
 mod radar;
 
 use crate::exit::Outcome;
+use crate::input::number_within;
 use clap::{Args, Subcommand};
 use randt_emulator::{Fault, FaultKind, Faults};
 use std::path::PathBuf;
 
-/// Arguments of `randt emulate`.
-#[derive(Debug, Args)]
-pub struct Arguments {
-    #[command(subcommand)]
-    sensor: Sensor,
-}
-
+/// What is emulated.
 #[derive(Debug, Subcommand)]
-enum Sensor {
+pub enum Sensor {
     /// A radar over Ethernet
     Radar(radar::Arguments),
     /// An IMU on a serial port, or on a Phidget network server
@@ -71,15 +66,12 @@ fn fault_help() -> String {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.0..1e10).contains(&seconds) => Ok(seconds),
-        _ => Err("expected seconds since 1970".to_owned()),
-    }
+    number_within(text, 0.0..1e10, "seconds since 1970")
 }
 
 /// Emulates until the log is at its end, or the end is asked for.
-pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    match arguments.sensor {
+pub fn run(sensor: Sensor) -> anyhow::Result<Outcome> {
+    match sensor {
         Sensor::Radar(arguments) => radar::run(arguments),
         Sensor::Imu(arguments) => imu::run(arguments),
     }

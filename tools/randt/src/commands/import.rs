@@ -3,13 +3,12 @@
 use crate::exit::Outcome;
 use crate::input::InputOptions;
 use crate::job;
-use crate::output::{may_write, print};
+use crate::output::{finish, head_only, log_options, may_write, print};
 use crate::progress;
-use anyhow::{Context, bail};
-use randt_log::{LogFile, Options, ROBOT_METADATA, Robot};
-use randt_messages::{ImuSampleTopic, Message, Topic, TruthPoseTopic};
+use anyhow::ensure;
+use randt_log::{LogFile, ROBOT_METADATA, Robot};
+use randt_messages::{ImuSampleTopic, TruthPoseTopic};
 use randt_readers::{Counter, Event, InputInfo};
-use std::fmt::Write;
 use std::path::PathBuf;
 
 /// Arguments of `randt import`.
@@ -27,14 +26,6 @@ pub struct Arguments {
     options: InputOptions,
 }
 
-/// What was written.
-#[derive(Debug, Default)]
-struct Written {
-    scans: u64,
-    samples: u64,
-    truths: u64,
-}
-
 /// Reads the input to its end and writes what it holds.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let Arguments {
@@ -49,70 +40,41 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let info = source.info().clone();
     let bar = progress::bar(info.scans, "sweeps");
 
-    let written_by = format!("randt {}", randt_version::VERSION);
-    let mut file = LogFile::create(
-        &log,
-        Options {
-            written_by,
-            ..Options::default()
-        },
-    )?;
+    let mut file = LogFile::create(&log, log_options())?;
     file.write_metadata(ROBOT_METADATA, robot(&info).to_metadata())?;
-    let mut written = Written::default();
+    let (mut scans, mut samples, mut truths) = (0_u64, 0_u64, 0_u64);
     while let Some(event) = source.next_event()? {
-        if job::interrupted() {
-            bail!("interrupted; nothing was written");
-        }
+        ensure!(!job::interrupted(), "interrupted; nothing was written");
         match event {
             Event::Scan(scan) => {
                 file.write(scan.as_ref())?;
-                written.scans += 1;
+                scans += 1;
                 bar.inc(1);
             }
             Event::Imu(sample) => {
-                file.write(single::<ImuSampleTopic>(sample).as_ref())?;
-                written.samples += 1;
+                file.write(head_only::<ImuSampleTopic>(&sample))?;
+                samples += 1;
             }
             Event::Truth(pose) => {
-                file.write(single::<TruthPoseTopic>(pose).as_ref())?;
-                written.truths += 1;
+                file.write(head_only::<TruthPoseTopic>(&pose))?;
+                truths += 1;
             }
         }
     }
-    let size = file
-        .finish()
-        .with_context(|| format!("{}: cannot be finished", log.display()))?;
+    let size = finish(file, &log)?;
     bar.finish_and_clear();
 
     let counters = source.counters();
     let name = log.display();
-    let Written {
-        scans,
-        samples,
-        truths,
-    } = written;
     let mut text = format!(
         "{name}: {scans} sweeps, {samples} IMU samples, {truths} true poses from a {}; {:.1} MB\n",
         info.format,
         size as f64 * 1e-6
     );
-    for counter in &counters {
-        // Writing to a String cannot fail.
-        let _ = writeln!(text, "{}", line(counter));
-    }
+    text.extend(counters.iter().map(line));
     print(&text)?;
-    Ok(if counters.iter().any(|counter| counter.loss) {
-        Outcome::DataLost
-    } else {
-        Outcome::Good
-    })
-}
-
-/// A message that is only a head.
-fn single<T: Topic>(head: T::Head) -> Message<T> {
-    let mut message = Message::default();
-    *message.head = head;
-    message
+    let lost = counters.iter().any(|counter| counter.loss);
+    Ok(Outcome::finished(lost))
 }
 
 fn robot(info: &InputInfo) -> Robot {
@@ -126,8 +88,6 @@ fn robot(info: &InputInfo) -> Robot {
 /// A counter as a line of text.
 fn line(counter: &Counter) -> String {
     let kind = if counter.loss { "lost" } else { "note" };
-    format!(
-        "  {kind} {} {}: {}",
-        counter.count, counter.name, counter.first
-    )
+    let (count, name, first) = (counter.count, counter.name, &counter.first);
+    format!("  {kind} {count} {name}: {first}\n")
 }

@@ -7,22 +7,15 @@ mod info;
 pub mod recover;
 
 use crate::exit::Outcome;
-use crate::output::may_write;
-use anyhow::Context;
+use crate::output::{finish, may_write};
+use crate::units::bytes;
 use randt_log::{Compression, Entry, LogFile, LogReader, Options, copy};
 use std::io::{Read, Seek};
 use std::path::Path;
 
-/// Arguments of `randt log`.
-#[derive(Debug, clap::Args)]
-pub struct Arguments {
-    #[command(subcommand)]
-    action: Action,
-}
-
 /// What to do.
 #[derive(Debug, clap::Subcommand)]
-enum Action {
+pub enum Action {
     /// Summarise a log: topics, rates, span, metadata; exit code 3 where something is missing
     Info(info::Arguments),
     /// Read every byte and every checksum; exit code 3 where something is damaged or was not
@@ -37,8 +30,8 @@ enum Action {
 }
 
 /// Does it.
-pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    match arguments.action {
+pub fn run(action: Action) -> anyhow::Result<Outcome> {
+    match action {
         Action::Info(arguments) => info::run(&arguments),
         Action::Check(arguments) => check::run(&arguments),
         Action::Recover(arguments) => recover::run(&arguments),
@@ -47,25 +40,26 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     }
 }
 
-/// Writes a log anew with the messages that are wanted; gives how many there are and the file's
-/// size.
+/// Writes a log anew with the messages that are wanted; gives the text about it.
 fn write_copy<R: Read + Seek>(
     reader: &mut LogReader<R>,
     to: &Path,
     force: bool,
     keep: impl FnMut(&Entry<'_>) -> bool,
-) -> anyhow::Result<(u64, u64)> {
+) -> anyhow::Result<String> {
     may_write(to, force)?;
     let options = Options {
-        compression: Compression::Zstd,
+        compression: Some(Compression::Zstd),
         // A reader that does not know the layout needs the name of its program.
         written_by: reader.written_by().to_owned(),
         ..Options::default()
     };
     let mut file = LogFile::create_copy(to, options)?;
     let messages = copy(reader, file.writer(), keep)?;
-    let size = file
-        .finish()
-        .with_context(|| format!("{}: cannot be finished", to.display()))?;
-    Ok((messages, size))
+    let size = bytes(finish(file, to)?);
+    let mut text = format!("{}: {messages} messages, {size}\n", to.display());
+    for damage in reader.damage() {
+        text += &format!("  stepped over: {}\n", damage.first);
+    }
+    Ok(text)
 }

@@ -2,7 +2,8 @@
 
 mod player;
 
-use crate::{exit::Outcome, input::InputOptions};
+use crate::exit::Outcome;
+use crate::input::{InputOptions, number_within};
 use player::Player;
 use randt_stage::DomainArguments;
 use std::path::PathBuf;
@@ -39,11 +40,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         randt_stage::end_with(parent);
     }
     let mut player = Player::open(arguments.domain.domain()?, arguments.rate)?;
-    loop {
-        let ended = player.play(source.as_mut())?;
-        if !ended {
-            break;
-        }
+    while player.play(source.as_mut())? {
         if !arguments.endless {
             player.finish(arguments.stay)?;
             break;
@@ -54,23 +51,15 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let counters = source.counters();
     for counter in &counters {
         let (name, count, first) = (counter.name, counter.count, &counter.first);
-        eprintln!(
-            "{}: {name} {count} (first: {first})",
-            arguments.log.display()
-        );
+        let log = arguments.log.display();
+        eprintln!("{log}: {name} {count} (first: {first})");
     }
     player.close()?;
-    Ok(if counters.iter().any(|counter| counter.loss) {
-        Outcome::DataLost
-    } else {
-        Outcome::Good
-    })
+    let lost = counters.iter().any(|counter| counter.loss);
+    Ok(Outcome::finished(lost))
 }
 
 /// A factor that a machine can keep up with.
 pub fn rate(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(rate) if (0.01..=1000.0).contains(&rate) => Ok(rate),
-        _ => Err("expected a factor between 0.01 and 1000".to_owned()),
-    }
+    number_within(text, 0.01..=1000.0, "a factor between 0.01 and 1000")
 }

@@ -9,6 +9,7 @@ mod topics;
 use crate::exit::Outcome;
 use crate::output::{prepare_folder, print, write_whole};
 use crate::{job, results};
+use charts::Panels;
 use randt_evaluation::{Chart, Panel, plot_chart};
 use recording::Recording;
 use std::fmt::Write;
@@ -28,6 +29,9 @@ pub struct Arguments {
 /// A picture, or what the log lacks for it.
 type Picture = Result<String, &'static str>;
 
+/// Panels of a chart from a recording.
+type PanelsOf = fn(&Recording) -> Panels;
+
 /// Reads the log through, draws and lists what was drawn.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     job::catch_interrupts();
@@ -37,35 +41,19 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     prepare_folder(&out)?;
     let name = arguments.log.file_name().unwrap_or_default();
     let name = name.to_string_lossy();
-    let charts = [
-        (
-            "motion.svg",
-            "speed and yaw rate",
-            charts::motion(&recording),
-        ),
-        (
-            "quality.svg",
-            "how well scans fit",
-            charts::quality(&recording),
-        ),
-        ("latency.svg", "latency", charts::latency(&recording)),
-        (
-            "topics.svg",
-            "messages on each topic",
-            topics::panels(&recording),
-        ),
-        (
-            "biases.svg",
-            "gyro biases and attitude",
-            charts::biases(&recording),
-        ),
+    let charts: [(&str, &str, PanelsOf); 5] = [
+        ("motion.svg", "speed and yaw rate", charts::motion),
+        ("quality.svg", "how well scans fit", charts::quality),
+        ("latency.svg", "latency", charts::latency),
+        ("topics.svg", "messages on each topic", topics::panels),
+        ("biases.svg", "gyro biases and attitude", charts::biases),
     ];
     let title = |what: &str| format!("{name}: {what}");
     let mut pictures: Vec<(&str, &str, Picture)> = Vec::new();
     let what = "path over the map";
     pictures.push(("path.svg", what, path::draw(&recording, &title(what))?));
     for (file, what, panels) in charts {
-        let drawn = match panels {
+        let drawn = match panels(&recording) {
             Ok(panels) => Ok(chart(&recording, &title(what), &panels)?),
             Err(lacks) => Err(lacks),
         };
@@ -99,10 +87,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for damage in &recording.damage {
         eprintln!("stepped over: {damage}");
     }
-    Ok(match recording.damage.as_slice() {
-        [] => Outcome::Good,
-        _ => Outcome::DataLost,
-    })
+    Ok(Outcome::finished(!recording.damage.is_empty()))
 }
 
 fn chart(recording: &Recording, title: &str, panels: &[Panel]) -> anyhow::Result<String> {

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Arguments of `randt run`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 pub struct Arguments {
     /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or
     /// one of our logs
@@ -50,11 +50,7 @@ impl Arguments {
         Self {
             input,
             out,
-            no_imu: false,
-            no_loops: false,
-            compare: false,
-            selection: SelectionArguments::default(),
-            options: InputOptions::default(),
+            ..Self::default()
         }
     }
 }
@@ -64,8 +60,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let shown = compute(arguments)?;
     Ok(match shown.same {
         Some(false) => Outcome::Failed,
-        _ if shown.lost => Outcome::DataLost,
-        _ => Outcome::Good,
+        _ => Outcome::finished(shown.lost),
     })
 }
 
@@ -83,10 +78,8 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     let mut config = job::with_mounting(loaded, source.as_ref()).config;
     config.loops.enabled &= !arguments.no_loops;
     // Before the work: whether there is anything to compare with.
-    let published = match arguments.compare {
-        true => Some(compare::published(&arguments.input)?),
-        false => None,
-    };
+    let published = (arguments.compare).then(|| compare::published(&arguments.input));
+    let published = published.transpose()?;
     prepare_folder(&arguments.out)?;
 
     let bar = progress::bar(source.info().scans, "scans");

@@ -1,13 +1,15 @@
 //! `randt simulate`: a simulated drive as a log.
 
 use crate::exit::Outcome;
+use crate::input::number_within;
 use crate::job;
-use crate::output::{may_write, print, write_whole};
+use crate::output::{head_only, log_options, may_write, print, write_whole};
 use crate::progress;
-use anyhow::{Context as _, bail};
+use anyhow::{Context as _, ensure};
+use randt_evaluation::stamp_text;
 use randt_geometry::Pose2;
-use randt_log::{LogFile, Options, ROBOT_METADATA};
-use randt_messages::{ImuSampleTopic, MessageRef, TruthPose, TruthPoseTopic};
+use randt_log::{LogFile, ROBOT_METADATA};
+use randt_messages::{ImuSampleTopic, TruthPose, TruthPoseTopic};
 use randt_simulator::{Event, Robot, Simulation, World};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,7 +20,7 @@ use std::path::PathBuf;
 const CLEARANCE_MIN_M: f64 = 0.15;
 
 /// Arguments of `randt simulate`.
-#[derive(Debug, clap::Args)]
+#[derive(Debug, Default, clap::Args)]
 #[command(group(clap::ArgGroup::new("drive").required(true).args(["world", "file"])))]
 pub struct Arguments {
     /// The world to drive through: building, yard (sloping ground) or tunnel
@@ -59,15 +61,11 @@ impl Arguments {
     pub fn new(world: &str, out: PathBuf, seed: u64, scans: u64) -> Self {
         Self {
             world: Some(world.to_owned()),
-            file: None,
             out,
             seed,
             scans: Some(scans),
-            truth: None,
-            radar_mounting: None,
-            radar_late: 0.0,
-            turns: false,
             force: true,
+            ..Self::default()
         }
     }
 }
@@ -75,23 +73,13 @@ impl Arguments {
 /// Simulates the drive and writes it.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let world = world(&arguments)?;
-    for path in [Some(&arguments.out), arguments.truth.as_ref()]
-        .into_iter()
-        .flatten()
-    {
+    for path in [&arguments.out].into_iter().chain(&arguments.truth) {
         may_write(path, arguments.force)?;
     }
     job::catch_interrupts();
     let robot = robot(&world, &arguments);
     let scans = arguments.scans.unwrap_or_else(|| world.sweeps());
-    let written_by = format!("randt {}", randt_version::VERSION);
-    let mut log = LogFile::create(
-        &arguments.out,
-        Options {
-            written_by,
-            ..Options::default()
-        },
-    )?;
+    let mut log = LogFile::create(&arguments.out, log_options())?;
     log.write_metadata(ROBOT_METADATA, metadata(&robot).to_metadata())?;
     let about = [
         ("world", world.name.clone()),
@@ -108,9 +96,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut first_ns = None;
     let mut nearest = (f64::INFINITY, [0.0; 3]);
     for event in simulation.by_ref() {
-        if job::interrupted() {
-            bail!("interrupted; nothing was written");
-        }
+        ensure!(!job::interrupted(), "interrupted; nothing was written");
         first_ns.get_or_insert(event.stamp_ns());
         match event {
             Event::Scan(scan) => {
@@ -125,17 +111,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
                 }
                 bar.inc(1);
             }
-            Event::Imu(sample) => {
-                log.write(MessageRef::<ImuSampleTopic> {
-                    head: &sample,
-                    items: &[],
-                })?;
-            }
+            Event::Imu(sample) => log.write(head_only::<ImuSampleTopic>(&sample))?,
             Event::Truth(pose) => {
-                log.write(MessageRef::<TruthPoseTopic> {
-                    head: &pose,
-                    items: &[],
-                })?;
+                log.write(head_only::<TruthPoseTopic>(&pose))?;
                 truth = pose;
             }
         }
@@ -170,13 +148,10 @@ fn world(arguments: &Arguments) -> anyhow::Result<World> {
         return World::parse(&name, &text).with_context(|| path.display().to_string());
     }
     let name = arguments.world.as_deref().unwrap_or_default();
-    let Some(world) = World::named(name) else {
-        bail!(
-            "unknown world {name:?}: there is {}; a file's goes to --world",
-            World::NAMES.join(", ")
-        );
-    };
-    Ok(world)
+    World::named(name).with_context(|| {
+        let names = World::NAMES.join(", ");
+        format!("unknown world {name:?}: there is {names}; a file's goes to --world")
+    })
 }
 
 /// The robot that was asked for.
@@ -206,10 +181,11 @@ fn mounting(text: &str) -> Result<Pose2, String> {
 
 /// What clocks are apart by.
 fn lateness(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.abs() <= 1000.0 => Ok(value),
-        _ => Err("expected milliseconds between -1000 and 1000".to_owned()),
-    }
+    number_within(
+        text,
+        -1000.0..=1000.0,
+        "milliseconds between -1000 and 1000",
+    )
 }
 
 /// The robot as the log has it.
@@ -225,14 +201,7 @@ fn metadata(robot: &Robot) -> randt_log::Robot {
 fn tum_row(rows: &mut String, truth: &TruthPose) {
     let pose = Pose2::from_array(truth.pose);
     let (sin, cos) = randt_geometry::elementary::sin_cos(0.5 * pose.yaw_rad);
-    let (seconds, nanoseconds) = (
-        truth.header.stamp_ns / 1_000_000_000,
-        truth.header.stamp_ns % 1_000_000_000,
-    );
+    let (stamp, x_m, y_m) = (stamp_text(truth.header.stamp_ns), pose.x_m, pose.y_m);
     // Writing to a String cannot fail.
-    let _ = writeln!(
-        rows,
-        "{seconds}.{nanoseconds:09} {:.9} {:.9} 0 0 0 {sin:.12} {cos:.12}",
-        pose.x_m, pose.y_m
-    );
+    let _ = writeln!(rows, "{stamp} {x_m:.9} {y_m:.9} 0 0 0 {sin:.12} {cos:.12}");
 }

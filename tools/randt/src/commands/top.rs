@@ -10,8 +10,8 @@ mod text;
 mod traffic;
 mod watch;
 
-use crate::{exit::Outcome, output::print};
-use anyhow::{bail, ensure};
+use crate::{exit::Outcome, input::number_within, output::print_value};
+use anyhow::ensure;
 use randt_stage::DomainArguments;
 use screen::Screen;
 use std::io::IsTerminal;
@@ -58,17 +58,12 @@ fn once(mut watch: Watch, json: bool) -> anyhow::Result<Outcome> {
         watch.read();
     }
     let snapshot = watch.refresh()?;
-    if snapshot.stages.is_empty() {
-        bail!(
-            "no pipeline is there: no stage ever ran in {}; start one (randt up), or say where it is (--run, --prefix)",
-            watch.domain().folder().display()
-        );
-    }
-    print(&if json {
-        format!("{}\n", serde_json::to_string_pretty(&snapshot)?)
-    } else {
-        text::plain(&snapshot)
-    })?;
+    ensure!(
+        !snapshot.stages.is_empty(),
+        "no pipeline is there: no stage ever ran in {}; start one (randt up), or say where it is (--run, --prefix)",
+        watch.domain().folder().display()
+    );
+    print_value(json, &snapshot, || text::plain(&snapshot))?;
     Ok(Outcome::Good)
 }
 
@@ -111,8 +106,5 @@ fn live(mut watch: Watch, interval: Duration) -> anyhow::Result<Outcome> {
 
 /// An interval that a person can follow.
 fn interval(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(seconds) if (0.1..=60.0).contains(&seconds) => Ok(seconds),
-        _ => Err("expected a time between 0.1 and 60 seconds".to_owned()),
-    }
+    number_within(text, 0.1..=60.0, "a time between 0.1 and 60 seconds")
 }

@@ -9,7 +9,7 @@ mod program;
 mod watch;
 
 use crate::{earlier, exit::Outcome, input::InputOptions, job, output};
-use anyhow::bail;
+use anyhow::ensure;
 use ending::Ending;
 use processes::Processes;
 use randt_config::{Loaded, SelectionArguments};
@@ -35,15 +35,6 @@ pub fn check_drivers(loaded: &Loaded, no_imu: bool) -> anyhow::Result<()> {
         Imu::new(&config).map_err(|error| error.in_configuration(origins))?;
     }
     Ok(())
-}
-
-/// The drivers, the one first whose data the other's wait for.
-fn drivers(no_imu: bool) -> &'static [&'static str] {
-    if no_imu {
-        &["radar"]
-    } else {
-        &["imu", "radar"]
-    }
 }
 
 /// Arguments of `randt up`.
@@ -83,22 +74,23 @@ pub struct Arguments {
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     // A closed terminal (SIGHUP) too; of the other signals a stage has handlers of its own.
     job::catch_interrupts();
-    let source = match &arguments.play {
-        Some(log) => Some(randt_readers::open(log, &arguments.options.options())?),
-        None => None,
-    };
+    let options = arguments.options.options();
+    let source = arguments
+        .play
+        .as_ref()
+        .map(|log| randt_readers::open(log, &options));
+    let source = source.transpose()?;
     let loaded = configuration(&arguments.selection, source.as_deref())?;
     if arguments.play.is_none() && !arguments.no_drivers {
         check_drivers(&loaded, arguments.no_imu)?;
     }
     output::prepare_folder(&arguments.out)?;
     let domain = arguments.domain.domain()?;
-    if randt_stage::wipe(&domain, true)?.is_none() {
-        bail!(
-            "{}: a pipeline runs here already, or a stage of one; stop it, or give this one another --prefix (a recorder is started by --record, a view by --view)",
-            domain.folder().display()
-        );
-    }
+    ensure!(
+        randt_stage::wipe(&domain, true)?.is_some(),
+        "{}: a pipeline runs here already, or a stage of one; stop it, or give this one another --prefix (a recorder is started by --record, a view by --view)",
+        domain.folder().display()
+    );
     earlier::keep_drive(&arguments.out)?;
     let (mut processes, journal) =
         Processes::start(&arguments, &domain, &loaded, source.as_deref())?;
@@ -110,7 +102,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         config: &loaded.config,
         use_imu: !arguments.no_imu,
         log: arguments.play.as_deref(),
-        options: arguments.options.options(),
+        options,
     };
     ending.finish(processes, journal, end)
 }

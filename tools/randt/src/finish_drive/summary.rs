@@ -9,12 +9,11 @@ use std::path::Path;
 
 /// A counter with its first case.
 pub fn counted(name: &str, counter: &Count) -> String {
-    let first = if counter.first.is_empty() {
-        String::new()
-    } else {
-        format!(" (first: {})", counter.first)
-    };
-    format!("{name} {}{first}", counter.count)
+    let Count { count, first, .. } = counter;
+    match first.as_str() {
+        "" => format!("{name} {count}"),
+        first => format!("{name} {count} (first: {first})"),
+    }
 }
 
 /// Why trust was not good and for how long; nothing of single scans, such as the first one.
@@ -36,11 +35,8 @@ fn doubted(reasons: &Extents) -> String {
 pub fn text(report: &Report, out: &Path) -> String {
     let mut text = String::new();
     // Writing to a String cannot fail.
-    let seconds: f64 = report
-        .frames
-        .iter()
-        .map(|f| (f.end_ns - f.begin_ns) as f64 * 1e-9)
-        .sum();
+    let frames = report.frames.iter();
+    let seconds: f64 = frames.map(|f| (f.end_ns - f.begin_ns) as f64 * 1e-9).sum();
     let _ = writeln!(
         text,
         "{} ({}): {} scans, {seconds:.1} s, {:.1} m driven",
@@ -62,17 +58,8 @@ pub fn text(report: &Report, out: &Path) -> String {
     if let Some(comparison) = &report.comparison {
         let _ = writeln!(text, "compared: {comparison}");
     }
-    let (closed, candidates, components) = match &report.loops {
-        Some(loops) => {
-            let closed = loops.statuses.get("accepted").copied();
-            (
-                closed.unwrap_or(0),
-                loops.candidates.len(),
-                loops.components,
-            )
-        }
-        None => (0, 0, 1),
-    };
+    let loops = report.loops.as_ref();
+    let components = loops.map_or(1, |loops| loops.components);
     if report.frames.len() > 1 {
         let frames = report.frames.len();
         let _ = match components {
@@ -85,21 +72,20 @@ pub fn text(report: &Report, out: &Path) -> String {
     }
     let configuration = report.configuration.as_ref();
     if configuration.is_some_and(|it| it.loops.enabled) {
+        let candidates = loops.map_or(0, |loops| loops.candidates.len());
+        let closed = loops.and_then(|loops| loops.statuses.get("accepted"));
+        let closed = closed.copied().unwrap_or(0);
         let _ = writeln!(text, "loops: {closed} closed, of {candidates} candidates");
     }
     let trust = &report.trust;
+    let (good, degraded, lost) = (trust.good, trust.degraded, trust.lost);
+    let reasons = doubted(&report.trust_reasons);
     let _ = writeln!(
         text,
-        "trust: {} good, {} degraded, {} lost{}",
-        trust.good,
-        trust.degraded,
-        trust.lost,
-        doubted(&report.trust_reasons)
+        "trust: {good} good, {degraded} degraded, {lost} lost{reasons}"
     );
-    if let (Some(cost), Some(whole)) = (
-        report.timing.get("filter_and_odometry"),
-        report.timing.get("run"),
-    ) {
+    let cost = report.timing.get("filter_and_odometry");
+    if let Some((cost, whole)) = cost.zip(report.timing.get("run")) {
         let _ = writeln!(
             text,
             "per scan: median {:.2} ms, p99 {:.2} ms; whole run {:.1} s",

@@ -22,21 +22,18 @@ impl OxfordFolder {
     /// folder without images.
     pub fn open(path: &Path, options: &Options) -> Result<Option<Self>, Error> {
         let inner = path.join("radar");
-        let (folder, base) = if inner.is_dir() {
-            (inner.as_path(), Some(path))
-        } else {
-            (path, path.parent())
+        let (folder, base) = match inner.is_dir() {
+            true => (inner.as_path(), Some(path)),
+            false => (path, path.parent()),
         };
         let mut images = images(folder)?;
         if images.is_empty() {
             return Ok(None);
         }
         let mut counters = Counters::default();
-        let lists = [Some(path), base]
-            .into_iter()
-            .flatten()
-            .map(|p| p.join("radar.timestamps"));
-        if let Some(list) = lists.into_iter().find(|list| list.is_file())
+        let folders = [Some(path), base].into_iter().flatten();
+        let mut lists = folders.map(|folder| folder.join("radar.timestamps"));
+        if let Some(list) = lists.find(|list| list.is_file())
             && !options.unlisted_scans
         {
             let text = std::fs::read_to_string(&list).map_err(Error::io(&list))?;
@@ -51,11 +48,8 @@ impl OxfordFolder {
             path: path.display().to_string(),
             found,
         })?;
-        Ok(Self::new(
-            vec![path.to_owned()],
-            options,
-            Counters::default(),
-        ))
+        let images = vec![path.to_owned()];
+        Ok(Self::new(images, options, Counters::default()))
     }
 
     fn new(images: Vec<PathBuf>, options: &Options, counters: Counters) -> Self {
@@ -80,10 +74,8 @@ fn images(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut images = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let path = entry.map_err(Error::io(folder))?.path();
-        let is_png = path
-            .extension()
-            .is_some_and(|ext| ext.eq_ignore_ascii_case("png"));
-        if is_png && path.is_file() {
+        let ending = path.extension().unwrap_or_default();
+        if ending.eq_ignore_ascii_case("png") && path.is_file() {
             images.push(path);
         }
     }
@@ -104,6 +96,7 @@ fn listed(
     list: &Path,
     counters: &mut Counters,
 ) -> Vec<PathBuf> {
+    let list = list.display();
     let present: BTreeSet<&PathBuf> = images.iter().collect();
     let mut found = Vec::new();
     for (number, line) in text.lines().enumerate() {
@@ -114,25 +107,14 @@ fn listed(
         if present.contains(&path) {
             found.push(path);
         } else {
-            counters.count_loss("scans_missing", 1, || {
-                format!(
-                    "{}: line {}: no image {}",
-                    list.display(),
-                    number + 1,
-                    path.display()
-                )
-            });
+            let (line, path) = (number + 1, path.display());
+            let first = || format!("{list}: line {line}: no image {path}");
+            counters.count_loss("scans_missing", 1, first);
         }
     }
-    let unlisted = images.len().saturating_sub(found.len()) as u64;
-    counters.count_event("scans_unlisted", unlisted, || {
-        format!(
-            "{} lists {} of {} images",
-            list.display(),
-            found.len(),
-            images.len()
-        )
-    });
+    let (listed, all) = (found.len(), images.len());
+    let first = || format!("{list} lists {listed} of {all} images");
+    counters.count_event("scans_unlisted", all.saturating_sub(listed) as u64, first);
     found
 }
 
@@ -143,28 +125,22 @@ impl Source for OxfordFolder {
 
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
         for path in self.images.by_ref() {
+            let (counters, shown) = (&mut self.counters, path.display());
             let image = match PolarImage::read(&path) {
                 Ok(image) => image,
                 Err(why) => {
-                    self.counters.count_loss("images_unreadable", 1, || {
-                        format!("{}: {why}", path.display())
-                    });
+                    counters.count_loss("images_unreadable", 1, || format!("{shown}: {why}"));
                     continue;
                 }
             };
             let (scan, over) = build(&image, self.power_min, self.sweeps);
             self.sweeps += 1;
-            self.counters
-                .count_loss("beams_lost", u64::from(scan.head.sweep.beams_lost), || {
-                    format!("{}: rows missing or not marked as measured", path.display())
-                });
-            self.counters
-                .count_loss("returns_over_limit", over as u64, || {
-                    format!(
-                        "{}: the strongest are kept (a higher --power-min leaves fewer)",
-                        path.display()
-                    )
-                });
+            let lost = u64::from(scan.head.sweep.beams_lost);
+            let first = || format!("{shown}: rows missing or not marked as measured");
+            counters.count_loss("beams_lost", lost, first);
+            let first =
+                || format!("{shown}: the strongest are kept (a higher --power-min leaves fewer)");
+            counters.count_loss("returns_over_limit", over as u64, first);
             return Ok(Some(Event::Scan(scan)));
         }
         Ok(None)

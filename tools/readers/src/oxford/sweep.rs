@@ -2,7 +2,7 @@
 
 use super::image::{ENCODER_TURN, PolarImage, Row};
 use crate::limit::strongest;
-use crate::sweep::wrap_f32;
+use crate::sweep::{find_first_returns, wrap_f32};
 use randt_geometry::{Rotation, elementary::PI};
 use randt_messages::{Beam, MAX_RETURNS, Message, RadarScan, Return, SensorKind};
 
@@ -21,10 +21,8 @@ pub(super) fn build(
     let mut message = Message::<RadarScan>::default();
     let rows: Vec<Row> = image.rows().filter(|row| row.valid).collect();
     let unwrapped = unwrap(rows.iter().map(|row| row.encoder));
-    let stamps = unwrapped
-        .iter()
-        .copied()
-        .zip(rows.iter().map(|row| row.time_us));
+    let times_us = rows.iter().map(|row| row.time_us);
+    let stamps = unwrapped.iter().copied().zip(times_us);
     let (Some(first), Some(last)) = (rows.first(), unwrapped.last()) else {
         return (message, 0);
     };
@@ -56,11 +54,8 @@ pub(super) fn build(
                 first_return: message.items.len() as u32,
             };
         }
-        let kept = row
-            .powers
-            .iter()
-            .enumerate()
-            .filter(|(_, p)| f32::from(**p) > power_min);
+        let powers = row.powers.iter().enumerate();
+        let kept = powers.filter(|(_, power)| f32::from(**power) > power_min);
         message.items.extend(kept.map(|(bin, power)| Return {
             // The middle of the bin, as in the data set's own conversion to Cartesian images.
             range_m: ((bin as f64 + 0.5) * RESOLUTION_M) as f32,
@@ -71,22 +66,11 @@ pub(super) fn build(
     }
     let over = message.items.len().saturating_sub(MAX_RETURNS);
     if over > 0 {
-        limit(&mut message);
+        message.items = strongest(&message.items, |item| item.intensity);
+        find_first_returns(&mut message);
         message.head.sweep.returns_dropped = over as u32;
     }
     (message, over)
-}
-
-/// Keeps the strongest returns and sets the beams' first ones anew.
-fn limit(message: &mut Message<RadarScan>) {
-    message.items = strongest(&message.items, |item| item.intensity);
-    let count = message.head.sweep.beam_count as usize;
-    for (index, beam) in message.head.sweep.beams.iter_mut().enumerate().take(count) {
-        let first = message
-            .items
-            .partition_point(|item| usize::from(item.beam) < index);
-        beam.first_return = first as u32;
-    }
 }
 
 /// Counts since the first row, over the encoder's zero.
@@ -106,15 +90,9 @@ fn unwrap(encoders: impl Iterator<Item = u16>) -> Vec<i64> {
 
 /// Median step between rows, counts; the radar's 400 azimuths where there is one row only.
 fn step(unwrapped: &[i64]) -> f64 {
-    let mut steps: Vec<i64> = unwrapped
-        .windows(2)
-        .filter_map(|pair| match pair {
-            [a, b] => Some(b - a).filter(|step| *step > 0),
-            _ => None,
-        })
-        .collect();
+    let steps = unwrapped.iter().zip(unwrapped.iter().skip(1));
+    let mut steps: Vec<i64> = steps.map(|(a, b)| b - a).filter(|step| *step > 0).collect();
     steps.sort_unstable();
-    steps
-        .get(steps.len() / 2)
-        .map_or(f64::from(ENCODER_TURN) / 400.0, |step| *step as f64)
+    let median = steps.get(steps.len() / 2);
+    median.map_or(f64::from(ENCODER_TURN) / 400.0, |step| *step as f64)
 }

@@ -50,9 +50,8 @@ enum Datatype {
 impl Datatype {
     fn from_code(code: u8) -> Option<Self> {
         use Datatype::*;
-        [I8, U8, I16, U16, I32, U32, F32, F64]
-            .into_iter()
-            .find(|datatype| *datatype as u8 == code)
+        let mut all = [I8, U8, I16, U16, I32, U32, F32, F64].into_iter();
+        all.find(|datatype| *datatype as u8 == code)
     }
 
     /// The value at the beginning of `bytes`.
@@ -123,12 +122,12 @@ impl Cloud {
 
         let x = x.ok_or_else(|| wire.malformed("no field x of a known datatype"))?;
         let y = y.ok_or_else(|| wire.malformed("no field y of a known datatype"))?;
-        let intensity =
-            intensity.ok_or_else(|| wire.malformed("no field intensity of a known datatype"))?;
+        let what = "no field intensity of a known datatype";
+        let intensity = intensity.ok_or_else(|| wire.malformed(what))?;
         let count = height
             .checked_mul(width)
-            .filter(|count| *count <= MAX_POINTS)
-            .ok_or_else(|| wire.malformed("width x height above 4 million"))?;
+            .filter(|count| *count <= MAX_POINTS);
+        let count = count.ok_or_else(|| wire.malformed("width x height above 4 million"))?;
         // A row step of 0 is a common omission in clouds of one row.
         let row_step = if height <= 1 { data.len() } else { row_step };
         if count > 0 && (point_step == 0 || row_step < width.saturating_mul(point_step)) {
@@ -142,22 +141,17 @@ impl Cloud {
         };
         for index in 0..count {
             let start = (index / width) * row_step + (index % width) * point_step;
-            let values = data.get(start..).and_then(|rest| {
+            let point = data.get(start..).and_then(|rest| {
                 let point = rest.get(..point_step.min(rest.len()))?;
-                Some((
-                    x.read(point, big_endian)?,
-                    y.read(point, big_endian)?,
-                    intensity.read(point, big_endian)?,
-                ))
+                Some(Point {
+                    x_m: x.read(point, big_endian)?,
+                    y_m: y.read(point, big_endian)?,
+                    intensity: intensity.read(point, big_endian)? as f32,
+                })
             });
-            let (x_m, y_m, intensity) =
-                values.ok_or_else(|| wire.malformed("fewer points than width x height"))?;
-            if x_m.is_finite() && y_m.is_finite() && (intensity as f32).is_finite() {
-                cloud.points.push(Point {
-                    x_m,
-                    y_m,
-                    intensity: intensity as f32,
-                });
+            let point = point.ok_or_else(|| wire.malformed("fewer points than width x height"))?;
+            if point.x_m.is_finite() && point.y_m.is_finite() && point.intensity.is_finite() {
+                cloud.points.push(point);
             } else {
                 cloud.not_finite += 1;
             }

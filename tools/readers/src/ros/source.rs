@@ -6,10 +6,10 @@ use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
 use super::transform::{Transform, Tree};
 use super::wire::{Encoding, Malformed};
-use crate::limit::{is_instant, misreading};
+use crate::limit::{is_instant, is_misread, no_instant};
 use crate::sweep::{Polar, Turn};
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, counters::Counters};
-use randt_geometry::{Pose2, Quaternion, elementary::atan2};
+use randt_geometry::{Pose2, elementary::atan2};
 use randt_messages::{Header, ImuSample, SensorKind};
 use std::collections::VecDeque;
 use std::path::Path;
@@ -54,29 +54,26 @@ impl RosSource {
         let mut counters = Counters::default();
         let format = recording.format();
         let channels = recording.channels().to_vec();
-        let encoding = channels
-            .first()
-            .map_or(Encoding::Ros1, |channel| channel.encoding);
-        let (radar_topic, imu_topic) =
-            (options.radar_topic.as_deref(), options.imu_topic.as_deref());
-        let radar = choose(&channels, Kind::Cloud, radar_topic, path, &mut counters)?;
-        let imu = choose(&channels, Kind::Imu, imu_topic, path, &mut counters)?;
+        let first = channels.first();
+        let encoding = first.map_or(Encoding::Ros1, |channel| channel.encoding);
+        let mut choose = |kind, topic: &Option<String>| {
+            choose(&channels, kind, topic.as_deref(), path, &mut counters)
+        };
+        let radar = choose(Kind::Cloud, &options.radar_topic)?;
+        let imu = choose(Kind::Imu, &options.imu_topic)?;
         if radar.is_none() && options.radar_required {
             // It may be the damage that hides the radar: read on to name it.
             while recording.next_message(&mut counters)?.is_some() {}
             recording.close(&mut counters);
             let damage = counters.list().into_iter().find(|counter| counter.loss);
-            let damage = damage
-                .map(|counter| format!("; {}", counter.first))
-                .unwrap_or_default();
+            let damage = damage.map(|counter| format!("; {}", counter.first));
             return Err(Error::NoRadar {
                 path: path.display().to_string(),
-                topics: list(&channels) + &damage,
+                topics: list(&channels) + &damage.unwrap_or_default(),
             });
         }
-        let scans = radar
-            .and_then(|radar| channels.get(radar))
-            .map_or(0, |c| c.messages);
+        let scans = radar.and_then(|radar| channels.get(radar));
+        let scans = scans.map_or(0, |channel| channel.messages);
         let mut source = Self {
             recording,
             channels,
@@ -127,20 +124,15 @@ impl RosSource {
             }
         }
         self.mount(&tree);
-        let sweeps: Vec<Polar> = self
-            .waiting
-            .iter()
-            .filter_map(|decoded| match decoded {
-                Decoded::Cloud(cloud) => Some(Polar::from_cloud(cloud, self.mirrored).0),
-                _ => None,
-            })
-            .collect();
-        if !sweeps.is_empty() {
+        let sweep = |decoded: &Decoded| match decoded {
+            Decoded::Cloud(cloud) => Some(Polar::from_cloud(cloud, self.mirrored).0),
+            _ => None,
+        };
+        let sweeps: Vec<Polar> = self.waiting.iter().filter_map(sweep).collect();
+        if self.radar.is_some() {
             let turn = Turn::learn(&sweeps, options, &mut self.counters);
             self.info.sensor = turn.sensor();
             self.turn = Some(turn);
-        } else if self.radar.is_some() {
-            self.turn = Some(Turn::learn(&[], options, &mut self.counters));
         }
         Ok(())
     }
@@ -173,9 +165,8 @@ impl RosSource {
             self.mirrored = uz < 0.0;
             self.info.extrinsics.radar = Some(Pose2::new(x_m, y_m, atan2(fy, fx)));
         }
-        let imu: Option<Quaternion> =
-            mounting(imu, "imu_mounting_assumed").map(|(_, rotation)| rotation);
-        self.info.extrinsics.imu = imu;
+        let imu = mounting(imu, "imu_mounting_assumed");
+        self.info.extrinsics.imu = imu.map(|(_, rotation)| rotation);
     }
 
     /// The next message of a topic that matters; malformed ones are counted and stepped over.
@@ -187,15 +178,14 @@ impl RosSource {
             };
             let (index, arrival_ns, offset, bytes) =
                 (raw.channel, raw.arrival_ns, raw.offset, raw.bytes);
-            let Some(channel) = self.channels.get(index) else {
+            let Some(&Channel { encoding, kind, .. }) = self.channels.get(index) else {
                 continue;
             };
-            let encoding = channel.encoding;
             let decoded = if Some(index) == self.radar {
                 Cloud::decode(bytes, encoding).map(Decoded::Cloud)
             } else if Some(index) == self.imu {
                 RosImu::decode(bytes, encoding).map(|imu| Decoded::Imu(imu, arrival_ns))
-            } else if channel.kind == Kind::Transforms && self.turn.is_none() {
+            } else if kind == Kind::Transforms && self.turn.is_none() {
                 decode_transforms(bytes, encoding).map(Decoded::Transforms)
             } else {
                 continue;
@@ -221,18 +211,14 @@ impl RosSource {
         };
         if header.stamp_ns == 0 {
             header.stamp_ns = arrival_ns;
+            let first = || format!("a message of frame {} without a stamp", header.frame);
             self.counters
-                .count_event("stamps_taken_from_arrival", 1, || {
-                    format!("a message of frame {} without a stamp", header.frame)
-                });
+                .count_event("stamps_taken_from_arrival", 1, first);
         }
         let (stamp_ns, path) = (header.stamp_ns, &self.path);
         if !is_instant(stamp_ns) {
-            self.counters.count_loss("stamps_out_of_range", 1, || {
-                format!(
-                    "{path}: stamp {stamp_ns}, which no measurement has; expected ns since 1970"
-                )
-            });
+            let first = || format!("{path}: {}", no_instant(stamp_ns));
+            self.counters.count_loss("stamps_out_of_range", 1, first);
         }
         is_instant(stamp_ns)
     }
@@ -253,51 +239,39 @@ impl RosSource {
         match decoded {
             Decoded::Cloud(cloud) => {
                 let (polar, without_direction) = Polar::from_cloud(&cloud, self.mirrored);
-                self.counters.count_event(
-                    "returns_at_range_zero",
-                    u64::from(without_direction),
-                    || "a return at range 0 has no direction".to_owned(),
-                );
-                self.counters.count_event(
-                    "returns_not_finite",
-                    u64::from(cloud.not_finite),
-                    || {
-                        format!(
-                            "a NaN or infinite value in the sweep stamped {}",
-                            cloud.header.stamp_ns
-                        )
-                    },
-                );
-                let scan = self
-                    .turn
-                    .as_ref()?
-                    .build(polar, self.sweeps, &mut self.counters);
+                let counters = &mut self.counters;
+                let first = || "a return at range 0 has no direction".to_owned();
+                counters.count_event("returns_at_range_zero", without_direction.into(), first);
+                let stamp_ns = cloud.header.stamp_ns;
+                let first = || format!("a NaN or infinite value in the sweep stamped {stamp_ns}");
+                counters.count_event("returns_not_finite", cloud.not_finite.into(), first);
+                let scan = self.turn.as_ref()?.build(polar, self.sweeps, counters);
                 self.sweeps += 1;
                 Some(Event::Scan(scan))
             }
             Decoded::Imu(imu, arrival_ns) => {
-                if let Some(name) = misreading(&imu.rate_rad_s, &imu.acceleration_m_s2) {
-                    self.counters.count_loss(name, 1, || {
-                        let (rate, acceleration) = (imu.rate_rad_s, imu.acceleration_m_s2);
-                        format!(
-                            "{rate:?} rad/s, {acceleration:?} m/s^2 in the sample stamped {}",
-                            imu.header.stamp_ns
-                        )
-                    });
+                let stamp_ns = imu.header.stamp_ns;
+                let (rate_rad_s, acceleration_m_s2) = (imu.rate_rad_s, imu.acceleration_m_s2);
+                if is_misread(
+                    &mut self.counters,
+                    stamp_ns,
+                    &rate_rad_s,
+                    &acceleration_m_s2,
+                ) {
                     return None;
                 }
                 let header = Header {
                     sequence: self.samples,
-                    stamp_ns: imu.header.stamp_ns,
+                    stamp_ns,
                     ..Header::default()
                 };
                 self.samples += 1;
                 Some(Event::Imu(ImuSample {
                     header,
-                    device_ns: imu.header.stamp_ns,
+                    device_ns: stamp_ns,
                     arrival_ns,
-                    rate_rad_s: imu.rate_rad_s,
-                    acceleration_m_s2: imu.acceleration_m_s2,
+                    rate_rad_s,
+                    acceleration_m_s2,
                 }))
             }
             Decoded::Transforms(_) => None,
@@ -313,11 +287,11 @@ impl Source for RosSource {
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
         loop {
             let decoded = match self.waiting.pop_front() {
-                Some(decoded) => decoded,
-                None => match self.decode_next()? {
-                    Some(decoded) => decoded,
-                    None => return Ok(None),
-                },
+                None => self.decode_next()?,
+                waiting => waiting,
+            };
+            let Some(decoded) = decoded else {
+                return Ok(None);
             };
             if let Some(event) = self.event(decoded) {
                 return Ok(Some(event));
@@ -335,10 +309,8 @@ fn list(channels: &[Channel]) -> String {
     if channels.is_empty() {
         return "no topic".to_owned();
     }
-    let topics = channels
-        .iter()
-        .map(|c| format!("{} ({})", c.topic, c.type_name));
-    topics.collect::<Vec<_>>().join(", ")
+    let topic = |channel: &Channel| format!("{} ({})", channel.topic, channel.type_name);
+    channels.iter().map(topic).collect::<Vec<_>>().join(", ")
 }
 
 /// The topic asked for, or the one of the kind with the most messages.
@@ -349,43 +321,30 @@ fn choose(
     path: &Path,
     counters: &mut Counters,
 ) -> Result<Option<usize>, Error> {
+    let (type_name, counter) = match kind {
+        Kind::Cloud => ("sensor_msgs/PointCloud2", "radar_topic_chosen"),
+        _ => ("sensor_msgs/Imu", "imu_topic_chosen"),
+    };
     let of_kind = || {
-        channels
-            .iter()
-            .enumerate()
-            .filter(|(_, channel)| channel.kind == kind)
+        let channels = channels.iter().enumerate();
+        channels.filter(|(_, channel)| channel.kind == kind)
     };
     if let Some(topic) = wanted {
         let found = of_kind().find(|(_, channel)| channel.topic == topic);
-        return match found {
-            Some((index, _)) => Ok(Some(index)),
-            None => Err(Error::NoTopic {
-                path: path.display().to_string(),
-                topic: topic.to_owned(),
-                wanted: if kind == Kind::Cloud {
-                    "sensor_msgs/PointCloud2"
-                } else {
-                    "sensor_msgs/Imu"
-                },
-                topics: list(channels),
-            }),
+        let missing = || Error::NoTopic {
+            path: path.display().to_string(),
+            topic: topic.to_owned(),
+            wanted: type_name,
+            topics: list(channels),
         };
+        return Ok(Some(found.ok_or_else(missing)?.0));
     }
-    let mut best: Option<(usize, &Channel)> = None;
-    for (index, channel) in of_kind() {
-        if best.is_none_or(|(_, known)| channel.messages > known.messages) {
-            best = Some((index, channel));
-        }
-    }
+    // The first of those with the most.
+    let best = of_kind().rev().max_by_key(|(_, channel)| channel.messages);
     if let Some((_, chosen)) = best
         && of_kind().count() > 1
     {
-        let name = if kind == Kind::Cloud {
-            "radar_topic_chosen"
-        } else {
-            "imu_topic_chosen"
-        };
-        counters.count_event(name, 1, || {
+        counters.count_event(counter, 1, || {
             let others: Vec<_> = of_kind()
                 .map(|(_, c)| format!("{} ({})", c.topic, c.messages))
                 .collect();

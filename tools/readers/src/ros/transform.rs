@@ -2,6 +2,7 @@
 
 use super::wire::{Encoding, Malformed, Wire};
 use randt_geometry::Quaternion;
+use std::collections::BTreeSet;
 
 /// A frame seen from its parent.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +44,7 @@ pub(crate) fn decode(bytes: &[u8], encoding: Encoding) -> Result<Vec<Transform>,
 pub(crate) struct Tree {
     transforms: Vec<Transform>,
     /// Child frames whose transform was seen to change.
-    moving: Vec<String>,
+    moving: BTreeSet<String>,
 }
 
 impl Tree {
@@ -51,11 +52,8 @@ impl Tree {
         let known = self.transforms.iter().find(|t| t.child == transform.child);
         match known {
             None => self.transforms.push(transform),
-            Some(known) => {
-                if *known != transform && !self.moving.contains(&transform.child) {
-                    self.moving.push(transform.child);
-                }
-            }
+            Some(known) if *known == transform => {}
+            Some(_) => _ = self.moving.insert(transform.child),
         }
     }
 
@@ -73,13 +71,9 @@ impl Tree {
             if self.moving.contains(&step.child) {
                 return None;
             }
-            let turned: [f64; 3] = step.rotation.rotate(translation.into()).into();
-            for (sum, (turned, offset)) in translation
-                .iter_mut()
-                .zip(turned.iter().zip(step.translation_m))
-            {
-                *sum = turned + offset;
-            }
+            let [x, y, z]: [f64; 3] = step.rotation.rotate(translation.into()).into();
+            let [x_m, y_m, z_m] = step.translation_m;
+            translation = [x + x_m, y + y_m, z + z_m];
             rotation = step.rotation.multiply(&rotation);
             frame = &step.parent;
         }

@@ -128,11 +128,9 @@ impl<'a> Wire<'a> {
             self.u32()?; // ROS 1's sequence number, which publishers fill at will
         }
         // ROS 1 has unsigned seconds, ROS 2 signed ones; both are the same until 2038.
-        let seconds = self.u32()?;
-        let seconds = if self.aligned {
-            i64::from(seconds.cast_signed())
-        } else {
-            i64::from(seconds)
+        let seconds = match (self.u32()?, self.aligned) {
+            (seconds, true) => i64::from(seconds.cast_signed()),
+            (seconds, false) => i64::from(seconds),
         };
         let nanoseconds = i64::from(self.u32()?);
         Ok(RosHeader {

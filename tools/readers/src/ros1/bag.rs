@@ -72,29 +72,21 @@ impl Bag {
             damages: 0,
         };
         let survey = bag.survey()?;
-        let indexed = survey
-            .chunks
-            .iter()
-            .all(|(_, connections)| !connections.is_empty());
-        let named = survey
-            .counts
-            .keys()
-            .all(|number| bag.numbers.contains_key(number));
-        if indexed && named && !survey.damaged {
+        let mut chunks = survey.chunks.iter();
+        let is_indexed = chunks.all(|(_, connections)| !connections.is_empty());
+        let mut numbers = survey.counts.keys();
+        let is_named = numbers.all(|number| bag.numbers.contains_key(number));
+        if is_indexed && is_named && !survey.damaged {
             for (number, count) in &survey.counts {
                 let index = bag.numbers.get(number).copied();
                 if let Some(channel) = index.and_then(|index| bag.channels.get_mut(index)) {
                     channel.messages += count;
                 }
             }
-            let of_transforms: Vec<u64> = survey
-                .chunks
-                .iter()
-                .filter(|(_, numbers)| numbers.iter().any(|number| bag.is_static(*number)))
-                .map(|(at, _)| *at)
-                .collect();
-            for at in of_transforms {
-                bag.collect(at, Some(at))?;
+            for (at, numbers) in survey.chunks {
+                if numbers.iter().any(|number| bag.is_static(*number)) {
+                    bag.collect(at, Some(at))?;
+                }
             }
         } else {
             bag.collect(MAGIC.len() as u64, None)?;
@@ -104,10 +96,8 @@ impl Bag {
     }
 
     fn is_static(&self, number: u32) -> bool {
-        let channel = self
-            .numbers
-            .get(&number)
-            .and_then(|index| self.channels.get(*index));
+        let index = self.numbers.get(&number);
+        let channel = index.and_then(|index| self.channels.get(*index));
         channel.is_some_and(|channel| channel.kind == Kind::StaticTransforms)
     }
 
@@ -138,9 +128,8 @@ impl Bag {
                         Op::BagHeader => self.index_at = fields.u64("index_pos").unwrap_or(0),
                         Op::Connection => self.register(&fields, &data),
                         Op::Index => {
-                            if let (Some(number), Some(count)) =
-                                (fields.u32("conn"), fields.u32("count"))
-                            {
+                            let count = fields.u32("count");
+                            if let Some((number, count)) = fields.u32("conn").zip(count) {
                                 *survey.counts.entry(number).or_default() += u64::from(count);
                                 if let Some((_, numbers)) = survey.chunks.last_mut() {
                                     numbers.push(number);
@@ -200,11 +189,8 @@ impl Bag {
     /// The next message of the present chunk, of the next one, or of the next whole one.
     fn advance(&mut self, counters: &mut Counters) -> Result<Option<Found>, Error> {
         loop {
-            let rest = self
-                .chunk
-                .bytes
-                .get(self.chunk.cursor..)
-                .unwrap_or_default();
+            let chunk = &self.chunk;
+            let rest = chunk.bytes.get(chunk.cursor..).unwrap_or_default();
             if rest.is_empty() && self.chunk.broken.is_none() {
                 if !self.next_chunk(counters)? {
                     return Ok(None);
@@ -233,22 +219,18 @@ impl Bag {
                     let channel = number.and_then(|number| self.numbers.get(&number)).copied();
                     let arrival_ns = fields.time_ns("time").unwrap_or(0);
                     self.chunk.cursor += length;
-                    match channel {
-                        Some(channel) => {
-                            return Ok(Some(Found {
-                                channel,
-                                arrival_ns,
-                                bytes,
-                            }));
-                        }
-                        None => counters.count_loss("messages_of_unknown_topic", 1, || {
-                            format!(
-                                "{}: chunk at byte {}: connection {number:?} is not declared",
-                                self.walker.path.display(),
-                                self.chunk.at
-                            )
-                        }),
+                    if let Some(channel) = channel {
+                        return Ok(Some(Found {
+                            channel,
+                            arrival_ns,
+                            bytes,
+                        }));
                     }
+                    let (path, at) = (self.walker.path.display(), self.chunk.at);
+                    let first = || {
+                        format!("{path}: chunk at byte {at}: connection {number:?} is not declared")
+                    };
+                    counters.count_loss("messages_of_unknown_topic", 1, first);
                 }
                 Some(Op::Connection) => {
                     // Owned, because registering needs the whole bag.
@@ -297,21 +279,16 @@ impl Bag {
 
     /// A file that ends between two records shows it only by where its header puts the index.
     fn count_missing_end(&self, counters: &mut Counters) {
-        let (path, length, index_at) = (
-            self.walker.path.display(),
-            self.walker.length,
-            self.index_at,
-        );
+        let (path, length) = (self.walker.path.display(), self.walker.length);
+        let index_at = self.index_at;
         if index_at == 0 {
-            counters.count_event("bag_not_closed", 1, || {
-                format!("{path}: the recorder wrote no index; all {length} bytes were read")
-            });
+            let first =
+                || format!("{path}: the recorder wrote no index; all {length} bytes were read");
+            counters.count_event("bag_not_closed", 1, first);
         } else if index_at > length && self.damages == 0 {
-            counters.count_loss("bag_damaged", 1, || {
-                format!(
-                    "{path}: the file ends at byte {length}, before its index at byte {index_at}"
-                )
-            });
+            let what =
+                format!("the file ends at byte {length}, before its index at byte {index_at}");
+            counters.count_loss("bag_damaged", 1, || format!("{path}: {what}"));
         }
     }
 

@@ -32,8 +32,7 @@ impl Turn {
         head.header.sequence = sequence;
         head.header.stamp_ns = end_ns;
         let sweep = &mut head.sweep;
-        sweep.begin_ns = begin_ns;
-        sweep.end_ns = end_ns;
+        (sweep.begin_ns, sweep.end_ns) = (begin_ns, end_ns);
         sweep.sensor = self.sensor() as u32;
         sweep.returns_dropped = polar.dropped;
         sweep.range_resolution_m = self.bins.resolution_m as f32;
@@ -86,11 +85,9 @@ impl Turn {
 
     /// Angle from the start in the sense of rotation, from half a step before the first beam.
     fn angle(&self, azimuth_rad: f64, start_rad: f64) -> f64 {
-        let angle = ahead(start_rad, azimuth_rad, self.clockwise);
-        if angle >= 2.0 * PI - 0.5 * self.step_rad {
-            angle - 2.0 * PI
-        } else {
-            angle
+        match ahead(start_rad, azimuth_rad, self.clockwise) {
+            angle if angle >= 2.0 * PI - 0.5 * self.step_rad => angle - 2.0 * PI,
+            angle => angle,
         }
     }
 
@@ -127,31 +124,24 @@ impl Turn {
         start_rad: f64,
         counters: &mut Counters,
     ) -> (Vec<BeamSlot>, Vec<usize>) {
-        let angles: Vec<f64> = clusters
-            .iter()
-            .map(|c| self.angle(c.azimuth_rad, start_rad))
-            .collect();
+        let angle = |cluster: &Cluster| self.angle(cluster.azimuth_rad, start_rad);
+        let angles: Vec<f64> = clusters.iter().map(angle).collect();
         let sense = if self.clockwise { -1.0 } else { 1.0 };
         let count = match self.grid {
-            Some(grid) => grid.count as usize,
+            Some(count) => count as usize,
             // No grid and more directions than the table holds: the table's own sectors.
             None if clusters.len() > MAX_BEAMS => {
-                counters.count_event("sweeps_regridded", 1, || {
-                    format!(
-                        "{} directions in a sweep, {MAX_BEAMS} at most",
-                        clusters.len()
-                    )
-                });
+                let count = clusters.len();
+                let first = || format!("{count} directions in a sweep, {MAX_BEAMS} at most");
+                counters.count_event("sweeps_regridded", 1, first);
                 MAX_BEAMS
             }
             None => {
-                let slots = clusters
-                    .iter()
-                    .zip(&angles)
-                    .map(|(cluster, angle)| BeamSlot {
-                        turn_fraction: ((angle + 0.5 * self.step_rad) / (2.0 * PI)).clamp(0.0, 1.0),
-                        azimuth_rad: cluster.azimuth_rad,
-                    });
+                let slot = |(cluster, angle): (&Cluster, &f64)| BeamSlot {
+                    turn_fraction: ((angle + 0.5 * self.step_rad) / (2.0 * PI)).clamp(0.0, 1.0),
+                    azimuth_rad: cluster.azimuth_rad,
+                };
+                let slots = clusters.iter().zip(&angles).map(slot);
                 return (slots.collect(), (0..clusters.len()).collect());
             }
         };
@@ -169,9 +159,8 @@ impl Turn {
         let mut owners = Vec::with_capacity(clusters.len());
         for (cluster, angle) in clusters.iter().zip(&angles) {
             // Rounding cannot leave the table by more than the half step at the seam.
-            let index = (angle / step - phase)
-                .round()
-                .clamp(0.0, (count - 1) as f64) as usize;
+            let index = (angle / step - phase).round();
+            let index = index.clamp(0.0, (count - 1) as f64) as usize;
             if let (Some(slot), Some(_)) = (slots.get_mut(index), self.grid) {
                 slot.azimuth_rad = cluster.azimuth_rad;
             }
@@ -181,23 +170,20 @@ impl Turn {
     }
 
     fn bin(&self, range_m: f64) -> u16 {
-        if self.bins.resolution_m > 0.0 {
-            // `as` saturates at both ends.
-            ((range_m - self.bins.offset_m) / self.bins.resolution_m).round() as u16
-        } else {
-            0
+        if self.bins.resolution_m <= 0.0 {
+            return 0;
         }
+        // `as` saturates at both ends.
+        ((range_m - self.bins.offset_m) / self.bins.resolution_m).round() as u16
     }
 }
 
 /// An azimuth as f32 in [-pi, pi).
 pub(crate) fn wrap_f32(azimuth_rad: f64) -> f32 {
-    let azimuth = wrap(azimuth_rad) as f32;
-    // The f32 next to pi is above pi.
-    if f64::from(azimuth) >= PI {
-        -azimuth
-    } else {
-        azimuth
+    match wrap(azimuth_rad) as f32 {
+        // The f32 next to pi is above pi.
+        azimuth if f64::from(azimuth) >= PI => -azimuth,
+        azimuth => azimuth,
     }
 }
 

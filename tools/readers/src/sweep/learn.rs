@@ -4,11 +4,12 @@ use super::polar::{Cluster, Polar, clusters};
 use crate::{Options, Rotation, StampMeaning, counters::Counters};
 use randt_geometry::elementary::{PI, atan2, sin_cos, wrap};
 use randt_messages::{MAX_BEAMS, SensorKind};
+use std::ops::RangeInclusive;
 
 /// Turn of a radar of which nothing is known, s: the iSDR-C's.
 const PERIOD_FALLBACK_S: f64 = 0.2;
 /// Shortest and longest plausible turn, s.
-const PERIOD_LIMITS_S: (f64, f64) = (0.005, 60.0);
+const PERIODS_S: RangeInclusive<f64> = 0.005..=60.0;
 /// Mean resultant length from which azimuths (or ranges) lie on a grid: 1 exactly on it, about 0
 /// at random. 0.8 allows a jitter of a tenth of a step.
 const ON_GRID: f64 = 0.8;
@@ -17,17 +18,9 @@ const ORDERED: f64 = 0.9;
 /// A difference in range below this is rounding, not a step between bins, m.
 const RANGE_STEP_MIN_M: f64 = 1e-3;
 
-/// Beams at equal angles.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Grid {
-    /// Beams of a full turn.
-    pub count: u32,
-}
-
-impl Grid {
-    pub fn step_rad(self) -> f64 {
-        2.0 * PI / f64::from(self.count)
-    }
+/// Angle between beams at equal angles.
+fn step_rad(count: u32) -> f64 {
+    2.0 * PI / f64::from(count)
 }
 
 /// Ranges at equal distances: range = offset + bin x resolution.
@@ -47,7 +40,8 @@ pub(crate) struct Turn {
     pub clockwise: bool,
     /// Azimuth of the first beam; `None` where sweeps begin anywhere.
     pub start_azimuth_rad: Option<f64>,
-    pub grid: Option<Grid>,
+    /// Beams of a full turn, where they lie on a grid of equal angles.
+    pub grid: Option<u32>,
     /// Typical angle between beams where there is no grid; 0 where unknown.
     pub step_rad: f64,
     pub bins: Bins,
@@ -66,8 +60,8 @@ impl Turn {
             found = sweeps.iter().map(|s| clusters(&s.points)).collect();
         }
         let clusters = found;
-        let step_rad = typical_step(&clusters);
-        let grid = grid(&clusters, step_rad);
+        let typical_rad = typical_step(&clusters);
+        let grid = grid(&clusters, typical_rad);
         let clockwise = match (options.rotation, ordered) {
             (Rotation::Clockwise, _) => true,
             (Rotation::CounterClockwise, _) => false,
@@ -89,7 +83,7 @@ impl Turn {
             clockwise,
             start_azimuth_rad,
             grid,
-            step_rad: grid.map_or(step_rad, Grid::step_rad),
+            step_rad: grid.map_or(typical_rad, step_rad),
             bins: bins(sweeps, &clusters),
         }
     }
@@ -109,9 +103,8 @@ impl Turn {
 /// The same points by azimuth, then by range.
 fn sorted_copy(sweep: &Polar) -> Polar {
     let mut sweep = sweep.clone();
-    sweep
-        .points
-        .sort_by(|a, b| a.azimuth_rad.total_cmp(&b.azimuth_rad));
+    let points = &mut sweep.points;
+    points.sort_by(|a, b| a.azimuth_rad.total_cmp(&b.azimuth_rad));
     for cluster in clusters(&sweep.points) {
         if let Some(beam) = sweep.points.get_mut(cluster.points) {
             beam.sort_by(|a, b| a.range_m.total_cmp(&b.range_m));
@@ -122,9 +115,8 @@ fn sorted_copy(sweep: &Polar) -> Polar {
 
 /// The value at `fraction` of a sorted list.
 fn quantile(sorted: &[f64], fraction: f64) -> Option<f64> {
-    sorted
-        .get((sorted.len() as f64 * fraction) as usize)
-        .copied()
+    let index = (sorted.len() as f64 * fraction) as usize;
+    sorted.get(index).copied()
 }
 
 /// Signed angles between one cluster and the next, of all sweeps.
@@ -144,7 +136,7 @@ fn typical_step(clusters: &[Vec<Cluster>]) -> f64 {
 }
 
 /// The number of beams a turn on whose grid the clusters lie best, if they lie on one.
-fn grid(clusters: &[Vec<Cluster>], step_rad: f64) -> Option<Grid> {
+fn grid(clusters: &[Vec<Cluster>], step_rad: f64) -> Option<u32> {
     if step_rad <= 0.0 {
         return None;
     }
@@ -163,8 +155,8 @@ fn grid(clusters: &[Vec<Cluster>], step_rad: f64) -> Option<Grid> {
             best = Some((score, count));
         }
     }
-    best.filter(|(score, _)| *score > ON_GRID)
-        .map(|(_, count)| Grid { count })
+    let best = best.filter(|(score, _)| *score > ON_GRID);
+    best.map(|(_, count)| count)
 }
 
 /// Length (0..1) and direction of the mean of unit vectors.
@@ -188,32 +180,27 @@ fn direction(clusters: &[Vec<Cluster>]) -> Option<bool> {
         rising += f64::from(u8::from(step > 0.0));
         all += 1.0;
     }
-    if all == 0.0 {
-        None
-    } else if rising >= ORDERED * all {
-        Some(false)
-    } else if rising <= (1.0 - ORDERED) * all {
-        Some(true)
-    } else {
-        None
+    match rising {
+        _ if all == 0.0 => None,
+        rising if rising >= ORDERED * all => Some(false),
+        rising if rising <= (1.0 - ORDERED) * all => Some(true),
+        _ => None,
     }
 }
 
 /// Angle from `a` to `b` in the sense of rotation, in [0, 2 pi).
 pub(super) fn ahead(a_rad: f64, b_rad: f64, clockwise: bool) -> f64 {
-    let turn = if clockwise {
-        a_rad - b_rad
-    } else {
-        b_rad - a_rad
+    let angle = match clockwise {
+        true => wrap(a_rad - b_rad),
+        false => wrap(b_rad - a_rad),
     };
-    let angle = wrap(turn);
     if angle < 0.0 { angle + 2.0 * PI } else { angle }
 }
 
 /// Azimuth of the first beam. It lies behind the last beam of every sweep and not behind the
 /// first: beams without a return leave several starts, of which a seam of atan2 (-pi) is the
 /// likeliest.
-fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Option<f64> {
+fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<u32>) -> Option<f64> {
     let sense = if clockwise { -1.0 } else { 1.0 };
     let mut ends = clusters
         .iter()
@@ -228,37 +215,30 @@ fn start(clusters: &[Vec<Cluster>], clockwise: bool, grid: Option<Grid>) -> Opti
         latest = latest.min(begin);
         earliest = earliest.max(begin - ahead(last, first, clockwise));
     }
-    let step = grid.map_or(0.0, Grid::step_rad);
+    let step = grid.map_or(0.0, step_rad);
     if earliest > latest - 0.5 * step {
         return None;
     }
     let seam = -ahead(-PI, reference, clockwise);
-    let starts = if step > 0.0 {
-        ((latest - earliest) / step).round() as i32
-    } else {
-        0
+    let starts = match step > 0.0 {
+        true => ((latest - earliest) / step).round() as i32,
+        false => 0,
     };
-    let start_at = (0..starts)
-        .map(|back| latest - f64::from(back) * step)
-        .find(|start_at| wrap(start_at - seam).abs() < 0.5 * step)
-        .unwrap_or(latest);
-    Some(wrap(reference + sense * start_at))
+    let mut starts = (0..starts).map(|back| latest - f64::from(back) * step);
+    let at_seam = starts.find(|start_at| wrap(start_at - seam).abs() < 0.5 * step);
+    Some(wrap(reference + sense * at_seam.unwrap_or(latest)))
 }
 
 /// Median spacing of the stamps, unless the options have it.
 fn period_ns(sweeps: &[Polar], options: &Options, counters: &mut Counters) -> i64 {
-    let (shortest, longest) = PERIOD_LIMITS_S;
     let spacings = sweeps.windows(2).filter_map(|pair| match pair {
         [a, b] => Some(b.stamp_ns.checked_sub(a.stamp_ns)? as f64 * 1e-9),
         _ => None,
     });
-    let mut spacings: Vec<f64> = spacings
-        .filter(|s| (shortest..=longest).contains(s))
-        .collect();
+    let is_plausible = |period_s: &f64| PERIODS_S.contains(period_s);
+    let mut spacings: Vec<f64> = spacings.filter(is_plausible).collect();
     spacings.sort_by(f64::total_cmp);
-    let given = options
-        .period_s
-        .filter(|s| (shortest..=longest).contains(s));
+    let given = options.period_s.filter(is_plausible);
     let period_s = given.or_else(|| quantile(&spacings, 0.5)).unwrap_or_else(|| {
         counters.count_event("period_assumed", 1, || {
             format!("too few stamps to measure the time of a turn: {PERIOD_FALLBACK_S} s assumed (--period)")
@@ -272,11 +252,8 @@ fn period_ns(sweeps: &[Polar], options: &Options, counters: &mut Counters) -> i6
 fn bins(sweeps: &[Polar], clusters: &[Vec<Cluster>]) -> Bins {
     let mut ranges: Vec<&[_]> = Vec::new();
     for (sweep, clusters) in sweeps.iter().zip(clusters) {
-        ranges.extend(
-            clusters
-                .iter()
-                .filter_map(|c| sweep.points.get(c.points.clone())),
-        );
+        let clusters = clusters.iter();
+        ranges.extend(clusters.filter_map(|c| sweep.points.get(c.points.clone())));
     }
     let mut steps: Vec<f64> = Vec::new();
     for beam in &ranges {

@@ -1,7 +1,7 @@
 //! Checks a sweep that came from a log: its table and its numbers.
 
 use crate::counters::Counters;
-use crate::limit::is_instant;
+use crate::limit::{is_instant, no_instant};
 use randt_messages::{MAX_BEAMS, Message, RadarScan};
 
 /// Longest plausible sweep: a turn a minute.
@@ -21,16 +21,21 @@ pub(crate) fn repair(scan: &mut Message<RadarScan>, counters: &mut Counters) -> 
     }
     scan.items.retain(finite);
     let left_out = (before - scan.items.len()) as u32;
-    counters.count_event("returns_not_finite", u64::from(left_out), || {
-        format!("a NaN or infinite value in sweep {sequence}")
-    });
+    let first = || format!("a NaN or infinite value in sweep {sequence}");
+    counters.count_event("returns_not_finite", left_out.into(), first);
     let sweep = &mut scan.head.sweep;
     sweep.returns_dropped = sweep.returns_dropped.saturating_add(left_out);
+    find_first_returns(scan);
+    true
+}
+
+/// Sets the beams' first returns anew, after some were left out.
+pub(crate) fn find_first_returns(scan: &mut Message<RadarScan>) {
+    let sweep = &mut scan.head.sweep;
     let count = sweep.beam_count as usize;
     for (index, beam) in sweep.beams.iter_mut().enumerate().take(count) {
         beam.first_return = scan.items.partition_point(|r| usize::from(r.beam) < index) as u32;
     }
-    true
 }
 
 /// What is wrong with a sweep's table.
@@ -43,9 +48,7 @@ fn broken(scan: &Message<RadarScan>) -> Option<String> {
     let (begin_ns, end_ns) = (sweep.begin_ns, sweep.end_ns);
     let stamps = [begin_ns, end_ns, scan.head.header.stamp_ns];
     if let Some(stamp_ns) = stamps.into_iter().find(|stamp_ns| !is_instant(*stamp_ns)) {
-        return Some(format!(
-            "stamp {stamp_ns}, which no measurement has; expected ns since 1970"
-        ));
+        return Some(no_instant(stamp_ns));
     }
     if !(0..=SWEEP_MAX_NS).contains(&(end_ns - begin_ns)) {
         return Some(format!(

@@ -17,7 +17,9 @@ fn request(target: &str, headers: &[(&str, &str)]) -> Request {
 
 /// A policy with what a configuration would add.
 fn policy(origins: &str, host_names: &str) -> AccessPolicy {
-    let origins = origins.split_whitespace().map(|text| text.parse().unwrap());
+    let origins = origins
+        .split_whitespace()
+        .map(|text| WebOrigin::parse(text).unwrap());
     let names = host_names.split_whitespace();
     let names = names.map(|text| Host::parse(text).unwrap());
     AccessPolicy::new(&WebOrigins(origins.collect()), &HostNames(names.collect()))

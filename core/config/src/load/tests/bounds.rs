@@ -21,8 +21,7 @@ fn bounded() -> Vec<(String, [f64; 2], bool)> {
 fn every_number_has_bounds_and_one_step_beyond_is_refused_in_words() {
     let set = |name: &str, value: &str| {
         let text = format!("{name}={value}");
-        let (mut config, mut origins) = (Config::default(), Origins::new());
-        apply_override(&text, &mut config, &mut origins).map_err(|error| error.to_string())
+        apply_override(&text, &mut Loaded::default()).map_err(|error| error.to_string())
     };
     assert!(bounded().len() > 60, "{}", bounded().len());
     for (name, [least, most], is_whole) in bounded() {

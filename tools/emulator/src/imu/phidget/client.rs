@@ -77,10 +77,8 @@ impl Client {
                 (kind::HELLO_REPLY, text.to_owned())
             }
             kind::AUTHENTICATE => {
-                let nonce = asks
-                    .get("nonceC")
-                    .and_then(Value::as_str)
-                    .unwrap_or_default();
+                let nonce = asks.get("nonceC").and_then(Value::as_str);
+                let nonce = nonce.unwrap_or_default();
                 let text = format!(
                     r#"{{"srvname":"randt","result":0,"nonceC":"{nonce}","nonceS":"abcdefghijklmno","salt":"onmlkjihgfedcba","count":1}}"#
                 );
@@ -88,14 +86,9 @@ impl Client {
             }
             kind::KEEP_ALIVE => (kind::KEEP_ALIVE, String::new()),
             kind::OPEN => {
-                let index = asks
-                    .get("index")
-                    .and_then(Value::as_u64)
-                    .unwrap_or_default();
-                let channel = self
-                    .channel
-                    .insert(Channel::open(self.serial_number, index));
-                (kind::BRIDGE, channel.status())
+                let index = asks.get("index").and_then(Value::as_u64);
+                let channel = Channel::open(self.serial_number, index.unwrap_or_default());
+                (kind::BRIDGE, self.channel.insert(channel).status())
             }
             kind::CLOSE => {
                 self.channel = None;

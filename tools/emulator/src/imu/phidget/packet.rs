@@ -70,35 +70,18 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed {
     let Some((header, rest)) = bytes.split_first_chunk::<HEADER>() else {
         return Parsed::Incomplete;
     };
-    let [
-        m0,
-        m1,
-        m2,
-        m3,
-        l0,
-        l1,
-        l2,
-        l3,
-        f0,
-        f1,
-        n0,
-        n1,
-        _,
-        _,
-        kind,
-        subkind,
-    ] = *header;
-    let length = u32::from_le_bytes([l0, l1, l2, l3]) as usize;
-    if u32::from_le_bytes([m0, m1, m2, m3]) != MAGIC || length > LONGEST {
+    let header = u128::from_le_bytes(*header);
+    let length = (header >> 32) as u32 as usize;
+    if header as u32 != MAGIC || length > LONGEST {
         return Parsed::Invalid;
     }
     let Some(text) = rest.get(..length) else {
         return Parsed::Incomplete;
     };
     let packet = Packet {
-        flags: u16::from_le_bytes([f0, f1]),
-        number: u16::from_le_bytes([n0, n1]),
-        kind: (kind, subkind),
+        flags: (header >> 64) as u16,
+        number: (header >> 80) as u16,
+        kind: ((header >> 112) as u8, (header >> 120) as u8),
         text: String::from_utf8_lossy(text).into_owned(),
     };
     Parsed::Packet(packet, HEADER + length)

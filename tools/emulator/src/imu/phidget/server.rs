@@ -2,10 +2,10 @@
 
 use super::client::Client;
 use crate::imu::{ImuMeasurement, ImuMeasurements};
+use crate::pace::wait;
 use crate::{Error, FaultKind};
 use std::net::{SocketAddr, TcpListener};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// It answers within this time.
 const ANSWER: Duration = Duration::from_millis(2);
@@ -27,11 +27,9 @@ impl PhidgetServer {
     /// Listens; the device has a serial number.
     pub fn open(address: SocketAddr, serial_number: u32) -> Result<Self, Error> {
         let listener = listen(address)?;
-        let address = listener
-            .local_addr()
-            .map_err(Error::io("its own address"))?;
+        let address = listener.local_addr();
         Ok(Self {
-            address,
+            address: address.map_err(Error::io("its own address"))?,
             serial_number,
             listener: Some(listener),
             clients: Vec::new(),
@@ -55,7 +53,13 @@ impl PhidgetServer {
             let on = |kind| measurements.faults().is_on(kind, at_s);
             let (unplugged, silent) = (on(FaultKind::Unplug), on(FaultKind::Silence));
             let close = measurements.faults().begun(FaultKind::Close, at_s) > closed;
-            if !self.wait(measurements.pace().due(measurement.stamp_ns), silent, ends) {
+            let due = measurements.pace().due(measurement.stamp_ns);
+            let answer = || {
+                if !silent {
+                    self.serve()
+                }
+            };
+            if !wait(due, ANSWER, ends, answer) {
                 break;
             }
             if unplugged {
@@ -83,20 +87,6 @@ impl PhidgetServer {
         self.clients.clear();
     }
 
-    /// Sleeps until something is due, and answers meanwhile.
-    fn wait(&mut self, due: Instant, silent: bool, ends: &dyn Fn() -> bool) -> bool {
-        loop {
-            if !silent {
-                self.serve();
-            }
-            let pause = due.saturating_duration_since(Instant::now());
-            if pause.is_zero() || ends() {
-                return pause.is_zero();
-            }
-            thread::sleep(pause.min(ANSWER));
-        }
-    }
-
     fn serve(&mut self) {
         self.accept();
         for client in &mut self.clients {
@@ -117,19 +107,18 @@ impl PhidgetServer {
     fn send(&mut self, measurement: &ImuMeasurement, measurements: &ImuMeasurements, close: bool) {
         let at_s = measurements.at_s(measurement.stamp_ns);
         let on = |kind| measurements.faults().is_on(kind, at_s);
+        let corrupted = |kind| on(kind) && measurement.number.is_multiple_of(CORRUPTED_EVERY);
         for client in &mut self.clients {
-            if on(FaultKind::Junk) && measurement.number.is_multiple_of(CORRUPTED_EVERY) {
+            if corrupted(FaultKind::Junk) {
                 client.corrupt(JUNK);
             }
             client.measure(measurement, measurements.interval_ns());
-            if on(FaultKind::Doubled) && measurement.number.is_multiple_of(CORRUPTED_EVERY) {
+            if corrupted(FaultKind::Doubled) {
                 client.measure(measurement, measurements.interval_ns());
             }
-            let half = close || on(FaultKind::Split);
-            client.flush(if half {
-                client.waiting() / 2
-            } else {
-                usize::MAX
+            client.flush(match close || on(FaultKind::Split) {
+                true => client.waiting() / 2,
+                false => usize::MAX,
             });
             if close {
                 client.close();

@@ -6,6 +6,7 @@
 use super::sample::Sample;
 use nalgebra::Vector3;
 use randt_config::Config;
+use randt_evaluation::stamp_text;
 use randt_filter::{AttitudeFilter, GyroBias, MountingCheck, MountingResult, Pace, Standstill};
 use std::fmt::Write;
 
@@ -126,16 +127,9 @@ impl Examination {
         self.stamps_ns.push(stamp_ns);
         if let Some(rows) = &mut self.trajectory {
             let q = self.attitude.attitude();
-            let (seconds, rest) = (
-                stamp_ns.div_euclid(1_000_000_000),
-                stamp_ns.rem_euclid(1_000_000_000),
-            );
+            let (stamp, x, y, z, w) = (stamp_text(stamp_ns), q.x, q.y, q.z, q.w);
             // Writing to a string cannot fail.
-            let _ = writeln!(
-                rows,
-                "{seconds}.{rest:09} 0 0 0 {:.9} {:.9} {:.9} {:.9}",
-                q.x, q.y, q.z, q.w
-            );
+            let _ = writeln!(rows, "{stamp} 0 0 0 {x:.9} {y:.9} {z:.9} {w:.9}");
         }
     }
 

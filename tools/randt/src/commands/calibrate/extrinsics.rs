@@ -5,7 +5,7 @@ use super::{
     path::{Mode, Path},
 };
 use crate::exit::Outcome;
-use crate::output::{may_write, print, write_whole};
+use crate::output::{may_write, print_value, write_whole};
 use randt_calibration::{LeverArm, Mounting, MountingYaw, Span, Unobservable, mounting};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -33,11 +33,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let log = recording.log.display().to_string();
     let path = Path::read(recording, Mode::RadarOnly)?;
     let found = mounting(&path.poses);
-    print(&if recording.json {
-        as_json(&log, &path, &found)?
-    } else {
-        as_text(&path, &found)
-    })?;
+    let json = as_json(&log, &path, &found);
+    print_value(recording.json, &json, || as_text(&path, &found))?;
     let (Ok(heading), Ok(lever_arm)) = (&found.yaw, &found.lever_arm) else {
         for (name, why) in [
             ("yaw", found.yaw.as_ref().err()),
@@ -52,14 +49,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(file) = &arguments.write {
         write_whole(file, robot_toml(&path, heading, lever_arm).as_bytes())?;
     }
-    Ok(if path.lost {
-        Outcome::DataLost
-    } else {
-        Outcome::Good
-    })
+    Ok(Outcome::finished(path.lost))
 }
 
-fn as_json(log: &str, path: &Path, found: &Mounting) -> anyhow::Result<String> {
+fn as_json(log: &str, path: &Path, found: &Mounting) -> Value {
     let seconds =
         |spans: &[Span]| -> Vec<_> { spans.iter().map(|span| path.seconds(span)).collect() };
     let refused = |why: &Unobservable| json!({ "refused": why.to_string() });
@@ -81,8 +74,7 @@ fn as_json(log: &str, path: &Path, found: &Mounting) -> anyhow::Result<String> {
             "shown_by": { "spans_s": seconds(&lever_arm.pivot.spans), "left_deg": left, "right_deg": right },
         })
     });
-    let value = json!({ "input": log, "yaw": yaw, "lever_arm": lever_arm });
-    Ok(serde_json::to_string_pretty(&value)? + "\n")
+    json!({ "input": log, "yaw": yaw, "lever_arm": lever_arm })
 }
 
 fn as_text(path: &Path, found: &Mounting) -> String {

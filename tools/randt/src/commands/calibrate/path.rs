@@ -1,17 +1,16 @@
 //! The radar's path through a log by odometry, and the gyro's yaw rates.
 
 use super::Recording;
-use crate::{job, progress};
-use anyhow::bail;
+use crate::{final_poses::odometry_poses, job, progress, results::Results};
+use anyhow::{bail, ensure};
 use nalgebra::Vector3;
 use randt_calibration::{RadarPose, Span, YawRate};
 use randt_config::{Attitude, Config, Robot};
 use randt_filter::{AttitudeFilter, ClusterFilter, check_sweep};
 use randt_geometry::{Pose2, Quaternion, elementary::sin_cos};
-use randt_messages::{ImuSample, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust};
-use randt_odometry::{Odometry, Sink};
+use randt_messages::{ImuSample, Message, OdometryState, RadarPoints, Trust};
+use randt_odometry::Odometry;
 use randt_readers::Event;
-use std::collections::BTreeMap;
 
 /// Accelerations that the motion model allows, m/s^2 and rad/s^2: looser than a pipeline's, whose
 /// path is calm, but follows late.
@@ -52,18 +51,6 @@ pub struct Path {
     begin_ns: i64,
 }
 
-/// States as odometry gives them.
-#[derive(Default)]
-struct States(Vec<OdometryState>);
-
-impl Sink for States {
-    fn state(&mut self, state: &OdometryState) {
-        self.0.push(*state);
-    }
-
-    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
-}
-
 /// The rate of the heading from the IMU's samples: tilt taken out, bias left in.
 struct YawRateEstimator {
     mounting: Quaternion,
@@ -86,13 +73,11 @@ impl Path {
         let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
         let mut points = Message::<RadarPoints>::default();
         let mut odometry = Odometry::new(&config, matches!(mode, Mode::DeskewedByGyro(_)));
-        let mut states = States::default();
+        let mut results = Results::default();
         let (mut misfits, mut first_misfit) = (0u64, None);
         let bar = progress::bar(source.info().scans, "scans");
         while let Some(event) = source.next_event()? {
-            if job::interrupted() {
-                bail!("interrupted");
-            }
+            ensure!(!job::interrupted(), "interrupted");
             match event {
                 Event::Scan(scan) => {
                     bar.inc(1);
@@ -102,21 +87,21 @@ impl Path {
                         continue;
                     }
                     filter.process(scan.as_ref(), &mut points);
-                    odometry.push_points(points.as_ref(), &mut states);
+                    odometry.push_points(points.as_ref(), &mut results);
                 }
                 Event::Imu(mut sample) => {
                     yaw_rates.push(&sample);
                     if let Mode::DeskewedByGyro(late_ns) = mode {
                         sample.header.stamp_ns += late_ns;
-                        odometry.push_imu(&sample, &mut states);
+                        odometry.push_imu(&sample, &mut results);
                     }
                 }
                 Event::Truth(_) => {}
             }
         }
-        odometry.finish(&mut states);
+        odometry.finish(&mut results);
         bar.finish_and_clear();
-        let Some(first) = states.0.first() else {
+        let Some(first) = results.states.first() else {
             match first_misfit {
                 Some(misfit) => return Err(misfit.into()),
                 None => bail!("{log}: holds no scan that could be used"),
@@ -127,14 +112,12 @@ impl Path {
         }
         let counters = source.counters();
         for counter in &counters {
-            eprintln!(
-                "warning: {} {}: {}",
-                counter.count, counter.name, counter.first
-            );
+            let (count, name, first) = (counter.count, counter.name, &counter.first);
+            eprintln!("warning: {count} {name}: {first}");
         }
         Ok(Self {
             begin_ns: first.header.stamp_ns,
-            poses: poses(&states.0),
+            poses: poses(&results.states),
             rates: yaw_rates.rates(&recording.log)?,
             robot,
             lost: misfits > 0 || counters.iter().any(|counter| counter.loss),
@@ -202,37 +185,25 @@ impl YawRateEstimator {
     /// so that the mean force is gravity's.
     fn rates(self, log: &std::path::Path) -> anyhow::Result<Vec<YawRate>> {
         let up = self.force.try_normalize(1e-9);
-        if up.is_some_and(|up| up.z < UPRIGHT_MIN) {
-            bail!(
-                "{}: gravity is not along the robot's vertical: set [robot] imu_roll_rad and imu_pitch_rad, which `randt-lab imu` finds",
-                log.display()
-            );
-        }
+        ensure!(
+            !up.is_some_and(|up| up.z < UPRIGHT_MIN),
+            "{}: gravity is not along the robot's vertical: set [robot] imu_roll_rad and imu_pitch_rad, which `randt-lab imu` finds",
+            log.display()
+        );
         Ok(self.rates)
     }
 }
 
-/// Each scan's pose when it left the window; the last scans of a frame, which never did, by their
-/// live pose.
 fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
-    let retired: BTreeMap<(u64, i64), [f64; 3]> = states
-        .iter()
-        .filter(|state| state.retired_stamp_ns != 0)
-        .map(|state| {
-            (
-                (state.odom_frame_id, state.retired_stamp_ns),
-                state.retired_pose,
-            )
-        })
-        .collect();
-    let pose = |state: &OdometryState| {
-        let key = (state.odom_frame_id, state.header.stamp_ns);
-        RadarPose {
-            stamp_ns: state.header.stamp_ns,
-            frame: state.odom_frame_id,
-            pose: Pose2::from_array(retired.get(&key).copied().unwrap_or(state.pose)),
-            fixed: state.trust() == Trust::Good,
-        }
+    let pose = |(state, pose): (&OdometryState, Pose2)| RadarPose {
+        stamp_ns: state.header.stamp_ns,
+        frame: state.odom_frame_id,
+        pose,
+        fixed: state.trust() == Trust::Good,
     };
-    states.iter().map(pose).collect()
+    states
+        .iter()
+        .zip(odometry_poses(states))
+        .map(pose)
+        .collect()
 }

@@ -5,17 +5,10 @@ use super::{
     path::{Mode, Path},
 };
 use crate::exit::Outcome;
-use crate::output::print;
-use anyhow::{Context, bail};
+use crate::output::print_value;
+use anyhow::{Context, ensure};
 use randt_calibration::{Gyro, TimeOffset, time_offset};
-use serde_json::json;
-
-/// Arguments of `randt calibrate time`.
-#[derive(Debug, clap::Args)]
-pub struct Arguments {
-    #[command(flatten)]
-    recording: Recording,
-}
+use serde_json::{Value, json};
 
 /// Rounds of de-skew and estimate.
 const ROUNDS: u32 = 5;
@@ -27,13 +20,13 @@ const SETTLED_S: f64 = 1e-4;
 /// Odometry without the gyro cannot be misled by its stamps, but lags where a turn begins. So its
 /// offset is a first guess, with which the gyro takes the turn out of the sweeps; what odometry
 /// finds then gives the next.
-pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let recording = &arguments.recording;
+pub fn run(recording: &Recording) -> anyhow::Result<Outcome> {
     let log = recording.log.display();
     let mut path = Path::read(recording, Mode::WithoutGyro)?;
-    if path.rates.is_empty() {
-        bail!("{log}: no IMU sample in it, so there is no gyro to compare the radar with");
-    }
+    ensure!(
+        !path.rates.is_empty(),
+        "{log}: no IMU sample in it, so there is no gyro to compare the radar with"
+    );
     let gyro = Gyro::new(&path.rates);
     if gyro.rejected > 0 {
         eprintln!(
@@ -53,38 +46,28 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             break;
         }
     }
-    print(&if recording.json {
-        as_json(&log.to_string(), &path, &found)?
-    } else {
-        as_text(&path, &found)
-    })?;
-    Ok(if path.lost || gyro.rejected > 0 {
-        Outcome::DataLost
-    } else {
-        Outcome::Good
-    })
+    let json = as_json(&log.to_string(), &path, &found);
+    print_value(recording.json, &json, || as_text(&path, &found))?;
+    Ok(Outcome::finished(path.lost || gyro.rejected > 0))
 }
 
-fn as_json(log: &str, path: &Path, found: &TimeOffset) -> anyhow::Result<String> {
+fn as_json(log: &str, path: &Path, found: &TimeOffset) -> Value {
     let spans: Vec<_> = found.spans.iter().map(|span| path.seconds(span)).collect();
     let late_ms = found.late_s.scaled(1e3);
-    let value = json!({
+    json!({
         "input": log,
         "radar_late_ms": late_ms.value,
         "radar_late_sigma_ms": late_ms.sigma,
         "shown_by": { "spans_s": spans, "turned_deg": found.turned_rad.to_degrees() },
         "gyro_scale": found.scale,
         "residual_deg": found.residual_rad.to_degrees(),
-    });
-    Ok(serde_json::to_string_pretty(&value)? + "\n")
+    })
 }
 
 fn as_text(path: &Path, found: &TimeOffset) -> String {
     let late_ms = found.late_s.scaled(1e3);
-    let (size, word) = (
-        late_ms.value.abs(),
-        if late_ms.value < 0.0 { "early" } else { "late" },
-    );
+    let size = late_ms.value.abs();
+    let word = if late_ms.value < 0.0 { "early" } else { "late" };
     format!(
         "radar stamps are {size:.2} ± {sigma:.2} ms {word} against the gyro: set odometry.radar_late_s = {value:.5}\n\
          shown by     {spans}: {turned:.0} deg turned\n\

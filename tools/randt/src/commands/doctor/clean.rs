@@ -7,20 +7,19 @@ use crate::exit::Outcome;
 use crate::output::print;
 use crate::units::{bytes, count};
 use anyhow::{bail, ensure};
-use randt_stage::{CleanUp, Registry, clean_up, leftovers, orphaned_slots, wipe};
+use randt_stage::{Registry, clean_up, leftovers, orphaned_slots, wipe};
 
 /// Cleans, or names who lives.
 pub fn run(snapshot: &DomainSnapshot, state: bool) -> anyhow::Result<Outcome> {
     let domain = &snapshot.domain;
-    let here = format!("domain {} in {}", domain.prefix(), domain.run().display());
+    let here = super::title(domain);
     let living = living(snapshot);
     if !living.is_empty() {
-        if state {
-            bail!(
-                "{here}: nothing was removed while somebody lives in it: stop {} first",
-                living.join(", ")
-            );
-        }
+        ensure!(
+            !state,
+            "{here}: nothing was removed while somebody lives in it: stop {} first",
+            living.join(", ")
+        );
         return beside_the_living(snapshot, &here);
     }
     if snapshot.owner.is_none() && leftovers(domain).is_empty() {
@@ -38,10 +37,9 @@ pub fn run(snapshot: &DomainSnapshot, state: bool) -> anyhow::Result<Outcome> {
     }
     let sum = bytes(removed.iter().map(|file| file.bytes).sum());
     let removed = count(removed.len() as u64, "file", "files");
-    let kept = if state {
-        ""
-    } else {
-        "; checkpoints and keyframes are kept (--state removes them too)"
+    let kept = match state {
+        true => "",
+        false => "; checkpoints and keyframes are kept (--state removes them too)",
     };
     print(&format!("{here}: removed {removed}, {sum}{kept}\n"))?;
     Ok(Outcome::Good)
@@ -49,14 +47,10 @@ pub fn run(snapshot: &DomainSnapshot, state: bool) -> anyhow::Result<Outcome> {
 
 /// Takes away what nobody living holds.
 fn beside_the_living(snapshot: &DomainSnapshot, here: &str) -> anyhow::Result<Outcome> {
-    let CleanUp {
-        slots,
-        nodes,
-        services,
-    } = clean_up(&snapshot.domain)?;
-    let freed = count(slots as u64, "slot", "slots");
-    let nodes = count(nodes as u64, "dead node", "dead nodes");
-    let services = count(services as u64, "broken service", "broken services");
+    let done = clean_up(&snapshot.domain)?;
+    let freed = count(done.slots as u64, "slot", "slots");
+    let nodes = count(done.nodes as u64, "dead node", "dead nodes");
+    let services = count(done.services as u64, "broken service", "broken services");
     print(&format!(
         "{here}: freed {freed}, removed {nodes} and {services}; the living were left alone\n"
     ))?;

@@ -2,8 +2,9 @@
 
 use super::finding::Finding;
 use super::snapshot::DomainSnapshot;
+use crate::date::nanoseconds;
 use crate::units::seconds;
-use rustix::time::{ClockId, clock_gettime};
+use rustix::time::ClockId;
 use std::fs;
 
 /// A system clock that was set by more is worth a word.
@@ -19,10 +20,8 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     let anchor_ns = match fs::read_to_string(&path) {
         Ok(text) => text.trim().parse::<i64>().ok(),
         Err(_) if !lives => {
-            return vec![Finding::ok(
-                ABOUT,
-                "the first stage that starts takes the anchor",
-            )];
+            let text = "the first stage that starts takes the anchor";
+            return vec![Finding::ok(ABOUT, text)];
         }
         Err(cause) => {
             let text =
@@ -31,31 +30,19 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
         }
     };
     let Some(anchor_ns) = anchor_ns else {
-        return vec![Finding::bad(
-            ABOUT,
-            format!("{shown} holds no number"),
-            anew,
-        )];
+        let text = format!("{shown} holds no number");
+        return vec![Finding::bad(ABOUT, text, anew)];
     };
     let now_ns = nanoseconds(ClockId::Boottime) + anchor_ns;
     let off_s = (now_ns - nanoseconds(ClockId::Realtime)) as f64 * 1e-9;
     if off_s.abs() < SET_S {
-        return vec![Finding::ok(
-            ABOUT,
-            format!("{shown} agrees with the system's clock"),
-        )];
+        let text = format!("{shown} agrees with the system's clock");
+        return vec![Finding::ok(ABOUT, text)];
     }
     let off = seconds(off_s.abs());
-    vec![Finding::warn(
-        ABOUT,
-        format!(
-            "stamps are {off} off the system's clock: it was set since, or {shown} is of another boot"
-        ),
-        format!("nothing, if it was set: stamps do not step; else {anew}"),
-    )]
-}
-
-fn nanoseconds(clock: ClockId) -> i64 {
-    let time = clock_gettime(clock);
-    time.tv_sec * 1_000_000_000 + time.tv_nsec
+    let text = format!(
+        "stamps are {off} off the system's clock: it was set since, or {shown} is of another boot"
+    );
+    let fix = format!("nothing, if it was set: stamps do not step; else {anew}");
+    vec![Finding::warn(ABOUT, text, fix)]
 }

@@ -15,9 +15,8 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
         return Vec::new();
     };
     let files = exposed(&snapshot.domain);
-    let mut open = files
-        .iter()
-        .filter(|file| file.owner == owner && file.mode & OTHERS != 0);
+    let own = files.iter().filter(|file| file.owner == owner);
+    let mut open = own.filter(|file| file.mode & OTHERS != 0);
     let mut found = Vec::new();
     if let Some(first) = open.next() {
         let text = format!(

@@ -28,15 +28,9 @@ pub fn check(snapshot: &DomainSnapshot, by_default: bool) -> Vec<Finding> {
         }
     }
     for (folder, there) in others {
-        let text = format!(
-            "another domain is in {}: {}",
-            folder.display(),
-            there.join(", ")
-        );
-        let fix = format!(
-            "nothing, if that is meant; else start them with {}",
-            snapshot.options()
-        );
+        let (folder, there, options) = (folder.display(), there.join(", "), snapshot.options());
+        let text = format!("another domain is in {folder}: {there}");
+        let fix = format!("nothing, if that is meant; else start them with {options}");
         found.push(Finding::warn(ABOUT, text, fix));
     }
     if by_default {
@@ -72,11 +66,8 @@ fn lost(snapshot: &DomainSnapshot, process: &Process) -> Option<Finding> {
         return None;
     }
     let shown = theirs.display();
-    let restart = format!(
-        "kill {}, and start it with {}",
-        process.pid,
-        snapshot.options()
-    );
+    let (pid, options) = (process.pid, snapshot.options());
+    let restart = format!("kill {pid}, and start it with {options}");
     Some(if process.removed {
         let text =
             format!("{process} is in {shown}, which was removed under it: nobody finds it there");
@@ -100,15 +91,10 @@ fn both_folders(snapshot: &DomainSnapshot) -> Option<Finding> {
     let other = Domain::shared_run(snapshot.user).join(snapshot.domain.prefix());
     let both = snapshot.domain.folder() != other && Path::new(&other).is_dir();
     both.then(|| {
-        let text = format!(
-            "{} is there too: stages that started before {} was made were there",
-            other.display(),
-            snapshot.domain.run().display()
-        );
-        Finding::warn(
-            ABOUT,
-            text,
-            format!("rm -r {}, when no stage is in it", other.display()),
-        )
+        let (other, run) = (other.display(), snapshot.domain.run().display());
+        let text =
+            format!("{other} is there too: stages that started before {run} was made were there");
+        let fix = format!("rm -r {other}, when no stage is in it");
+        Finding::warn(ABOUT, text, fix)
     })
 }

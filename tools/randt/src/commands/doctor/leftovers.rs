@@ -7,11 +7,7 @@ use crate::units::{bytes, count};
 use randt_stage::{Leftover, leftovers};
 use std::collections::BTreeSet;
 use std::fs;
-use std::time::Duration;
 
-/// What a stage that starts or ends has made and not yet opened is looked at again after this
-/// time.
-const AGAIN: Duration = Duration::from_millis(200);
 /// Nobody keeps this open; it stays until the domain is cleaned, and is 16 bytes long.
 const SHARED_BY_ALL: &str = ".global_mgmt";
 /// A living node keeps this open.
@@ -21,43 +17,31 @@ const NODE: &str = ".node_monitor";
 pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "leftovers";
     let lives = snapshot.inside().next().is_some();
-    let unseen = snapshot
-        .inside()
-        .filter(|process| process.presence.is_none());
-    if let unseen @ 1.. = unseen.count() {
+    let unseen = snapshot.inside().filter(|it| it.presence.is_none());
+    let unseen = unseen.count();
+    if unseen > 0 {
         let text = format!(
             "not looked for: what {} hold open is not shown to this user; the next stage that starts clears away what is left",
             count(unseen as u64, "process", "processes")
         );
         return vec![Finding::ok(ABOUT, text)];
     }
-    let left = if lives {
-        unheld(snapshot)
-    } else {
-        everything(snapshot)
+    let left = match lives {
+        true => snapshot.lasting(unheld),
+        false => everything(snapshot),
     };
     if left.is_empty() {
         return vec![Finding::ok(ABOUT, "nothing is left of dead stages")];
     }
     let sum = bytes(left.iter().map(|file| file.bytes).sum());
     let left = count(left.len() as u64, "file", "files");
-    vec![if lives {
-        let text = format!(
-            "{left} ({sum}) of dead stages: nodes and segments that no living process has open"
-        );
-        Finding::warn(
-            ABOUT,
-            text,
-            "nothing: the next stage that starts clears them away",
-        )
-    } else {
-        let text = format!("{left} ({sum}) of dead stages");
-        Finding::warn(
-            ABOUT,
-            text,
-            format!("randt doctor --clean {}", snapshot.options()),
-        )
-    }]
+    let mut text = format!("{left} ({sum}) of dead stages");
+    let mut fix = format!("randt doctor --clean {}", snapshot.options());
+    if lives {
+        text += ": nodes and segments that no living process has open";
+        fix = "nothing: the next stage that starts clears them away".to_owned();
+    }
+    vec![Finding::warn(ABOUT, text, fix)]
 }
 
 fn everything(snapshot: &DomainSnapshot) -> Vec<Leftover> {
@@ -66,23 +50,10 @@ fn everything(snapshot: &DomainSnapshot) -> Vec<Leftover> {
     left
 }
 
-/// Segments and nodes that no living process has open, now and a moment later.
+/// Segments and nodes that no living process has open.
 fn unheld(snapshot: &DomainSnapshot) -> Vec<Leftover> {
-    let before = unheld_now(snapshot);
-    if before.is_empty() {
-        return before;
-    }
-    std::thread::sleep(AGAIN);
-    let mut still = unheld_now(&DomainSnapshot::take(snapshot.domain.clone()));
-    still.retain(|file| before.contains(file));
-    still
-}
-
-fn unheld_now(snapshot: &DomainSnapshot) -> Vec<Leftover> {
-    let held: BTreeSet<FileId> = snapshot
-        .inside()
-        .flat_map(|process| process.open.clone())
-        .collect();
+    let held = snapshot.inside().flat_map(|process| &process.open);
+    let held: BTreeSet<&FileId> = held.collect();
     let mut left = everything(snapshot);
     left.retain(|file| {
         let matters = file.path.starts_with("/dev/shm")

@@ -4,40 +4,37 @@
 use super::finding::Finding;
 use super::snapshot::DomainSnapshot;
 use crate::units::bytes;
-use randt_stage::{KeyframeRing, TOPICS, leftovers};
+use randt_messages::BUS_TOPICS;
+use randt_stage::{KeyframeRing, bytes_in_use, leftovers};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
+const ABOUT: &str = "memory";
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Magic number of a file system in memory, statfs(2).
 const TMPFS: u64 = 0x0102_1994;
-/// Checkpoints of odometry and mapper, beside the ring of keyframes.
-const CHECKPOINTS: usize = 16 << 20;
+/// The ring of keyframes, and the checkpoints of odometry and mapper.
+const STATE_BYTES: usize = KeyframeRing::BYTES + (16 << 20);
 
 /// /dev/shm holds all topics.
 pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
-    const ABOUT: &str = "memory";
     let Ok(found) = rustix::fs::statvfs(SHARED_MEMORY) else {
         let fix = "mount -t tmpfs tmpfs /dev/shm";
         return vec![Finding::bad(ABOUT, "/dev/shm is not there", fix)];
     };
-    let (free, size) = (
-        found.f_bavail * found.f_frsize,
-        found.f_blocks * found.f_frsize,
-    );
-    let used: u64 = leftovers(&snapshot.domain)
-        .iter()
-        .filter(|file| file.path.starts_with(SHARED_MEMORY))
-        .map(|file| file.bytes)
-        .sum();
+    let [free, size] = [found.f_bavail, found.f_blocks].map(|blocks| blocks * found.f_frsize);
+    let mut used = leftovers(&snapshot.domain);
+    used.retain(|file| file.path.starts_with(SHARED_MEMORY));
     // What this domain has already is there for it.
-    let there = free + used;
-    let topics = |navtech| -> usize { TOPICS.iter().map(|qos| qos.bytes_in_use(navtech)).sum() };
-    let state = if on_shared_memory(snapshot) {
-        state_bytes()
-    } else {
-        0
+    let there = free + used.iter().map(|file| file.bytes).sum::<u64>();
+    let topics = |navtech| -> usize {
+        let in_use = BUS_TOPICS.iter().map(|topic| bytes_in_use(topic, navtech));
+        in_use.sum()
+    };
+    let state = match on_shared_memory(snapshot) {
+        true => STATE_BYTES,
+        false => 0,
     };
     let needed = [false, true].map(|navtech| (topics(navtech) + state) as u64);
     vec![grade(there, size, needed)]
@@ -45,7 +42,6 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
 
 /// `needed`: with an iSDR-C, with a Navtech.
 fn grade(there: u64, size: u64, needed: [u64; 2]) -> Finding {
-    const ABOUT: &str = "memory";
     let [isdr_c, navtech] = needed;
     let text = format!(
         "{} of {} in /dev/shm are free or this domain's; it needs {} with an iSDR-C, {} with a Navtech",
@@ -79,44 +75,30 @@ pub fn check_run_folder(snapshot: &DomainSnapshot) -> Vec<Finding> {
         return Vec::new();
     };
     if kind.f_type as u64 != TMPFS {
-        return vec![Finding::warn(
-            ABOUT,
-            format!(
-                "{shown} is not in memory: checkpoints wait for the disk, and its clock outlives a boot"
-            ),
-            "leave --run away, or name a folder on a tmpfs (/run, /dev/shm)",
-        )];
+        let text = format!(
+            "{shown} is not in memory: checkpoints wait for the disk, and its clock outlives a boot"
+        );
+        let fix = "leave --run away, or name a folder on a tmpfs (/run, /dev/shm)";
+        return vec![Finding::warn(ABOUT, text, fix)];
     }
     let free = found.f_bavail * found.f_frsize + state_on_disk(snapshot);
-    let needed = state_bytes() as u64;
+    let needed = STATE_BYTES as u64;
     let text = format!(
         "{shown} is in memory and has {} for checkpoints, which need {}",
         bytes(free),
         bytes(needed)
     );
-    vec![if free < needed {
-        Finding::bad(
-            ABOUT,
-            text,
-            format!("mount -o remount,size=64M the file system of {shown}"),
-        )
-    } else {
-        Finding::ok(ABOUT, text)
+    let fix = format!("mount -o remount,size=64M the file system of {shown}");
+    vec![match free < needed {
+        true => Finding::bad(ABOUT, text, fix),
+        false => Finding::ok(ABOUT, text),
     }]
 }
 
-fn state_bytes() -> usize {
-    KeyframeRing::BYTES + CHECKPOINTS
-}
-
 fn state_on_disk(snapshot: &DomainSnapshot) -> u64 {
-    let files = fs::read_dir(snapshot.domain.state())
-        .into_iter()
-        .flatten()
-        .flatten();
-    files
-        .filter_map(|file| Some(file.metadata().ok()?.blocks() * 512))
-        .sum()
+    let files = fs::read_dir(snapshot.domain.state()).into_iter().flatten();
+    let sizes = files.filter_map(|file| Some(file.ok()?.metadata().ok()?.blocks() * 512));
+    sizes.sum()
 }
 
 fn on_shared_memory(snapshot: &DomainSnapshot) -> bool {

@@ -20,22 +20,18 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     };
     let mut found = Vec::new();
     if owner != user {
-        found.push(Finding::bad(
-            ABOUT,
-            format!(
-                "{} belongs to user {owner}, this process is user {user}: all stages and tools must run as one",
-                folder.display()
-            ),
-            format!("sudo -u '#{owner}' randt doctor {options}"),
-        ));
+        let text = format!(
+            "{} belongs to user {owner}, this process is user {user}: all stages and tools must run as one",
+            folder.display()
+        );
+        let fix = format!("sudo -u '#{owner}' randt doctor {options}");
+        found.push(Finding::bad(ABOUT, text, fix));
     }
     for process in snapshot.inside().filter(|process| process.user != owner) {
-        let theirs = process.user;
-        found.push(Finding::bad(
-            ABOUT,
-            format!("{process} runs as user {theirs}, the domain belongs to user {owner}"),
-            format!("kill {}, and start it with sudo -u '#{owner}'", process.pid),
-        ));
+        let (theirs, pid) = (process.user, process.pid);
+        let text = format!("{process} runs as user {theirs}, the domain belongs to user {owner}");
+        let fix = format!("kill {pid}, and start it with sudo -u '#{owner}'");
+        found.push(Finding::bad(ABOUT, text, fix));
     }
     let foreign = leftovers(&snapshot.domain).into_iter().filter_map(|file| {
         let theirs = fs::metadata(&file.path).ok()?.uid();
@@ -43,18 +39,13 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     });
     let foreign: Vec<_> = foreign.collect();
     if let Some((theirs, first)) = foreign.first() {
-        found.push(Finding::bad(
-            ABOUT,
-            format!(
-                "{} files of user {theirs} in the domain of user {owner}, such as {}",
-                foreign.len(),
-                first.display()
-            ),
-            format!(
-                "end that user's stages, then sudo rm /dev/shm/{}*",
-                snapshot.domain.segment_prefix()
-            ),
-        ));
+        let (count, first) = (foreign.len(), first.display());
+        let text = format!(
+            "{count} files of user {theirs} in the domain of user {owner}, such as {first}"
+        );
+        let prefix = snapshot.domain.segment_prefix();
+        let fix = format!("end that user's stages, then sudo rm /dev/shm/{prefix}*");
+        found.push(Finding::bad(ABOUT, text, fix));
     }
     if found.is_empty() {
         let text = format!("the domain, its stages and this process are user {user}");
@@ -101,13 +92,11 @@ pub fn check_rights(snapshot: &DomainSnapshot) -> Vec<Finding> {
     if let Err(cause) = writable
         && snapshot.owner == Some(snapshot.user)
     {
-        return vec![Finding::bad(
-            ABOUT,
-            format!("{shown} cannot be written: {cause}"),
-            format!(
-                "mount -o remount,rw the file system of {shown}, or give all stages another --run"
-            ),
-        )];
+        let text = format!("{shown} cannot be written: {cause}");
+        let fix = format!(
+            "mount -o remount,rw the file system of {shown}, or give all stages another --run"
+        );
+        return vec![Finding::bad(ABOUT, text, fix)];
     }
     if mode != 0o700 {
         let text = format!("{shown} has mode {mode:03o}: others may look into it");

@@ -1,6 +1,7 @@
 //! The processes of all pipelines on this machine, as the kernel shows them: none has to be asked.
 
 use randt_stage::Domain;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs::{self, Metadata};
 use std::os::unix::fs::MetadataExt;
@@ -57,6 +58,7 @@ impl Process {
     fn read(pid: u32) -> Option<Self> {
         let proc = PathBuf::from(format!("/proc/{pid}"));
         let arguments = arguments(&proc);
+        let shared_memory = fs::metadata(proc.join("root/dev/shm"));
         let mut process = Self {
             pid,
             user: fs::metadata(&proc).ok()?.uid(),
@@ -65,9 +67,7 @@ impl Process {
             presence: None,
             removed: false,
             replaced: fs::read_link(proc.join("exe")).is_ok_and(|exe| is_deleted(&exe)),
-            shared_memory: fs::metadata(proc.join("root/dev/shm"))
-                .ok()
-                .map(|found| found.dev()),
+            shared_memory: shared_memory.ok().map(|found| found.dev()),
             open: BTreeSet::new(),
         };
         // Another user's, or one that systemd keeps in a user namespace of its own (PrivateUsers),
@@ -107,9 +107,7 @@ impl std::fmt::Display for Process {
 
 /// The identity of a domain's presence file.
 pub fn presence(folder: &Path) -> Option<FileId> {
-    fs::metadata(folder.join(PRESENCE))
-        .ok()
-        .map(|found| id(&found))
+    Some(id(&fs::metadata(folder.join(PRESENCE)).ok()?))
 }
 
 fn is_deleted(path: &Path) -> bool {
@@ -118,10 +116,8 @@ fn is_deleted(path: &Path) -> bool {
 
 fn arguments(proc: &Path) -> Vec<String> {
     let text = fs::read(proc.join("cmdline")).unwrap_or_default();
-    let arguments = text.split(|byte| *byte == 0);
-    arguments
-        .map(|argument| String::from_utf8_lossy(argument).into_owned())
-        .collect()
+    let arguments = text.split(|byte| *byte == 0).map(String::from_utf8_lossy);
+    arguments.map(Cow::into_owned).collect()
 }
 
 /// The program, with its command where it is randt itself.
@@ -152,13 +148,9 @@ fn domain_folder(proc: &Path, arguments: &[String], user: u32) -> Option<PathBuf
         });
         given.filter(|value| !value.is_empty())
     };
-    let run = match option("--run") {
-        Some(run) => {
-            let working = fs::read_link(proc.join("cwd")).unwrap_or_default();
-            working.join(run)
-        }
-        None => Domain::default_run(user),
-    };
+    let working = fs::read_link(proc.join("cwd")).unwrap_or_default();
+    let run = option("--run").map(|run| working.join(run));
+    let run = run.unwrap_or_else(|| Domain::default_run(user));
     Some(run.join(option("--prefix").unwrap_or_else(|| "randt".to_owned())))
 }
 

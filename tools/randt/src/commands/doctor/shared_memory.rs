@@ -4,22 +4,13 @@
 use super::finding::Finding;
 use super::snapshot::{DomainSnapshot, program};
 use randt_stage::memory_gone;
-use std::time::Duration;
-
-/// A stage notices it and ends by itself within two seconds; what is older is for people.
-const AGAIN: Duration = Duration::from_millis(200);
 
 /// No file that a living stage shares with others was removed or cut.
 pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     const ABOUT: &str = "shared";
-    let gone = gone(snapshot);
-    if gone.is_empty() {
-        return Vec::new();
-    }
-    std::thread::sleep(AGAIN);
-    let still = self::gone(&DomainSnapshot::take(snapshot.domain.clone()));
-    let still: Vec<_> = still.iter().filter(|one| gone.contains(one)).collect();
-    let found = still.iter().map(|(name, pid, files, first)| {
+    // A stage notices it and ends by itself within two seconds; what is older is for people.
+    let gone = snapshot.lasting(gone);
+    let found = gone.iter().map(|(name, pid, files, first)| {
         let text = format!(
             "shared memory of living stages is gone: {} (process {pid}) uses {files} files that were removed or cut, {first} among them",
             program(name)

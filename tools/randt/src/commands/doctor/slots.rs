@@ -1,14 +1,10 @@
 //! Slots of the bus's services that nobody living holds: when all are taken, no stage can start.
 
 use super::finding::Finding;
-use super::snapshot::DomainSnapshot;
+use super::snapshot::{AGAIN, DomainSnapshot};
 use crate::units::count;
 use randt_stage::orphaned_slots;
 use std::collections::BTreeMap;
-use std::time::Duration;
-
-/// A stage that starts just now is freeing them: they are read again after this time.
-const AGAIN: Duration = Duration::from_millis(200);
 
 /// Every slot is held by a living stage or tool.
 pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {

@@ -6,6 +6,10 @@ use crate::identity::Identity;
 use randt_stage::{Domain, Entry, Error, Registry};
 use std::fs;
 use std::os::unix::fs::MetadataExt;
+use std::time::Duration;
+
+/// What may be over in a moment is looked at again after this time.
+pub const AGAIN: Duration = Duration::from_millis(200);
 
 /// A domain as it was found.
 pub struct DomainSnapshot {
@@ -57,6 +61,19 @@ impl DomainSnapshot {
     pub fn living(&self) -> impl Iterator<Item = &Entry> {
         let living = self.register.iter().filter(|(_, lives)| *lives);
         living.map(|(entry, _)| entry)
+    }
+
+    /// What is found now and a moment later again: what a stage that starts or ends has made and
+    /// not yet opened, or not yet removed, is nothing to report.
+    pub fn lasting<T: PartialEq>(&self, find: impl Fn(&Self) -> Vec<T>) -> Vec<T> {
+        let before = find(self);
+        if before.is_empty() {
+            return before;
+        }
+        std::thread::sleep(AGAIN);
+        let mut still = find(&Self::take(self.domain.clone()));
+        still.retain(|it| before.contains(it));
+        still
     }
 
     /// Options that lead other programs here.

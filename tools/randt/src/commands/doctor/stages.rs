@@ -3,7 +3,8 @@
 use super::finding::Finding;
 use super::snapshot::{DomainSnapshot, program, start};
 use crate::process::Sample;
-use randt_stage::{Entry, TOPICS};
+use randt_messages::BUS_TOPICS;
+use randt_stage::Entry;
 use randt_version::VERSION;
 
 /// Every stage that has not ended in order lives, and is not stopped.
@@ -12,30 +13,24 @@ pub fn check(snapshot: &DomainSnapshot) -> Vec<Finding> {
     let mut found = Vec::new();
     for (entry, lives) in &snapshot.register {
         let Entry { name, pid, .. } = entry;
+        let stage = program(name);
         if !lives && !entry.ended {
-            found.push(Finding::bad(
-                ABOUT,
-                format!(
-                    "{} has died as process {pid}, and nobody has started it again",
-                    program(name)
-                ),
-                start(entry),
-            ));
+            let text =
+                format!("{stage} has died as process {pid}, and nobody has started it again");
+            found.push(Finding::bad(ABOUT, text, start(entry)));
         }
         if *lives && Sample::read(*pid).is_some_and(|sample| sample.stopped) {
-            let text = format!("{} (process {pid}) is stopped by a signal", program(name));
+            let text = format!("{stage} (process {pid}) is stopped by a signal");
             found.push(Finding::warn(ABOUT, text, format!("kill -CONT {pid}")));
         }
     }
     if found.is_empty() {
         let names: Vec<&str> = snapshot.living().map(|entry| entry.name.as_str()).collect();
-        found.push(Finding::ok(
-            ABOUT,
-            match names.as_slice() {
-                [] => "none lives, none has died".to_owned(),
-                names => format!("{} live, none has died", names.join(", ")),
-            },
-        ));
+        let text = match names.as_slice() {
+            [] => "none lives, none has died".to_owned(),
+            names => format!("{} live, none has died", names.join(", ")),
+        };
+        found.push(Finding::ok(ABOUT, text));
     }
     found
 }
@@ -46,12 +41,9 @@ pub fn check_builds(snapshot: &DomainSnapshot) -> Vec<Finding> {
     let mut found = Vec::new();
     for entry in snapshot.living() {
         let Entry { name, pid, .. } = entry;
-        let stage = format!("{} (process {pid})", program(name));
-        let restart = format!(
-            "restart {} from this build: kill {pid}; {}",
-            program(name),
-            start(entry)
-        );
+        let (program, start) = (program(name), start(entry));
+        let stage = format!("{program} (process {pid})");
+        let restart = format!("restart {program} from this build: kill {pid}; {start}");
         if let Some((topic, theirs, ours)) = other_layout(entry) {
             let text = format!(
                 "{stage} has the layout {theirs} of {topic}, this build has {ours}: neither reads the other"
@@ -66,28 +58,24 @@ pub fn check_builds(snapshot: &DomainSnapshot) -> Vec<Finding> {
         }
     }
     if found.is_empty() {
-        let count = snapshot.living().count();
-        found.push(Finding::ok(
-            ABOUT,
-            match count {
-                0 => "no stage lives".to_owned(),
-                _ => "all living stages have this build's layouts".to_owned(),
-            },
-        ));
+        let text = match snapshot.living().next() {
+            None => "no stage lives",
+            Some(_) => "all living stages have this build's layouts",
+        };
+        found.push(Finding::ok(ABOUT, text));
     }
     found
 }
 
 /// A topic that a stage has in another layout than this build: name, its layout, ours.
 fn other_layout(entry: &Entry) -> Option<(&'static str, &str, &'static str)> {
-    TOPICS.iter().find_map(|qos| {
-        let theirs = entry.topics.get(qos.topic)?;
-        (theirs != qos.type_name).then_some((qos.topic, theirs.as_str(), qos.type_name))
+    BUS_TOPICS.iter().find_map(|topic| {
+        let theirs = entry.topics.get(topic.name)?;
+        (theirs != topic.type_name).then_some((topic.name, theirs.as_str(), topic.type_name))
     })
 }
 
 fn replaced(snapshot: &DomainSnapshot, pid: u64) -> bool {
-    snapshot
-        .inside()
-        .any(|process| u64::from(process.pid) == pid && process.replaced)
+    let mut inside = snapshot.inside();
+    inside.any(|process| u64::from(process.pid) == pid && process.replaced)
 }

@@ -78,7 +78,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
             let sixteen = arguments.bits == "16";
             let server = NavtechServer::new(address("127.0.0.1:6317")?, sixteen, order)?;
             print(&format!("navtech on {}\n", server.address()))?;
-            server.play(recording, &pace, &faults, common.seed, ends)?
+            server.play(recording, &pace, &faults, ends)?
         }
         Protocol::BeamUdp => {
             let format = match arguments.format {
@@ -89,7 +89,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
             let to = address("127.0.0.1:6320")?;
             let sender = BeamUdpSender::new(to, format)?;
             print(&format!("beam-udp to {to}\n"))?;
-            sender.play(recording, &pace, &faults, common.seed, ends)?
+            sender.play(recording, &pace, &faults, ends)?
         }
     };
     print(&format!(

@@ -3,7 +3,6 @@
 use super::write_copy;
 use crate::exit::Outcome;
 use crate::output::print;
-use crate::units::bytes;
 use randt_log::LogReader;
 use std::path::PathBuf;
 
@@ -74,17 +73,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut reader = LogReader::open(&arguments.file)?;
     let span = from_ns..=to_ns;
     let keep = |entry: &randt_log::Entry<'_>| span.contains(&entry.time_ns);
-    let (messages, size) = write_copy(&mut reader, &arguments.out, arguments.force, keep)?;
-    let out = arguments.out.display();
-    let mut text = format!("{out}: {messages} messages, {}\n", bytes(size));
-    for damage in reader.damage() {
-        text += &format!("  stepped over: {}\n", damage.first);
-    }
-    print(&text)?;
-    Ok(match reader.damage() {
-        [] => Outcome::Good,
-        _ => Outcome::DataLost,
-    })
+    let out = &arguments.out;
+    print(&write_copy(&mut reader, out, arguments.force, keep)?)?;
+    Ok(Outcome::finished(!reader.damage().is_empty()))
 }
 
 #[cfg(test)]

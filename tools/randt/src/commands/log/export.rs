@@ -10,9 +10,9 @@ mod tum;
 
 use crate::exit::Outcome;
 use crate::output::{print, warn};
-use anyhow::{Context, bail};
+use anyhow::{Context, ensure};
 use clap::ValueEnum;
-use randt_log::{Damage, LogReader};
+use randt_log::LogReader;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -58,7 +58,6 @@ enum Format {
 /// Exports.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut reader = LogReader::open(&arguments.file)?;
-    let out = arguments.out.clone();
     // One of both is there: clap has seen to it.
     let format = arguments.to.unwrap_or(Format::Foxglove);
     let ending = match format {
@@ -68,13 +67,15 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Format::Ros2 => "ros2",
         Format::Foxglove => "foxglove.mcap",
     };
+    let out = arguments.out.clone();
     let out = out.unwrap_or_else(|| arguments.file.with_extension(ending));
-    if out.exists() && !arguments.force {
-        bail!("{}: exists already; --force overwrites it", out.display());
-    }
-    if is_same(&out, &arguments.file) {
-        bail!("{}: is the log itself", out.display());
-    }
+    let shown = out.display();
+    let is_free = arguments.force || !out.exists();
+    ensure!(is_free, "{shown}: exists already; --force overwrites it");
+    ensure!(
+        !is_same(&out, &arguments.file),
+        "{shown}: is the log itself"
+    );
     let text = match format {
         Format::Csv => csv::export(&mut reader, &folder(&out)?, arguments.items),
         Format::Tum => tum::export(&mut reader, &folder(&out)?),
@@ -82,9 +83,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Format::Ros2 => ros2::export(&mut reader, &folder(&out)?),
         Format::Foxglove => foxglove::export(&mut reader, &out),
     }?;
-    print(&format!("{}: {text}\n", out.display()))?;
+    print(&format!("{shown}: {text}\n"))?;
     reader.translated().for_each(|text| warn(&text));
-    Ok(outcome(reader.damage()))
+    for damage in reader.damage() {
+        eprintln!("  stepped over: {}", damage.first);
+    }
+    Ok(Outcome::finished(!reader.damage().is_empty()))
 }
 
 /// Whether both are one file, by whichever names; one that is not there is none.
@@ -95,15 +99,4 @@ fn is_same(a: &Path, b: &Path) -> bool {
 fn folder(path: &Path) -> anyhow::Result<PathBuf> {
     fs::create_dir_all(path).with_context(|| path.display().to_string())?;
     Ok(path.to_owned())
-}
-
-/// Prints the damage.
-fn outcome(damage: &[Damage]) -> Outcome {
-    for damage in damage {
-        eprintln!("  stepped over: {}", damage.first);
-    }
-    match damage {
-        [] => Outcome::Good,
-        _ => Outcome::DataLost,
-    }
 }

@@ -1,7 +1,7 @@
 //! `randt log info`: what is in a log.
 
 use crate::exit::Outcome;
-use crate::output::print;
+use crate::output::print_value;
 use crate::units::bytes;
 use randt_log::LogReader;
 use randt_messages::{DropCause, LogDrop, LogDropTopic, health::text_of};
@@ -87,14 +87,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     info.damage = damage
         .map(|damage| format!("{} {}: {}", damage.count, damage.kind.name(), damage.first))
         .collect();
-    print(&match arguments.json {
-        true => format!("{}\n", serde_json::to_string_pretty(&info)?),
-        false => text(&info, &arguments.file.display().to_string()),
-    })?;
-    Ok(match info.missing.is_empty() {
-        true => Outcome::Good,
-        false => Outcome::DataLost,
-    })
+    let name = arguments.file.display().to_string();
+    print_value(arguments.json, &info, || text(&info, &name))?;
+    Ok(Outcome::finished(!info.missing.is_empty()))
 }
 
 fn missing(drop: &LogDrop) -> Missing {
@@ -121,8 +116,7 @@ fn text(info: &Info, name: &str) -> String {
     for (name, topic) in &info.topics {
         let span_s = after_s(topic.last_ns) - after_s(topic.first_ns);
         let rate_hz = match topic.messages {
-            0 | 1 => 0.0,
-            messages if span_s > 0.0 => (messages - 1) as f64 / span_s,
+            messages @ 2.. if span_s > 0.0 => (messages - 1) as f64 / span_s,
             _ => 0.0,
         };
         let _ = writeln!(

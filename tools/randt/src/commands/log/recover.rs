@@ -3,7 +3,6 @@
 use super::write_copy;
 use crate::exit::Outcome;
 use crate::output::print;
-use crate::units::bytes;
 use randt_log::LogReader;
 use std::path::{Path, PathBuf};
 
@@ -32,12 +31,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 pub fn recover(file: &Path, out: &Path, force: bool) -> anyhow::Result<String> {
     let mut reader = LogReader::open(file)?;
     reader.whole_chunks_only();
-    let (messages, size) = write_copy(&mut reader, out, force, |_| true)?;
-    let mut text = format!("{}: {messages} messages, {}\n", out.display(), bytes(size));
-    for damage in reader.damage() {
-        text += &format!("  stepped over: {}\n", damage.first);
-    }
-    Ok(text)
+    write_copy(&mut reader, out, force, |_| true)
 }
 
 fn name_for(file: &Path) -> PathBuf {

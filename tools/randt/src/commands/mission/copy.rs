@@ -70,19 +70,16 @@ pub fn copy(reader: Identity, from: &Path, to: &Path) -> anyhow::Result<Copied> 
             Found::File { mut file, mode, .. } => {
                 let mut options = File::options();
                 let options = options.write(true).create_new(true).mode(mode);
-                let size = options
-                    .open(to.join(name))
-                    .and_then(|mut target| io::copy(&mut file, &mut target))
-                    .with_context(|| format!("{}: cannot be copied", name.display()))?;
-                copied.bytes += size;
-                bar.inc(size);
-                Ok(())
+                let target = options.open(to.join(name));
+                let size = target.and_then(|mut target| io::copy(&mut file, &mut target));
+                size.map(|size| {
+                    copied.bytes += size;
+                    bar.inc(size);
+                })
             }
             Found::Other(why) => {
-                warn(&format!(
-                    "{}: {why}; it is left out",
-                    from.join(name).display()
-                ));
+                let shown = from.join(name);
+                warn(&format!("{}: {why}; it is left out", shown.display()));
                 copied.left_out += 1;
                 Ok(())
             }
@@ -113,10 +110,8 @@ impl Tree {
                 continue;
             }
             let name: PathBuf = name.join(entry_name);
-            let found = self
-                .reader
-                .run(|| self.open(folder, entry.file_name(), &name))?;
-            match found {
+            let open = || self.open(folder, entry.file_name(), &name);
+            match self.reader.run(open)? {
                 Found::Folder(folder) if name.components().count() <= DEPTH_MAX => {
                     let below = folder.try_clone()?;
                     visit(&name, Found::Folder(folder))?;

@@ -76,10 +76,7 @@ fn fill(mission: &Mission, reader: Identity, part: &Path) -> anyhow::Result<(Cop
     );
     let part = PathBuf::from(format!("/proc/self/fd/{}", folder.as_raw_fd()));
     let copied = copy(reader, mission.folder(), &part)?;
-    let mut outcome = match copied.left_out {
-        0 => Outcome::Good,
-        _ => Outcome::DataLost,
-    };
+    let mut lost = copied.left_out > 0;
     let mut copy = Mission::open(&part)?;
     copy.repair()?;
     recover::mark_cut_logs(&copy)?;
@@ -89,11 +86,10 @@ fn fill(mission: &Mission, reader: Identity, part: &Path) -> anyhow::Result<(Cop
     if !copy.has_report() {
         let state = copy.kept_state();
         match report::write(&copy, &mission.name(), state.as_deref(), &part.join(REPORT)) {
-            Ok(true) => outcome = Outcome::DataLost,
-            Ok(false) => {}
+            Ok(report_lost) => lost |= report_lost,
             Err(error) => warn(&format!("{}: no report: {error:#}", mission.name())),
         }
         copy.drop_state()?;
     }
-    Ok((copied, outcome))
+    Ok((copied, Outcome::finished(lost)))
 }

@@ -5,7 +5,7 @@ use crate::earlier::JOURNAL;
 use crate::exit::Outcome;
 use crate::mission::Mission;
 use crate::missions::Missions;
-use crate::output::print;
+use crate::output::{json, print};
 use crate::units::{bytes, count, seconds};
 use serde::Serialize;
 use std::fs;
@@ -40,9 +40,10 @@ impl Row {
     fn from_mission(mission: &Mission, is_current: bool) -> anyhow::Result<Self> {
         let size = |path: &Path| fs::metadata(path).map_or(0, |found| found.len());
         let files = mission.log_files()?;
+        let stopped_ns = mission.record.stopped_ns;
         Ok(Self {
             name: mission.name(),
-            state: match mission.record.stopped_ns {
+            state: match stopped_ns {
                 _ if mission.broken.is_some() => "broken",
                 Some(_) => "stopped",
                 None if is_current => "current",
@@ -50,10 +51,7 @@ impl Row {
             },
             broken: mission.broken.clone(),
             begun_ns: mission.record.begun_ns,
-            end_ns: mission
-                .record
-                .stopped_ns
-                .unwrap_or_else(|| mission.last_sign_ns()),
+            end_ns: stopped_ns.unwrap_or_else(|| mission.last_sign_ns()),
             map_bytes: size(&mission.folder().join(JOURNAL)),
             logs: files.len(),
             log_bytes: files.iter().map(|file| size(file)).sum(),
@@ -65,12 +63,10 @@ impl Row {
 pub fn run(missions: &Missions, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let current = missions.current_or_none().map(|mission| mission.name());
     let all = missions.all()?.into_iter();
-    let rows: anyhow::Result<Vec<Row>> = all
-        .map(|mission| Row::from_mission(&mission, current.as_ref() == Some(&mission.name())))
-        .collect();
-    let rows = rows?;
+    let rows = all.map(|it| Row::from_mission(&it, current.as_ref() == Some(&it.name())));
+    let rows = rows.collect::<anyhow::Result<Vec<Row>>>()?;
     if arguments.json {
-        print(&format!("{}\n", serde_json::to_string_pretty(&rows)?))?;
+        print(&json(&rows)?)?;
         return Ok(Outcome::Good);
     }
     if rows.is_empty() {

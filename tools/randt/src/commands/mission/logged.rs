@@ -12,8 +12,7 @@ use randt_config::Config;
 use randt_filter::check_sweep;
 use randt_log::LogReader;
 use randt_messages::{
-    ImuSampleTopic, Keyframe, LogDropTopic, MessageRef, OdometryState, OdometryStateTopic,
-    RadarScan,
+    Header, ImuSampleTopic, LogDropTopic, OdometryState, OdometryStateTopic, RadarScan,
 };
 use randt_odometry::{MessageId, Sink};
 use randt_readers::Event;
@@ -37,18 +36,6 @@ pub struct Logged {
     pub imu_samples: u64,
 }
 
-/// States that were computed now.
-#[derive(Default)]
-struct Computed(Vec<OdometryState>);
-
-impl Sink for Computed {
-    fn state(&mut self, state: &OdometryState) {
-        self.0.push(*state);
-    }
-
-    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
-}
-
 impl Logged {
     /// Reads files in the order of time.
     pub fn read(files: &[PathBuf], config: &Config, recovered: RecoveredDrive) -> Self {
@@ -65,7 +52,7 @@ impl Logged {
             let of_boot = |file: &&PathBuf| boot_of(file) == boot;
             logged.number_on(files.iter().filter(of_boot));
         }
-        let mut computed = Computed::default();
+        let mut computed = Results::default();
         for file in files {
             let goes_on = boot_of(file) == boot;
             // Half a report is better than none.
@@ -76,7 +63,7 @@ impl Logged {
                 }
             }
         }
-        logged.take(computed, config);
+        logged.take(computed.states, config);
         logged
     }
 
@@ -95,9 +82,10 @@ impl Logged {
         file: &Path,
         config: &Config,
         goes_on: bool,
-        computed: &mut Computed,
+        computed: &mut Results,
     ) -> anyhow::Result<()> {
         let mut reader = LogReader::open(file)?;
+        let pipeline = &mut self.recovered.pipeline;
         while let Some(entry) = reader.next_entry()? {
             if let Some(state) = entry.decode::<OdometryStateTopic>()? {
                 // Sent again by odometry that came back, and recorded again by the recorder that
@@ -107,17 +95,13 @@ impl Logged {
                 self.not_recorded += missing.head.count;
             } else if let Some(sample) = entry.decode::<ImuSampleTopic>()? {
                 self.imu_samples += 1;
-                let header = &sample.head.header;
-                let is_new = is_after(header.epoch, header.sequence, self.odometry().last_imu());
-                if goes_on && is_new {
-                    let event = Event::Imu(*sample.head);
-                    self.recovered.pipeline.push(&event, computed);
+                if goes_on && is_after(&sample.head.header, pipeline.odometry().last_imu()) {
+                    pipeline.push(&Event::Imu(*sample.head), computed);
                 }
             } else if let Some(scan) = entry.decode::<RadarScan>()? {
-                let header = &scan.head.header;
-                let is_new = is_after(header.epoch, header.sequence, self.odometry().last_scan());
+                let is_new = is_after(&scan.head.header, pipeline.odometry().last_scan());
                 if goes_on && is_new && check_sweep(&scan.head.sweep, config).is_ok() {
-                    self.recovered.pipeline.push(&Event::Scan(scan), computed);
+                    pipeline.push(&Event::Scan(scan), computed);
                 }
             }
         }
@@ -125,16 +109,12 @@ impl Logged {
         Ok(())
     }
 
-    fn odometry(&self) -> &randt_odometry::Odometry {
-        self.recovered.pipeline.odometry()
-    }
-
     /// Takes what was computed now, where it is of the mission's drive.
-    fn take(&mut self, computed: Computed, config: &Config) {
+    fn take(&mut self, computed: Vec<OdometryState>, config: &Config) {
         let recovered = &mut self.recovered;
         if !recovered.has_odometry {
-            if computed.0.is_empty() || !recovered.pipeline.is_one_drive() {
-                if !computed.0.is_empty() {
+            if computed.is_empty() || !recovered.pipeline.is_one_drive() {
+                if !computed.is_empty() {
                     let first = "the logs end before the map's last keyframe, or give another one";
                     recovered.counters.add_lost("window_lost", 1, first);
                 }
@@ -143,11 +123,10 @@ impl Logged {
             }
             recovered.counters.remove("window_lost");
         }
-        recovered.states.extend(computed.0);
-        recovered
-            .states
-            .iter()
-            .for_each(|state| self.results.state(state));
+        recovered.states.extend(computed);
+        for state in &recovered.states {
+            self.results.state(state);
+        }
     }
 }
 
@@ -169,6 +148,7 @@ fn first_state(file: &Path) -> Option<OdometryState> {
 }
 
 /// Whether a message comes after the last one that was taken. Within a boot epochs rise.
-fn is_after(epoch: u64, sequence: u64, last: Option<MessageId>) -> bool {
-    last.is_none_or(|last| (epoch, sequence) > (last.epoch, last.sequence))
+fn is_after(header: &Header, last: Option<MessageId>) -> bool {
+    let id = (header.epoch, header.sequence);
+    last.is_none_or(|last| id > (last.epoch, last.sequence))
 }

@@ -30,34 +30,20 @@ pub fn write(
     let recovered = RecoveredDrive::read(&config, use_imu, mission.folder(), state);
     let logged = Logged::read(&mission.log_files()?, &config, recovered);
     let mut counters = logged.recovered.counters;
-    for (name, count, first) in [
-        (
-            "messages_not_recorded",
-            logged.not_recorded,
-            "the logs say which".to_owned(),
-        ),
-        (
-            "logs_unreadable",
-            logged.unreadable,
-            logged.first_unreadable,
-        ),
-        (
-            "power_cuts",
-            mission.record.power_cuts,
-            "what was not on the disk yet: a second of logs at most, and odometry's window"
-                .to_owned(),
-        ),
-    ] {
-        counters.add_lost(name, count, first);
-    }
+    let first = "the logs say which";
+    counters.add_lost("messages_not_recorded", logged.not_recorded, first);
+    let first = logged.first_unreadable;
+    counters.add_lost("logs_unreadable", logged.unreadable, first);
+    let first = "what was not on the disk yet: a second of logs at most, and odometry's window";
+    counters.add_lost("power_cuts", mission.record.power_cuts, first);
     let states = &logged.results.states;
     let drive = Drive {
         input: Input {
             name: name.to_owned(),
             format: "mission".into(),
-            sha256: String::new(),
             imu: states.iter().any(|state| state.imu_epoch != 0),
             imu_samples: logged.imu_samples,
+            ..Input::default()
         },
         pipeline: logged.recovered.pipeline,
         results: logged.results,
@@ -84,10 +70,6 @@ fn configuration_of(mission: &Mission) -> anyhow::Result<Config> {
 
 /// Whether odometry ran with its IMU: a state without one cannot be read as one with it.
 fn uses_imu(config: &Config, state: &Path) -> bool {
-    let can_read = |use_imu| {
-        CheckpointStore::read(state, config, use_imu)
-            .odometry
-            .is_ok()
-    };
-    can_read(true) || !can_read(false)
+    let read = |use_imu| CheckpointStore::read(state, config, use_imu);
+    read(true).odometry.is_ok() || read(false).odometry.is_err()
 }

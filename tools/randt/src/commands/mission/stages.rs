@@ -35,36 +35,35 @@ pub fn stop(mission: &Mission, domain: &Domain) -> anyhow::Result<bool> {
 }
 
 fn stop_by_signals(domain: &Domain) -> anyhow::Result<()> {
-    for name in FIRST.into_iter().chain(STAGES.map(|stage| stage.name)) {
+    for name in FIRST.into_iter().chain(STAGES) {
         if let Some(stage) = living(domain).into_iter().find(|stage| stage.name == name) {
             end(domain, &stage)?;
         }
     }
-    let left: Vec<String> = living(domain)
-        .into_iter()
-        .map(|stage| format!("randt-{} (process {})", stage.name, stage.pid))
-        .collect();
-    if !left.is_empty() {
-        bail!(
-            "{} was started again by somebody, or is none that this version knows: stop it first; the mission goes on",
-            left.join(", ")
-        );
-    }
+    let left: Vec<String> = living(domain).iter().map(shown).collect();
+    ensure!(
+        left.is_empty(),
+        "{} was started again by somebody, or is none that this version knows: stop it first; the mission goes on",
+        left.join(", ")
+    );
     Ok(())
 }
 
 fn living(domain: &Domain) -> Vec<Entry> {
     let all = Registry::all(domain).into_iter();
-    all.filter(|(_, lives)| *lives)
-        .map(|(entry, _)| entry)
-        .collect()
+    let living = all.filter(|(_, lives)| *lives);
+    living.map(|(entry, _)| entry).collect()
+}
+
+fn shown(stage: &Entry) -> String {
+    format!("randt-{} (process {})", stage.name, stage.pid)
 }
 
 /// Asks a stage to end, and waits for it.
 fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
-    let context = || format!("randt-{} (process {})", stage.name, stage.pid);
+    let shown = shown(stage);
     let pid = i32::try_from(stage.pid).ok().and_then(Pid::from_raw);
-    let pid = pid.with_context(|| format!("{}: no process has that number", context()))?;
+    let pid = pid.with_context(|| format!("{shown}: no process has that number"))?;
     let is_there = || living(domain).iter().any(|it| it.pid == stage.pid);
     let end_max = match stage.name.as_str() {
         "recorder" | "up" => LONG_END_MAX,
@@ -81,16 +80,14 @@ fn end(domain: &Domain, stage: &Entry) -> anyhow::Result<()> {
                 && is_there()
             {
                 bail!(
-                    "{}: cannot be ended: {error}: do it as the user that runs it; the mission goes on",
-                    context()
+                    "{shown}: cannot be ended: {error}: do it as the user that runs it; the mission goes on"
                 );
             }
             asked = Some(Instant::now());
         }
         ensure!(
             begin.elapsed() < end_max,
-            "{}: does not end (kill -9 {pid:?} does it); the mission goes on",
-            context()
+            "{shown}: does not end (kill -9 {pid:?} does it); the mission goes on"
         );
         std::thread::sleep(POLL_PERIOD);
     }

@@ -46,11 +46,7 @@ pub fn end(missions: &Missions, mut mission: Mission, domain: &Domain) -> anyhow
     let outcome = match written {
         Ok(lost) => {
             mission.drop_state()?;
-            if lost {
-                Outcome::DataLost
-            } else {
-                Outcome::Good
-            }
+            Outcome::finished(lost)
         }
         Err(error) => {
             warn(&format!("{}: no report: {error:#}", mission.name()));

@@ -1,6 +1,7 @@
 //! Sends a log's events when they are due.
 
-use randt_messages::{ImuSampleTopic, MessageRef, RadarScan};
+use crate::output::head_only;
+use randt_messages::{ImuSampleTopic, RadarScan};
 use randt_readers::{Event, Source};
 use randt_stage::{Domain, Error, Publisher, Stage, WakeReason};
 use std::time::{Duration, Instant};
@@ -155,8 +156,7 @@ impl Player {
             Event::Imu(mut sample) => {
                 sample.header.stamp_ns += shift_ns;
                 sample.arrival_ns += shift_ns;
-                let (head, items) = (&sample, &[]);
-                self.ports()?.samples.publish(MessageRef { head, items })?;
+                self.ports()?.samples.publish(head_only(&sample))?;
             }
             // The robot does not know it either.
             Event::Truth(_) => {}

@@ -4,8 +4,8 @@
 use super::Picture;
 use super::recording::{Recording, Sketch};
 use crate::final_poses::{Knot, carry_into_map};
-use crate::results::{PICTURE_POINTS_MAX, lines};
-use randt_evaluation::{Plot, Trajectory, plot_trajectories, truth_on_estimate};
+use crate::results::{lines, thinned_returns};
+use randt_evaluation::{Plot, plot_trajectories, truth_on_estimate};
 use randt_geometry::Pose2;
 use randt_messages::OdometryState;
 use std::collections::BTreeMap;
@@ -22,11 +22,9 @@ pub fn draw(recording: &Recording, title: &str) -> anyhow::Result<Picture> {
     knots.sort_by_key(|knot| knot.key);
     let states: Vec<OdometryState> = recording.states.iter().map(|(_, state)| *state).collect();
     let trajectory = carry_into_map(&states, &knots);
-    let loops: Vec<[[f64; 2]; 2]> = recording
-        .graph
-        .loops()
-        .map(|(_, ends)| ends.map(|node| [node.pose[0], node.pose[1]]))
-        .collect();
+    let loops = recording.graph.loops();
+    let loops = loops.map(|(_, ends)| ends.map(|node| [node.pose[0], node.pose[1]]));
+    let loops: Vec<[[f64; 2]; 2]> = loops.collect();
     let truth = match trajectory.poses() {
         [] => lines(truth).concat(),
         _ if truth.poses().is_empty() => Vec::new(),
@@ -39,7 +37,11 @@ pub fn draw(recording: &Recording, title: &str) -> anyhow::Result<Picture> {
             _ => title.to_owned(),
         },
         estimate: &lines(&trajectory),
-        live: &live(&recording.live, &trajectory),
+        // Where there is a final path to compare it with.
+        live: &match trajectory.poses() {
+            [] => Vec::new(),
+            _ => lines(&recording.live),
+        },
         truth: &truth,
         map: &returns(&keyframes),
         loops: &loops,
@@ -84,14 +86,6 @@ fn keyframes(recording: &Recording) -> Vec<MapKeyframe<'_>> {
     recording.keyframes.iter().filter_map(keyframe).collect()
 }
 
-/// The live path, where there is a final one to compare it with.
-fn live(live: &Trajectory, trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
-    match trajectory.poses() {
-        [] => Vec::new(),
-        _ => lines(live),
-    }
-}
-
 /// Returns of the largest component, thinned out: components share no frame.
 fn returns(keyframes: &[MapKeyframe<'_>]) -> Vec<[f64; 2]> {
     let mut sizes: BTreeMap<u64, usize> = BTreeMap::new();
@@ -100,20 +94,7 @@ fn returns(keyframes: &[MapKeyframe<'_>]) -> Vec<[f64; 2]> {
     }
     let largest = sizes.iter().max_by_key(|(_, size)| **size);
     let largest = largest.map(|(component, _)| *component);
-    let chosen = || {
-        keyframes
-            .iter()
-            .filter(|keyframe| Some(keyframe.component) == largest)
-    };
-    let total: usize = chosen().map(|keyframe| keyframe.sketch.points.len()).sum();
-    let stride = (total / PICTURE_POINTS_MAX).max(1);
-    let points = chosen().flat_map(|keyframe| {
-        let points = keyframe.sketch.points.iter().step_by(stride);
-        points.map(|[x_m, y_m]| {
-            let point = [f64::from(*x_m), f64::from(*y_m)];
-            let at = keyframe.map.transform(point.into());
-            [at.x, at.y]
-        })
-    });
-    points.collect()
+    let chosen = keyframes.iter().filter(|it| Some(it.component) == largest);
+    let chosen = chosen.map(|it| (&it.map, it.sketch.points.as_slice()));
+    thinned_returns(chosen, 1, |point| *point)
 }

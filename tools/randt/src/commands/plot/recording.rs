@@ -2,7 +2,7 @@
 
 use crate::output::warn;
 use crate::{job, progress, recorded};
-use anyhow::{bail, ensure};
+use anyhow::ensure;
 use nalgebra::Vector3;
 use randt_evaluation::Trajectory;
 use randt_foxglove_schemas::Graph;
@@ -60,11 +60,8 @@ impl Recording {
     pub fn read(path: &Path) -> anyhow::Result<Self> {
         let mut reader = LogReader::open(path)?;
         let robot = recorded::configuration(reader.robot()?, reader.configuration())?.robot;
-        let imu = Quaternion::from_roll_pitch_yaw(
-            robot.imu_roll_rad,
-            robot.imu_pitch_rad,
-            robot.imu_yaw_rad,
-        );
+        let (roll, pitch, yaw) = (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
+        let imu = Quaternion::from_roll_pitch_yaw(roll, pitch, yaw);
         let bar = progress::bar(Some(reader.progress().1), "bytes");
         let mut recording = Self {
             live: Trajectory::stamped(),
@@ -72,9 +69,7 @@ impl Recording {
             ..Self::default()
         };
         while let Some(entry) = reader.next_entry()? {
-            if job::interrupted() {
-                bail!("interrupted; nothing was drawn");
-            }
+            ensure!(!job::interrupted(), "interrupted; nothing was drawn");
             if entry.channel.is_ours() {
                 recording.take(&entry, &imu)?;
             }
@@ -102,13 +97,8 @@ impl Recording {
             self.drops.push(*drop.head);
             return Ok(());
         }
-        match self.topics.get_mut(&entry.channel.topic) {
-            Some(times) => times.push(time_ns),
-            None => {
-                let topic = entry.channel.topic.clone();
-                self.topics.insert(topic, vec![time_ns]);
-            }
-        }
+        let topic = entry.channel.topic.clone();
+        self.topics.entry(topic).or_default().push(time_ns);
         if let Some(sample) = entry.decode::<ImuSampleTopic>()? {
             let rate_rad_s = imu.rotate(Vector3::from(sample.head.rate_rad_s));
             self.gyro.push((time_ns, rate_rad_s.z));
@@ -134,9 +124,8 @@ impl Recording {
         } else if let Some(page) = entry.decode::<MapperGraph>()? {
             self.graph.take(page.as_ref());
         } else if let Some(pose) = entry.decode::<TruthPoseTopic>()? {
-            let pose = &pose.head;
-            self.truth
-                .push(pose.header.stamp_ns, 0, Pose2::from_array(pose.pose));
+            let (stamp_ns, pose) = (pose.head.header.stamp_ns, pose.head.pose);
+            self.truth.push(stamp_ns, 0, Pose2::from_array(pose));
         }
         Ok(())
     }
@@ -150,10 +139,10 @@ impl Recording {
         self.states.push((time_ns, *state));
         let of_frame = |c: &Correction| c.odom_frame_id == state.odom_frame_id;
         if let Some(correction) = self.correction.filter(of_frame) {
-            let map =
-                Pose2::from_array(correction.map_from_odom).compose(&Pose2::from_array(state.pose));
-            self.live
-                .push(state.header.stamp_ns, correction.component, map);
+            let odom = Pose2::from_array(correction.map_from_odom);
+            let map = odom.compose(&Pose2::from_array(state.pose));
+            let stamp_ns = state.header.stamp_ns;
+            self.live.push(stamp_ns, correction.component, map);
         }
     }
 

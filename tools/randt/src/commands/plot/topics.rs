@@ -24,19 +24,13 @@ pub fn panels(recording: &Recording) -> Panels {
     let index = |name: &str| order.iter().position(|channel| channel.topic == name);
     names.sort_by_key(|name| (index(name).unwrap_or(usize::MAX), *name));
     names.dedup();
-    Ok(names
-        .into_iter()
-        .map(|name| topic(recording, name))
-        .collect())
+    let panels = names.into_iter().map(|name| topic(recording, name));
+    Ok(panels.collect())
 }
 
 fn topic(recording: &Recording, name: &str) -> Panel {
-    let times = recording.topics.get(name);
-    let mut times: Vec<f64> = times
-        .into_iter()
-        .flatten()
-        .map(|at_ns| recording.after_s(*at_ns))
-        .collect();
+    let times = recording.topics.get(name).into_iter().flatten();
+    let mut times: Vec<f64> = times.map(|at_ns| recording.after_s(*at_ns)).collect();
     times.sort_by(f64::total_cmp);
     let of_topic = |drop: &&LogDrop| text_of(&drop.topic) == name;
     let drops: Vec<_> = recording.drops.iter().filter(of_topic).collect();
@@ -47,10 +41,8 @@ fn topic(recording: &Recording, name: &str) -> Panel {
     });
     let pauses = times.iter().zip(times.iter().skip(1)).map(|(a, b)| b - a);
     let longest_s = pauses.fold(0.0, f64::max);
-    let mut label = format!(
-        "{name}, Hz: {}",
-        count(times.len() as u64, "message", "messages")
-    );
+    let messages = count(times.len() as u64, "message", "messages");
+    let mut label = format!("{name}, Hz: {messages}");
     if times.len() > 1 {
         label += &format!(", longest pause {longest_s:.3} s");
     }

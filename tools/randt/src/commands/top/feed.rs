@@ -28,10 +28,9 @@ impl<T: Topic> Feed<T> {
     /// Opens the topic when a stage has it, and leaves it when none has any more, so that one of
     /// another build may have it then.
     pub fn follow(&mut self, observer: &Observer, living: &[Entry]) {
-        let mut layouts = living
-            .iter()
-            .filter_map(|entry| Some((entry, entry.topics.get(T::NAME)?)));
-        let Some((entry, layout)) = layouts.next() else {
+        let mut entries = living.iter();
+        let found = entries.find_map(|entry| Some((entry, entry.topics.get(T::NAME)?)));
+        let Some((entry, layout)) = found else {
             *self = Self::default();
             return;
         };

@@ -117,10 +117,9 @@ fn draw(frame: &mut Frame, snapshot: &Snapshot, help: bool) {
     let (robot, map) = (facts::robot(snapshot), facts::map(snapshot));
     let wide = frame.area().width >= WIDE;
     let (gap, width) = if wide { WIDE_TOPICS } else { TOPICS };
-    let facts = if wide {
-        robot.len()
-    } else {
-        robot.len() + map.len()
+    let facts = match wide {
+        true => robot.len(),
+        false => robot.len() + map.len(),
     };
     // Two lines more than rows: the rule and the heads.
     let height = |rows: usize| u16::try_from(rows).unwrap_or(u16::MAX);
@@ -145,11 +144,8 @@ fn draw(frame: &mut Frame, snapshot: &Snapshot, help: bool) {
         draw_facts(frame, right, "robot and map", &[robot, map].concat());
     }
     if !snapshot.notes.is_empty() {
-        let text: Vec<Line> = snapshot
-            .notes
-            .iter()
-            .map(|note| Line::raw(format!(" {note}")))
-            .collect();
+        let text = snapshot.notes.iter();
+        let text: Vec<Line> = text.map(|note| Line::raw(format!(" {note}"))).collect();
         let paragraph = Paragraph::new(text).wrap(Wrap { trim: false });
         frame.render_widget(paragraph.block(rule("notes")), notes);
     }
@@ -187,24 +183,21 @@ fn draw_table(frame: &mut Frame, area: Rect, title: &'static str, table: &Table,
 }
 
 fn draw_facts(frame: &mut Frame, area: Rect, title: &'static str, facts: &[Fact]) {
-    let lines: Vec<Line> = facts
-        .iter()
-        .map(|(name, value)| {
-            Line::from(vec![
-                Span::raw(format!("{name:<9} ")),
-                Span::styled(value.clone(), color(value)),
-            ])
-        })
-        .collect();
+    let line = |(name, value): &Fact| {
+        let (name, value) = (
+            format!("{name:<9} "),
+            Span::styled(value.clone(), color(value)),
+        );
+        Line::from(vec![Span::raw(name), value])
+    };
+    let lines: Vec<Line> = facts.iter().map(line).collect();
     frame.render_widget(Paragraph::new(lines).block(rule(title)), area);
 }
 
 fn draw_help(frame: &mut Frame) {
     let area = frame.area();
-    let (width, height) = (
-        60.min(area.width),
-        (HELP.lines().count() as u16 + 2).min(area.height),
-    );
+    let width = 60.min(area.width);
+    let height = (HELP.lines().count() as u16 + 2).min(area.height);
     let middle = Rect {
         x: (area.width - width) / 2,
         y: (area.height - height) / 2,

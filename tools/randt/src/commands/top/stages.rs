@@ -40,9 +40,8 @@ impl Stages {
                 let word = self.health.get(&(entry.name.clone(), epoch(entry)));
                 let sample = lives.then(|| Sample::read(entry.pid)).flatten();
                 let earlier = self.samples.get(&entry.pid);
-                let silent_ns = word
-                    .zip(now_ns)
-                    .map(|(word, now)| now - word.header.stamp_ns);
+                let silent_ns = word.zip(now_ns);
+                let silent_ns = silent_ns.map(|(word, now_ns)| now_ns - word.header.stamp_ns);
                 let (state, message) = state(entry, sample.as_ref(), word, silent_ns);
                 if let Some(sample) = sample {
                     samples.insert(entry.pid, sample);
@@ -83,19 +82,12 @@ fn state(
     if sample.stopped {
         return ("stopped", format!("kill -CONT {} lets it go on", entry.pid));
     }
-    let state = word.map_or(StageState::Starting, |word| {
-        StageState::from_code(word.state)
-    });
-    match silent_ns {
-        Some(silent_ns) if silent_ns > HANGS_NS => {
-            let silent_s = silent_ns as f64 * 1e-9;
-            (
-                StageState::Degraded.as_str(),
-                format!("has reported nothing for {silent_s:.1} s"),
-            )
-        }
-        _ => (state.as_str(), message),
+    if let Some(silent_ns) = silent_ns.filter(|silent_ns| *silent_ns > HANGS_NS) {
+        let message = format!("has reported nothing for {:.1} s", silent_ns as f64 * 1e-9);
+        return (StageState::Degraded.as_str(), message);
     }
+    let state = word.map(|word| StageState::from_code(word.state));
+    (state.unwrap_or(StageState::Starting).as_str(), message)
 }
 
 #[cfg(test)]

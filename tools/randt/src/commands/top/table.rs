@@ -55,11 +55,8 @@ impl Table {
     pub fn widths(&self) -> Vec<usize> {
         let widest = |(i, head): (usize, &&str)| {
             let cells = self.rows.iter().filter_map(|row| row.get(i));
-            cells
-                .map(|cell| cell.chars().count())
-                .chain([head.len()])
-                .max()
-                .unwrap_or(0)
+            let lengths = cells.map(|cell| cell.chars().count());
+            lengths.fold(head.len(), usize::max)
         };
         self.heads.iter().enumerate().map(widest).collect()
     }

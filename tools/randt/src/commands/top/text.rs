@@ -12,15 +12,8 @@ pub fn plain(snapshot: &Snapshot) -> String {
         rows(&table::topics(snapshot)),
         lines(&[facts::robot(snapshot), facts::map(snapshot)].concat()),
     ];
-    if !snapshot.notes.is_empty() {
-        parts.push(
-            snapshot
-                .notes
-                .iter()
-                .map(|note| format!("{note}\n"))
-                .collect(),
-        );
-    }
+    let notes = snapshot.notes.iter();
+    parts.push(notes.map(|note| format!("{note}\n")).collect());
     parts.retain(|part| !part.is_empty());
     parts.join("\n")
 }

@@ -4,8 +4,9 @@
 //! pipeline.
 
 use super::snapshot::TopicRow;
-use randt_messages::{PortHealth, StageHealth, StageHealthTopic, Topic, health::text_of};
-use randt_stage::TOPICS;
+use randt_messages::{
+    BUS_TOPICS, PortHealth, StageHealth, StageHealthTopic, Topic, health::text_of,
+};
 use std::collections::{BTreeMap, VecDeque};
 
 /// Rates are those of this time.
@@ -48,15 +49,10 @@ impl Traffic {
             ..PortHealth::default()
         };
         for port in health.ports().iter().chain([&own]) {
-            let key = (
-                text_of(&port.topic).to_owned(),
-                text_of(&health.name).to_owned(),
-                port.publishes == 1,
-            );
-            self.ports
-                .entry(key)
-                .or_default()
-                .push(header.epoch, header.stamp_ns, port);
+            let (topic, stage) = (text_of(&port.topic), text_of(&health.name));
+            let key = (topic.to_owned(), stage.to_owned(), port.publishes == 1);
+            let known = self.ports.entry(key).or_default();
+            known.push(header.epoch, header.stamp_ns, port);
         }
     }
 
@@ -78,12 +74,10 @@ impl Traffic {
             } else {
                 row.lost += port.lost;
             }
-            row.age_s = match (row.age_s, port.age_s(now_ns)) {
-                (Some(a), Some(b)) => Some(a.min(b)),
-                (a, b) => a.or(b),
-            };
+            let ages_s = [row.age_s, port.age_s(now_ns)].into_iter().flatten();
+            row.age_s = ages_s.min_by(f64::total_cmp);
         }
-        let index = |row: &TopicRow| TOPICS.iter().position(|qos| qos.topic == row.name);
+        let index = |row: &TopicRow| BUS_TOPICS.iter().position(|topic| topic.name == row.name);
         rows.sort_by_key(|row| index(row).unwrap_or(usize::MAX));
         rows
     }
@@ -103,11 +97,8 @@ impl Port {
             messages: port.messages,
             published_ns: port.last_published_ns,
         });
-        while self
-            .counts
-            .front()
-            .is_some_and(|count| reported_ns - count.reported_ns > WINDOW_NS)
-        {
+        let is_over = |count: &Count| reported_ns - count.reported_ns > WINDOW_NS;
+        while self.counts.front().is_some_and(is_over) {
             self.counts.pop_front();
         }
     }
@@ -138,13 +129,8 @@ impl Port {
         let span_ns = (last.published_ns - from_ns).max(1) as f64;
         let silence_ns = (known_ns - last.published_ns) as f64;
         // What is overdue has not come.
-        let overdue = silence_ns > 2.0 * span_ns / messages;
-        let all_ns = if overdue {
-            span_ns + silence_ns
-        } else {
-            span_ns
-        };
-        1e9 * messages / all_ns
+        let is_overdue = silence_ns > 2.0 * span_ns / messages;
+        1e9 * messages / (span_ns + if is_overdue { silence_ns } else { 0.0 })
     }
 
     fn age_s(&self, now_ns: i64) -> Option<f64> {
@@ -192,15 +178,15 @@ mod tests {
     #[test]
     fn every_registered_topic_that_a_stage_reads_is_a_row() {
         let mut health = word("recorder", 0, 1, false, 0);
-        health.port_count = TOPICS.len() as u32;
-        for (port, qos) in health.ports.iter_mut().zip(TOPICS) {
-            port.topic = fixed_text(qos.topic);
-            assert!(qos.topic.len() <= 20, "too wide for the table");
+        health.port_count = BUS_TOPICS.len() as u32;
+        for (port, topic) in health.ports.iter_mut().zip(BUS_TOPICS) {
+            port.topic = fixed_text(topic.name);
+            assert!(topic.name.len() <= 20, "too wide for the table");
         }
         let mut traffic = Traffic::default();
         traffic.push(&health);
         let rows = traffic.topics(0).into_iter().map(|row| row.name);
-        assert!(rows.eq(TOPICS.iter().map(|qos| qos.topic)));
+        assert!(rows.eq(BUS_TOPICS.iter().map(|topic| topic.name)));
     }
 
     #[test]

@@ -65,22 +65,13 @@ impl Watch {
         // Before anything in it is opened: another user may have put links there.
         self.domain.check_owner()?;
         let register = Registry::all(&self.domain);
-        let living: Vec<Entry> = register
-            .iter()
-            .filter(|(_, lives)| *lives)
-            .map(|(entry, _)| entry.clone())
-            .collect();
-        if living.is_empty() {
-            // Stages of another build may come next; they would find what this process holds.
-            self.connection = None;
-        } else if self.connection.is_none() {
-            self.connection = Observer::enter(&self.domain)?.map(Connection::new);
-        }
-        if let Some(connection) = &self.connection
-            && connection.observer.check_memory().is_err()
-        {
-            // Stages come back in memory that is made anew; those that do not are listed below.
-            self.connection = None;
+        let living = register.iter().filter(|(_, lives)| *lives);
+        let living: Vec<Entry> = living.map(|(entry, _)| entry.clone()).collect();
+        // Stages of another build may come next; they would find what this process holds. Others
+        // come back in memory that is made anew; those that do not are listed below.
+        let is_whole = |it: &Connection| !living.is_empty() && it.observer.check_memory().is_ok();
+        self.connection = self.connection.take().filter(is_whole);
+        if self.connection.is_none() && !living.is_empty() {
             self.connection = Observer::enter(&self.domain)?.map(Connection::new);
         }
         if let Some(connection) = &mut self.connection {
@@ -130,8 +121,8 @@ impl Watch {
             )),
         }
         let robot = self.state.as_ref().zip(now_ns);
-        let robot =
-            robot.map(|(state, now_ns)| Robot::from_state(state, self.correction.as_ref(), now_ns));
+        let correction = self.correction.as_ref();
+        let robot = robot.map(|(state, now_ns)| Robot::from_state(state, correction, now_ns));
         let doubted = robot.as_ref().filter(|robot| robot.trust != "good");
         notes.extend(doubted.map(|robot| format!("trust is {}", robot.trust_text)));
         Snapshot {
@@ -150,9 +141,7 @@ impl Watch {
 /// The text about a stage whose shared memory was removed or cut.
 fn memory_text(domain: &Domain, entry: &Entry) -> Option<String> {
     let gone = memory_gone(domain, entry);
-    let first = gone.first()?.display();
-    let files = gone.len();
-    let name = &entry.name;
+    let (files, first, name) = (gone.len(), gone.first()?.display(), &entry.name);
     Some(format!(
         "{name}: its shared memory is gone ({files} files, {first} among them): randt doctor has the details"
     ))
@@ -177,21 +166,12 @@ impl Connection {
     }
 
     fn troubles(&self) -> impl Iterator<Item = String> {
-        let Self {
-            health,
-            states,
-            corrections,
-            graph,
-            ..
-        } = self;
-        [
-            health.trouble(),
-            states.trouble(),
-            corrections.trouble(),
-            graph.trouble(),
-        ]
-        .into_iter()
-        .flatten()
-        .cloned()
+        let troubles = [
+            self.health.trouble(),
+            self.states.trouble(),
+            self.corrections.trouble(),
+            self.graph.trouble(),
+        ];
+        troubles.into_iter().flatten().cloned()
     }
 }

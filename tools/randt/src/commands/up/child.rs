@@ -103,11 +103,8 @@ impl Child {
     /// How often it failed by itself, where that was again and again, with the first case; what it
     /// had to do then is lost.
     pub fn failures(&self) -> (u64, String) {
-        let trouble = self.shared.trouble();
-        (
-            trouble.failures,
-            format!("randt-{}: {}", self.name, trouble.why),
-        )
+        let Trouble { failures, why, .. } = self.shared.trouble();
+        (failures, format!("randt-{}: {why}", self.name))
     }
 
     /// Whether it did not end when it was asked to, and was killed over what it had still to do.
@@ -153,9 +150,8 @@ impl Child {
 impl Shared {
     fn trouble(&self) -> Trouble {
         // A keeper that panicked has printed why.
-        self.trouble
-            .lock()
-            .map_or_else(|_| Trouble::default(), |it| it.clone())
+        let trouble = self.trouble.lock();
+        trouble.map_or_else(|_| Trouble::default(), |it| it.clone())
     }
 
     fn change(&self, change: impl FnOnce(&mut Trouble)) {
@@ -189,18 +185,15 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
         let (by_itself, is_refused) = match &ended {
             // Other signals are somebody else's doing.
             Ok(status) => (
-                status
-                    .signal()
-                    .is_none_or(|signal| FAULTS.contains(&signal)),
+                status.signal().is_none_or(|it| FAULTS.contains(&it)),
                 code.is_some_and(|code| REFUSALS.contains(&code)),
             ),
             Err(_) => (true, false),
         };
         has_run |= begin.elapsed() >= SOON;
-        failures = if by_itself && begin.elapsed() < SOON {
-            failures + 1
-        } else {
-            0
+        failures = match by_itself && begin.elapsed() < SOON {
+            true => failures + 1,
+            false => 0,
         };
         let why = match ended {
             Ok(_) if !last_words.is_empty() => last_words,
@@ -224,10 +217,9 @@ fn keep(program: &Program, shared: &Shared, bar: &ProgressBar) {
             }
             shared.change(|trouble| {
                 // Those before were not counted yet.
-                trouble.failures += if is_first {
-                    u64::from(failures.max(1))
-                } else {
-                    1
+                trouble.failures += match is_first {
+                    true => u64::from(failures.max(1)),
+                    false => 1,
                 };
                 if trouble.why.is_empty() {
                     trouble.why = why;

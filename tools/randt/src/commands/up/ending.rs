@@ -50,18 +50,13 @@ impl Ending<'_> {
         }
         let mut results = processes.watch.take_states();
         let input = self.read_log(&mut results, &mut counters);
-        let recovered = RecoveredDrive::read(
-            self.config,
-            self.use_imu,
-            self.out,
-            Some(&self.domain.state()),
-        );
+        let state = self.domain.state();
+        let recovered = RecoveredDrive::read(self.config, self.use_imu, self.out, Some(&state));
         counters.append(recovered.counters);
         // Those that odometry has sent, and that nobody has received.
-        recovered
-            .states
-            .iter()
-            .for_each(|state| results.state(state));
+        for state in &recovered.states {
+            results.state(state);
+        }
         let begin = processes.begin;
         let drive = Drive {
             input,
@@ -73,8 +68,7 @@ impl Ending<'_> {
         };
         let timing = |_: &Pipeline, states: &[OdometryState]| timing(states, begin);
         match finish_drive(drive, timing, self.out)? {
-            Some(shown) if shown.lost => Ok(Outcome::DataLost),
-            Some(_) => Ok(Outcome::Good),
+            Some(shown) => Ok(Outcome::finished(shown.lost)),
             None => match processes.why() {
                 Some(why) => bail!("no scan was computed; nothing was written: {why}"),
                 None => bail!("no scan was computed; nothing was written"),
@@ -88,13 +82,13 @@ impl Ending<'_> {
         let Some(path) = self.log else {
             return input("live", "live", self.use_imu);
         };
-        self.try_read_log(path, results, counters)
-            .unwrap_or_else(|error| {
-                let first = format!("its truth and its reader's counters are missing: {error:#}");
-                counters.add_lost("log_gone", 1, first);
-                let name = path.file_name().unwrap_or(path.as_os_str());
-                input(&name.to_string_lossy(), "gone", self.use_imu)
-            })
+        let read = self.try_read_log(path, results, counters);
+        read.unwrap_or_else(|error| {
+            let first = format!("its truth and its reader's counters are missing: {error:#}");
+            counters.add_lost("log_gone", 1, first);
+            let name = path.file_name().unwrap_or(path.as_os_str());
+            input(&name.to_string_lossy(), "gone", self.use_imu)
+        })
     }
 
     fn try_read_log(
@@ -122,9 +116,8 @@ fn input(name: &str, format: &'static str, imu: bool) -> Input {
     Input {
         name: name.to_owned(),
         format: format.into(),
-        sha256: String::new(),
         imu,
-        imu_samples: 0,
+        ..Input::default()
     }
 }
 
@@ -135,12 +128,10 @@ fn timing(states: &[OdometryState], begin: Instant) -> Costs {
         let times_ns = latencies.iter().map(|latency| (part(latency) * 1e6) as u64);
         Cost::from_times(&times_ns.collect::<Vec<_>>())
     };
+    let run_ns = begin.elapsed().as_nanos() as u64;
     Costs::from([
         ("wait".into(), cost(|latency| latency.wait_ms)),
         ("compute".into(), cost(|latency| latency.compute_ms)),
-        (
-            "run".into(),
-            Cost::from_times(&[begin.elapsed().as_nanos() as u64]),
-        ),
+        ("run".into(), Cost::from_times(&[run_ns])),
     ])
 }

@@ -27,24 +27,17 @@ impl HeldJournal {
     /// Writes it again where it was removed. What a mapper that came back has begun in its place
     /// is kept beside it.
     pub fn put_back(mut self) -> anyhow::Result<()> {
-        let is_removed = self.file.metadata().is_ok_and(|found| found.nlink() == 0);
-        if !is_removed {
+        if !self.file.metadata().is_ok_and(|found| found.nlink() == 0) {
             return Ok(());
         }
-        let context = || {
-            format!(
-                "{}: was removed and cannot be written again",
-                self.path.display()
-            )
-        };
+        let path = self.path.display();
+        let context = || format!("{path}: was removed and cannot be written again");
         if let Some(folder) = self.path.parent() {
             fs::create_dir_all(folder).with_context(context)?;
         }
         if self.path.exists() {
-            let free = (1..).map(|n| {
-                self.path
-                    .with_file_name(format!("{JOURNAL}.quarantined-{n}"))
-            });
+            let names = (1..).map(|n| format!("{JOURNAL}.quarantined-{n}"));
+            let free = names.map(|name| self.path.with_file_name(name));
             let free = { free }.find(|path| !path.exists());
             let free = free.with_context(context)?;
             fs::rename(&self.path, free).with_context(context)?;
@@ -55,7 +48,6 @@ impl HeldJournal {
             to.sync_all()
         });
         written.with_context(context)?;
-        let path = self.path.display();
         warn(&format!(
             "{path}: was removed while the drive ran; it is written again"
         ));

@@ -57,9 +57,11 @@ pub fn sources(
         }
         return Ok(vec![program]);
     }
-    let drivers = match arguments.no_drivers {
-        true => &[] as &[_],
-        false => super::drivers(arguments.no_imu),
+    // The one first whose data the other's wait for.
+    let drivers: &[&str] = match (arguments.no_drivers, arguments.no_imu) {
+        (true, _) => &[],
+        (_, true) => &["radar"],
+        _ => &["imu", "radar"],
     };
     let programs = drivers.iter().map(|name| stage(name, domain, profile));
     programs.collect()

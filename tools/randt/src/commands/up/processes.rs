@@ -206,16 +206,15 @@ impl Processes {
 
     fn lose_pipeline(&mut self, error: &anyhow::Error) {
         let is_memory_gone = matches!(error.downcast_ref(), Some(Error::MemoryGone { .. }));
-        let (count, first) = if is_memory_gone {
-            &mut self.memory_gone
-        } else {
-            &mut self.unseen
+        let (count, first) = match is_memory_gone {
+            true => &mut self.memory_gone,
+            false => &mut self.unseen,
         };
         *count += 1;
         if *count == 1 {
             *first = format!("{error:#}");
-            self.bar
-                .suspend(|| warn(&format!("the pipeline cannot be seen: {first}; it goes on")));
+            let text = format!("the pipeline cannot be seen: {first}; it goes on");
+            self.bar.suspend(|| warn(&text));
         }
         self.stage = None;
         if is_memory_gone {
@@ -268,10 +267,8 @@ impl Processes {
     pub fn counters(&self) -> Counters {
         let mut counters = self.watch.counters();
         let stages = self.children.iter().filter(|child| child.name() != PLAY);
-        let failures: Vec<_> = stages
-            .map(Child::failures)
-            .filter(|(n, _)| *n > 0)
-            .collect();
+        let failures = stages.map(Child::failures).filter(|(n, _)| *n > 0);
+        let failures: Vec<_> = failures.collect();
         if let Some((_, first)) = failures.first() {
             let count = failures.iter().map(|(count, _)| count).sum();
             counters.add_lost("stage_failures", count, first);
@@ -282,12 +279,10 @@ impl Processes {
             let first = format!("{} did not end when asked to", killed.join(", "));
             counters.add_lost("stages_killed", killed.len() as u64, first);
         }
-        for (name, (count, first)) in [
-            ("memory_gone", &self.memory_gone),
-            ("pipeline_unseen", &self.unseen),
-        ] {
-            counters.add_lost(name, *count, first);
-        }
+        let (count, first) = &self.memory_gone;
+        counters.add_lost("memory_gone", *count, first);
+        let (count, first) = &self.unseen;
+        counters.add_lost("pipeline_unseen", *count, first);
         counters
     }
 

@@ -101,22 +101,20 @@ impl Watch {
 
     /// The last word of a stage's last life.
     fn newest(&self, name: &str) -> Option<&StageHealth> {
-        let lives = self
-            .health
-            .range((name.to_owned(), 0)..=(name.to_owned(), u64::MAX));
-        lives.last().map(|(_, health)| health)
+        let lives = (name.to_owned(), 0)..=(name.to_owned(), u64::MAX);
+        self.health.range(lives).last().map(|(_, health)| health)
     }
 
     /// Whether a stage is in its loop.
     pub fn runs(&self, name: &str) -> bool {
-        self.newest(name)
-            .is_some_and(|health| health.state != StageState::Starting as u32)
+        let health = self.newest(name);
+        health.is_some_and(|health| health.state != StageState::Starting as u32)
     }
 
     /// Whether the log was sent to its end.
     pub fn is_played(&self) -> bool {
-        self.newest("play")
-            .is_some_and(|health| health.state == StageState::Finished as u32)
+        let health = self.newest("play");
+        health.is_some_and(|health| health.state == StageState::Finished as u32)
     }
 
     /// Whether the last scan that was played has its state.
@@ -124,10 +122,8 @@ impl Watch {
         let Some(play) = self.newest("play") else {
             return false;
         };
-        let sent = play
-            .ports()
-            .iter()
-            .find(|port| port.publishes == 1 && text_of(&port.topic) == RadarScan::NAME);
+        let mut ports = play.ports().iter().filter(|port| port.publishes == 1);
+        let sent = ports.find(|port| text_of(&port.topic) == RadarScan::NAME);
         let last = self.states.states.last();
         sent.zip(last).is_some_and(|(sent, state)| {
             state.scan_epoch == play.header.epoch && state.scan_sequence + 1 == sent.messages
@@ -169,37 +165,30 @@ impl Watch {
         let mut counters = Counters::default();
         let (mut lost, mut first) = (0, String::new());
         for ((name, _), health) in &self.health {
-            for port in health.ports().iter().filter(|port| port.lost > 0) {
-                lost += port.lost;
-                if first.is_empty() {
-                    first = format!("{name} missed {} of {}", port.lost, text_of(&port.topic));
+            let ports = health.ports().iter().map(|port| {
+                let (missed, topic) = (port.lost, text_of(&port.topic));
+                (missed, format!("{name} missed {missed} of {topic}"))
+            });
+            let own = (health.lost, format!("{name}: {}", text_of(&health.message)));
+            for (count, text) in ports.chain([own]).filter(|(count, _)| *count > 0) {
+                if lost == 0 {
+                    first = text;
                 }
-            }
-            if health.lost > 0 {
-                lost += health.lost;
-                if first.is_empty() {
-                    first = format!("{name}: {}", text_of(&health.message));
-                }
+                lost += count;
             }
         }
         counters.add_lost("messages_lost", lost, first);
         // Its last words stay until what they are about is over.
-        let trouble = self
-            .newest("recorder")
-            .map(|health| text_of(&health.message));
+        let recorder = self.newest("recorder");
+        let trouble = recorder.map(|health| text_of(&health.message));
         if let Some(trouble) = trouble.filter(|trouble| !trouble.is_empty()) {
             let first = format!("recorder: {trouble}");
             counters.add_lost("recording_incomplete", 1, first);
         }
-        let restarts: u64 = STAGES
-            .iter()
-            .filter_map(|name| Some(self.newest(name)?.restarts))
-            .sum();
-        let restarts = Count {
-            count: restarts,
-            ..Count::default()
-        };
-        counters.add("stage_restarts", restarts);
+        let newest = STAGES.iter().filter_map(|name| self.newest(name));
+        let (count, loss) = (newest.map(|health| health.restarts).sum(), false);
+        let first = String::new();
+        counters.add("stage_restarts", Count { count, loss, first });
         counters
     }
 

@@ -8,7 +8,7 @@ use randt_device::{Count, Link};
 use randt_imu::Imu;
 use randt_messages::{
     ImuSample, ImuSampleTopic, Message, MessageRef, RadarScan, Return, ScanHead, SensorKind,
-    StageHealthTopic, SweepHead, health::text_of,
+    StageHealth, StageHealthTopic, SweepHead, health::text_of,
 };
 use randt_radar::Radar;
 use randt_stage::{Clock, Domain, Observer, Registry, Subscriber};
@@ -49,10 +49,8 @@ impl<T> Seen<T> {
             true => format!("randt-{about} runs: "),
             false => String::new(),
         };
-        let counted: Vec<String> = self
-            .counts
-            .iter()
-            .filter(|count| count.value > 0)
+        let counts = self.counts.iter().filter(|count| count.value > 0);
+        let counted: Vec<String> = counts
             .map(|count| format!("{} {}", count.name.replace('_', " "), count.value))
             .collect();
         let counted = match counted.as_slice() {
@@ -65,6 +63,21 @@ impl<T> Seen<T> {
             Link::Starting => Finding::bad(about, format!("{way}nothing came{counted}"), fix),
             Link::Down(text) => Finding::bad(about, format!("{way}{text}{counted}"), fix),
         }
+    }
+
+    /// Takes what a driver that runs reports of itself.
+    fn hear(&mut self, now_ns: i64, word: &StageHealth) {
+        if !self.through_driver {
+            return;
+        }
+        let last = self.came.last();
+        let is_silent = last.is_none_or(|(at_ns, _)| now_ns - at_ns > 1_000_000_000);
+        self.link = match text_of(&word.message) {
+            "" => Link::Streaming,
+            text if is_silent => Link::Down(text.to_owned()),
+            text => Link::Warning(text.to_owned()),
+        };
+        self.counts = vec![Count::loss("lost since it started", word.lost)];
     }
 }
 
@@ -101,12 +114,8 @@ pub fn capture(
     time: Duration,
     use_imu: bool,
 ) -> anyhow::Result<Both> {
-    let lives = |name: &str| {
-        let entries = Registry::all(domain);
-        entries
-            .iter()
-            .any(|(entry, lives)| *lives && entry.name == name)
-    };
+    let register = Registry::all(domain);
+    let lives = |name: &str| register.iter().any(|(it, lives)| *lives && it.name == name);
     let mut seen = Both {
         radar: Seen::default(),
         imu: use_imu.then(Seen::default),
@@ -117,14 +126,10 @@ pub fn capture(
     }
     // Without a pipeline there may be no folder for its clock.
     let clock = Clock::in_domain(domain).unwrap_or_else(|_| Clock::alone());
-    let mut radar = match bus.scans {
-        None => Some(Radar::new(config)?),
-        Some(_) => None,
-    };
-    let mut imu = match (&bus.samples, use_imu) {
-        (None, true) => Some(Imu::new(config)?),
-        _ => None,
-    };
+    let radar = bus.scans.is_none().then(|| Radar::new(config));
+    let mut radar = radar.transpose()?;
+    let imu = (use_imu && bus.samples.is_none()).then(|| Imu::new(config));
+    let mut imu = imu.transpose()?;
     seen.radar.through_driver = radar.is_none();
     if let Some(of_imu) = &mut seen.imu {
         of_imu.through_driver = imu.is_none();
@@ -201,35 +206,17 @@ impl Bus {
         }
         if let (Some(samples), Some(of_imu)) = (&mut self.samples, &mut seen.imu) {
             observer.read(samples, |sample| {
-                if sample.header().published_ns > begin_ns {
-                    of_imu
-                        .came
-                        .push((sample.header().published_ns, *sample.head));
+                let published_ns = sample.header().published_ns;
+                if published_ns > begin_ns {
+                    of_imu.came.push((published_ns, *sample.head));
                 }
             })?;
         }
         if let Some(health) = &mut self.health {
             observer.read(health, |word| {
-                let link = match text_of(&word.head.message) {
-                    "" => Link::Streaming,
-                    text => Link::Warning(text.to_owned()),
-                };
-                let counts = vec![Count::loss("lost since it started", word.head.lost)];
-                let silent =
-                    |last: Option<i64>| last.is_none_or(|at_ns| now_ns - at_ns > 1_000_000_000);
-                let grade = |link: Link, last| match link {
-                    Link::Warning(text) if silent(last) => Link::Down(text),
-                    link => link,
-                };
                 match (text_of(&word.head.name), &mut seen.imu) {
-                    ("radar", _) if seen.radar.through_driver => {
-                        let last = seen.radar.came.last().map(|(at_ns, _)| *at_ns);
-                        (seen.radar.link, seen.radar.counts) = (grade(link, last), counts);
-                    }
-                    ("imu", Some(of_imu)) if of_imu.through_driver => {
-                        let last = of_imu.came.last().map(|(at_ns, _)| *at_ns);
-                        (of_imu.link, of_imu.counts) = (grade(link, last), counts);
-                    }
+                    ("radar", _) => seen.radar.hear(now_ns, word.head),
+                    ("imu", Some(of_imu)) => of_imu.hear(now_ns, word.head),
                     _ => {}
                 }
             })?;

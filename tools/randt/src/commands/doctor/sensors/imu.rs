@@ -63,17 +63,13 @@ fn rate(config: &Config, seen: &Seen<ImuSample>) -> Finding {
 
 fn stamps(config: &Config, seen: &Seen<ImuSample>) -> Finding {
     let period_ns = (1e9 / config.imu.rate_hz) as i64;
-    let steps = seen
-        .came
-        .windows(2)
-        .map(|pair| pair[1].1.header.stamp_ns - pair[0].1.header.stamp_ns);
+    let stamps = seen.came.iter().map(|(_, sample)| sample.header.stamp_ns);
+    let steps = stamps.clone().zip(stamps.skip(1)).map(|(a, b)| b - a);
     let gaps = steps.clone().filter(|step| *step > GAP * period_ns).count();
     let longest_ms = steps.clone().max().unwrap_or(0) as f64 * 1e-6;
-    let mut delays: Vec<i64> = seen
-        .came
-        .iter()
-        .map(|(_, sample)| sample.arrival_ns - sample.header.stamp_ns)
-        .collect();
+    let samples = seen.came.iter().map(|(_, sample)| sample);
+    let delays = samples.map(|it| it.arrival_ns - it.header.stamp_ns);
+    let mut delays: Vec<i64> = delays.collect();
     delays.sort_unstable();
     let delay_ms = delays.get(delays.len() / 2).copied().unwrap_or(0) as f64 * 1e-6;
     let text = format!(
@@ -102,18 +98,16 @@ fn gravity(seen: &Seen<ImuSample>) -> Finding {
     });
     let fix = "stand the robot level; then set imu.acceleration_axes (sign) or robot.imu_roll_rad (mounting)";
     match found {
-        None => Finding::bad(
-            ABOUT,
-            "there is none: no acceleration between 5 and 15 m/s^2",
-            fix,
-        ),
-        Some(found) if found.mounting == Mounting::Upright => {
-            Finding::ok(ABOUT, format!("up is {}", found.up_axis()))
+        None => {
+            let text = "there is none: no acceleration between 5 and 15 m/s^2";
+            Finding::bad(ABOUT, text, fix)
         }
-        Some(found) => Finding::warn(
-            ABOUT,
-            format!("up is {} in the IMU's axes", found.up_axis()),
-            fix,
-        ),
+        Some(found) => {
+            let text = format!("up is {}", found.up_axis());
+            match found.mounting {
+                Mounting::Upright => Finding::ok(ABOUT, text),
+                _ => Finding::warn(ABOUT, text + " in the IMU's axes", fix),
+            }
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::turning::{Panorama, Sense, sense};
 use crate::commands::doctor::finding::Finding;
 use randt_config::{Config, RadarSource};
 use randt_filter::check_sweep;
-use randt_messages::ImuSample;
+use randt_messages::{ImuSample, SweepHead};
 
 const ABOUT: &str = "radar";
 /// The rate may be off by this share of the sensor file's.
@@ -52,27 +52,16 @@ fn fix(config: &Config) -> String {
 }
 
 fn rate(config: &Config, seen: &Seen<Sweep>) -> Finding {
-    let ends: Vec<i64> = seen
-        .came
-        .iter()
-        .map(|(_, sweep)| sweep.head.end_ns)
-        .collect();
-    let mut periods: Vec<i64> = ends.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    periods.sort_unstable();
-    let period_s = periods
-        .get(periods.len() / 2)
-        .map_or(0.0, |period| *period as f64 * 1e-9);
+    let (_, period_ns) = periods(seen);
+    let period_s = period_ns as f64 * 1e-9;
     let expected_s = config.sensor.period_s;
     let text = format!("{:.2} sweeps a second", 1.0 / period_s);
     if (period_s / expected_s - 1.0).abs() < RATE_TOLERANCE {
         Finding::ok(ABOUT, text)
     } else {
         let expected = format!("{text}; the sensor file says {:.2}", 1.0 / expected_s);
-        Finding::warn(
-            ABOUT,
-            expected,
-            format!("set sensor.period_s = {period_s:.3}, or the radar's speed"),
-        )
+        let fix = format!("set sensor.period_s = {period_s:.3}, or the radar's speed");
+        Finding::warn(ABOUT, expected, fix)
     }
 }
 
@@ -86,33 +75,24 @@ fn beams(config: &Config, seen: &Seen<Sweep>) -> Finding {
         head.beam_count, last.returns, head.range_resolution_m
     );
     match check_sweep(head, config) {
-        Err(error) => Finding::bad(
-            ABOUT,
-            format!("{text}: {error}"),
-            "give the radar's own sensor file to --sensor",
-        ),
-        Ok(()) if last.returns == 0 => Finding::bad(
-            ABOUT,
-            format!("{text}: nothing is above its floor"),
-            format!(
-                "does it transmit? sensor.keep_power is {}",
-                config.sensor.keep_power
-            ),
-        ),
+        Err(error) => {
+            let fix = "give the radar's own sensor file to --sensor";
+            Finding::bad(ABOUT, format!("{text}: {error}"), fix)
+        }
+        Ok(()) if last.returns == 0 => {
+            let power = config.sensor.keep_power;
+            let fix = format!("does it transmit? sensor.keep_power is {power}");
+            Finding::bad(ABOUT, format!("{text}: nothing is above its floor"), fix)
+        }
         Ok(()) => Finding::ok(ABOUT, text),
     }
 }
 
 fn stamps(seen: &Seen<Sweep>) -> Finding {
-    let delays = seen
-        .came
-        .iter()
-        .map(|(at_ns, sweep)| at_ns - sweep.head.end_ns);
+    let came = seen.came.iter();
+    let delays = came.map(|(at_ns, sweep)| at_ns - sweep.head.end_ns);
     let (least, most) = (delays.clone().min().unwrap_or(0), delays.max().unwrap_or(0));
-    let rising = seen
-        .came
-        .windows(2)
-        .all(|pair| pair[0].1.head.end_ns < pair[1].1.head.end_ns);
+    let rising = periods(seen).0.iter().all(|period_ns| *period_ns > 0);
     let text = format!(
         "sweeps are there {:.1} to {:.1} ms after their end",
         least as f64 * 1e-6,
@@ -128,29 +108,29 @@ fn stamps(seen: &Seen<Sweep>) -> Finding {
     }
 }
 
+/// The times from the end of a sweep to that of the next, and the usual one of them, ns.
+fn periods(seen: &Seen<Sweep>) -> (Vec<i64>, i64) {
+    let ends = seen.came.iter().map(|(_, sweep)| sweep.head.end_ns);
+    let mut periods: Vec<i64> = ends.clone().zip(ends.skip(1)).map(|(a, b)| b - a).collect();
+    periods.sort_unstable();
+    let usual = periods.get(periods.len() / 2).copied();
+    (periods, usual.unwrap_or_default())
+}
+
 /// Sweeps that are not there, by the pauses between those that are.
 fn sweeps_missing(seen: &Seen<Sweep>) -> u64 {
-    let ends = seen.came.iter().map(|(_, sweep)| sweep.head.end_ns);
-    let mut steps: Vec<i64> = ends.clone().zip(ends.skip(1)).map(|(a, b)| b - a).collect();
-    steps.sort_unstable();
-    let usual_ns = steps.get(steps.len() / 2).copied().unwrap_or(1).max(1);
-    let missing = steps
-        .iter()
-        .map(|step| (step + usual_ns / 2) / usual_ns - 1);
+    let (periods, usual_ns) = periods(seen);
+    let usual_ns = usual_ns.max(1);
+    let missing = periods.iter().map(|it| (it + usual_ns / 2) / usual_ns - 1);
     missing.map(|missing| missing.max(0).unsigned_abs()).sum()
 }
 
 fn losses(seen: &Seen<Sweep>) -> Finding {
-    let lost: u64 = seen
-        .came
-        .iter()
-        .map(|(_, sweep)| u64::from(sweep.head.beams_lost))
-        .sum();
-    let beams: u64 = seen
-        .came
-        .iter()
-        .map(|(_, sweep)| u64::from(sweep.head.beam_count))
-        .sum();
+    let sum = |count: fn(&SweepHead) -> u32| -> u64 {
+        let counts = seen.came.iter().map(|(_, sweep)| count(&sweep.head));
+        counts.map(u64::from).sum()
+    };
+    let (lost, beams) = (sum(|head| head.beams_lost), sum(|head| head.beam_count));
     let missing = sweeps_missing(seen);
     match lost {
         _ if missing > 0 => Finding::warn(
@@ -181,16 +161,12 @@ pub fn check_sense(radar: &Seen<Sweep>, imu: &Seen<ImuSample>) -> Finding {
         heading.push((stamp_ns, turned + sample.rate_rad_s[2] * step_s));
         last = Some(sample);
     }
-    let sweeps: Vec<Panorama> = radar
-        .came
-        .iter()
-        .map(|(_, sweep)| sweep.panorama.clone())
-        .collect();
+    let sweeps = radar.came.iter().map(|(_, sweep)| sweep.panorama.clone());
+    let sweeps: Vec<Panorama> = sweeps.collect();
     let at = |stamp_ns: i64| {
         let after = heading.partition_point(|(at_ns, _)| *at_ns <= stamp_ns);
-        heading
-            .get(after.saturating_sub(1))
-            .map_or(0.0, |(_, turned)| *turned)
+        let last = heading.get(after.saturating_sub(1));
+        last.map_or(0.0, |(_, turned)| *turned)
     };
     match sense(&sweeps, at) {
         Sense::Agrees(_) => Finding::ok(ABOUT, "radar and gyro turn the same way"),

@@ -4,6 +4,7 @@ use super::layout::{Column, Layout};
 use crate::units::count;
 use anyhow::Context;
 use randt_log::{Entry, LogReader};
+use std::collections::{BTreeMap, btree_map::Entry as Slot};
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, Write};
 use std::path::Path;
@@ -15,30 +16,24 @@ pub fn export<R: Read + Seek>(
     folder: &Path,
     items: bool,
 ) -> anyhow::Result<String> {
-    let mut tables: Vec<Table> = Vec::new();
+    let mut tables: BTreeMap<String, Table> = BTreeMap::new();
     let mut rows = 0;
     while let Some(entry) = reader.next_entry()? {
         if !entry.channel.is_ours() {
             continue;
         }
         let name = &entry.channel.topic;
-        let found = tables.iter().position(|table| table.topic == *name);
-        let index = match found {
-            Some(index) => index,
-            None => {
-                let table = Table::begin(folder, &entry, items);
-                tables.push(table.with_context(|| format!("topic {name}"))?);
-                tables.len() - 1
+        let context = || format!("topic {name}");
+        let table = match tables.entry(name.clone()) {
+            Slot::Occupied(table) => table.into_mut(),
+            Slot::Vacant(slot) => {
+                slot.insert(Table::begin(folder, &entry, items).with_context(context)?)
             }
         };
-        if let Some(table) = tables.get_mut(index) {
-            table.add(&entry).with_context(|| format!("topic {name}"))?;
-            rows += 1;
-        }
+        table.add(&entry).with_context(context)?;
+        rows += 1;
     }
-    for table in &mut tables {
-        table.flush()?;
-    }
+    tables.values_mut().try_for_each(Table::flush)?;
     let tables = tables.len() as u64;
     Ok(format!(
         "{} of {}",
@@ -48,7 +43,6 @@ pub fn export<R: Read + Seek>(
 }
 
 struct Table {
-    topic: String,
     layout: Layout,
     messages: BufWriter<File>,
     items: Option<BufWriter<File>>,
@@ -73,15 +67,12 @@ impl Table {
         let has_items = layout.item_bytes > 0;
         let count = if has_items { ",items" } else { "" };
         writeln!(messages, "{}{count}", names(&layout.head))?;
-        let mut items = match has_items && items {
-            true => Some(create(format!("{stem}.items.csv"))?),
-            false => None,
-        };
+        let items = (has_items && items).then(|| create(format!("{stem}.items.csv")));
+        let mut items = items.transpose()?;
         if let Some(items) = &mut items {
             writeln!(items, "sequence,time_ns,{}", names(&layout.item))?;
         }
         Ok(Self {
-            topic: channel.topic.clone(),
             layout,
             messages,
             items,

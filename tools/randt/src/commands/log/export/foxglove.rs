@@ -5,9 +5,10 @@ mod cells;
 mod pace;
 mod translator;
 
+use crate::output::{finish, log_options};
 use crate::units::{bytes, count};
 use crate::{job, progress, recorded};
-use anyhow::{Context, bail};
+use anyhow::ensure;
 use randt_log::{ChannelId, Compression, LogFile, LogReader, Options};
 use std::io::{Read, Seek};
 use std::path::Path;
@@ -18,28 +19,21 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, out: &Path) -> anyhow::
     let config = recorded::configuration(reader.robot()?, reader.configuration())?;
     job::catch_interrupts();
     let options = Options {
-        compression: Compression::Zstd,
+        compression: Some(Compression::Zstd),
         // No profile: the file follows the schemas' conventions and no others.
         profile: "",
-        written_by: format!("randt {}", randt_version::VERSION),
-        ..Options::default()
+        ..log_options()
     };
     let mut file = LogFile::create_copy(out, options)?;
     for (name, values) in reader.all_metadata().clone() {
         file.write_metadata(&name, values)?;
     }
     // A view's channel begins with its first message, so that viewers list no empty ones.
-    let mut channels = TOPICS.map(|_| None::<ChannelId>);
-    let mut written = TOPICS.map(|_| 0_u64);
+    let mut views = TOPICS.map(|topic| (topic, None::<ChannelId>, 0_u64));
     let mut write = |shown: &mut Vec<Shown>| -> anyhow::Result<()> {
         for Shown { view, label, bytes } in shown.drain(..) {
-            let index = TOPICS.iter().position(|topic| topic.view == view);
-            let Some(index) = index else { continue };
-            let (Some(topic), Some(id), Some(written)) = (
-                TOPICS.get(index),
-                channels.get_mut(index),
-                written.get_mut(index),
-            ) else {
+            let found = views.iter_mut().find(|(topic, ..)| topic.view == view);
+            let Some((topic, id, written)) = found else {
                 continue;
             };
             let id = match *id {
@@ -57,9 +51,7 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, out: &Path) -> anyhow::
     let mut shown = Vec::new();
     let mut last = None;
     while let Some(entry) = reader.next_entry()? {
-        if job::interrupted() {
-            bail!("interrupted; nothing was written");
-        }
+        ensure!(!job::interrupted(), "interrupted; nothing was written");
         last = Some(entry.record_header());
         translator.see(&entry, &mut shown)?;
         write(&mut shown)?;
@@ -70,25 +62,22 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, out: &Path) -> anyhow::
         write(&mut shown)?;
     }
     bar.finish_and_clear();
-    let messages: u64 = written.iter().sum();
-    if messages == 0 {
-        bail!("the log holds nothing that a viewer could show; nothing was written");
-    }
-    for (topic, _) in TOPICS.iter().zip(written).filter(|(_, count)| *count == 0) {
+    let messages: u64 = views.iter().map(|(.., written)| written).sum();
+    ensure!(
+        messages > 0,
+        "the log holds nothing that a viewer could show; nothing was written"
+    );
+    for (topic, ..) in views.iter().filter(|(.., written)| *written == 0) {
         // A graph may lack a page, or not change while the log lasts.
         let is_there = reader.channels().any(|channel| channel.topic == topic.from);
         let whole = if is_there { "whole " } else { "" };
         if let Some(what) = topic.what {
-            eprintln!(
-                "warning: the log has no {whole}{}: {what} not shown",
-                topic.from
-            );
+            let from = topic.from;
+            eprintln!("warning: the log has no {whole}{from}: {what} not shown");
         }
     }
-    let size = file
-        .finish()
-        .with_context(|| format!("{}: cannot be finished", out.display()))?;
-    let views = written.iter().filter(|count| **count > 0).count() as u64;
+    let size = finish(file, out)?;
+    let views = views.iter().filter(|(.., written)| *written > 0).count() as u64;
     Ok(format!(
         "{} in {}, {}",
         count(messages, "message", "messages"),

@@ -23,21 +23,14 @@ pub struct Type {
     pub md5: &'static str,
     /// The definition, without those of the types inside.
     text: &'static str,
-    /// Types inside.
-    inside: &'static [(&'static str, &'static str)],
+    /// Types inside: the name, then the definition.
+    inside: &'static [&'static str],
 }
 
-const HEADER: &str = "std_msgs/Header";
-const POINT_FIELD: (&str, &str) = (
-    "sensor_msgs/PointField",
-    "uint8 INT8=1\nuint8 UINT8=2\nuint8 INT16=3\nuint8 UINT16=4\nuint8 INT32=5\nuint8 UINT32=6\nuint8 FLOAT32=7\nuint8 FLOAT64=8\nstring name\nuint32 offset\nuint8 datatype\nuint32 count\n",
-);
-const VECTOR: (&str, &str) = ("geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n");
-const POINT: (&str, &str) = ("geometry_msgs/Point", "float64 x\nfloat64 y\nfloat64 z\n");
-const QUATERNION: (&str, &str) = (
-    "geometry_msgs/Quaternion",
-    "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
-);
+const POINT_FIELD: &str = "sensor_msgs/PointField\nuint8 INT8=1\nuint8 UINT8=2\nuint8 INT16=3\nuint8 UINT16=4\nuint8 INT32=5\nuint8 UINT32=6\nuint8 FLOAT32=7\nuint8 FLOAT64=8\nstring name\nuint32 offset\nuint8 datatype\nuint32 count\n";
+const VECTOR: &str = "geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z\n";
+const POINT: &str = "geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z\n";
+const QUATERNION: &str = "geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n";
 
 const CLOUD: Type = Type {
     package: "sensor_msgs",
@@ -59,14 +52,8 @@ const TRANSFORMS: Type = Type {
     md5: "94810edda583a504dfda3829e70d7eec",
     text: "geometry_msgs/TransformStamped[] transforms\n",
     inside: &[
-        (
-            "geometry_msgs/TransformStamped",
-            "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
-        ),
-        (
-            "geometry_msgs/Transform",
-            "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
-        ),
+        "geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n",
+        "geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
         VECTOR,
         QUATERNION,
     ],
@@ -77,24 +64,12 @@ const ODOMETRY: Type = Type {
     md5: "cd5e73d190d741a2f92e81eda573aca7",
     text: "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist\n",
     inside: &[
-        (
-            "geometry_msgs/PoseWithCovariance",
-            "geometry_msgs/Pose pose\nfloat64[36] covariance\n",
-        ),
-        (
-            "geometry_msgs/Pose",
-            "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
-        ),
+        "geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance\n",
+        "geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
         POINT,
         QUATERNION,
-        (
-            "geometry_msgs/TwistWithCovariance",
-            "geometry_msgs/Twist twist\nfloat64[36] covariance\n",
-        ),
-        (
-            "geometry_msgs/Twist",
-            "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
-        ),
+        "geometry_msgs/TwistWithCovariance\ngeometry_msgs/Twist twist\nfloat64[36] covariance\n",
+        "geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
         VECTOR,
     ],
 };
@@ -103,16 +78,16 @@ impl Type {
     /// The whole definition, as bags carry it.
     pub fn definition(&self, style: Style) -> String {
         let mut text = self.text.to_owned();
-        let header = match style {
-            Style::Ros1 => "uint32 seq\ntime stamp\nstring frame_id\n",
-            Style::Cdr => "builtin_interfaces/Time stamp\nstring frame_id\n",
+        let header: &[&str] = match style {
+            Style::Ros1 => &["std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n"],
+            Style::Cdr => &[
+                "std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n",
+                "builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n",
+            ],
         };
-        let time = ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n");
-        let time = (style == Style::Cdr).then_some(time);
-        let inside = self.inside.iter().copied();
-        for (name, fields) in inside.chain([(HEADER, header)]).chain(time) {
+        for inside in self.inside.iter().chain(header) {
             text += &"=".repeat(80);
-            text += &format!("\nMSG: {name}\n{fields}");
+            text += &format!("\nMSG: {inside}");
         }
         text
     }
@@ -148,21 +123,24 @@ pub const TOPICS: [(&str, Type); 5] = [
 #[derive(Debug)]
 pub struct Translator {
     style: Style,
+    /// Until its mounting is given out.
+    robot: Option<Robot>,
     correction: Option<Correction>,
     last_state: Option<u64>,
 }
 
 impl Translator {
-    pub fn new(style: Style) -> Self {
+    pub fn new(style: Style, robot: Robot) -> Self {
         Self {
             style,
+            robot: Some(robot),
             correction: None,
             last_state: None,
         }
     }
 
     /// Where the sensors sit; unknown mountings are none.
-    pub fn mounting(&self, robot: &Robot, stamp_ns: i64) -> Message {
+    fn mounting(&self, robot: &Robot, stamp_ns: i64) -> Message {
         let [x, y, yaw] = robot.radar.unwrap_or_default();
         let [w, qx, qy, qz] = robot.imu.unwrap_or([1.0, 0.0, 0.0, 0.0]);
         let radar = (BASE_LINK, RADAR, [x, y], about_z(yaw));
@@ -170,8 +148,18 @@ impl Translator {
         self.transforms("/tf_static", stamp_ns, &[radar, imu])
     }
 
-    /// What a message becomes.
+    /// What a message becomes; the mounting stands before all else.
     pub fn translate(&mut self, entry: &Entry<'_>) -> Result<Vec<Message>, randt_log::Error> {
+        let mut messages = self.translate_one(entry)?;
+        if let Some(stamp_ns) = messages.first().map(|first| first.stamp_ns)
+            && let Some(robot) = self.robot.take()
+        {
+            messages.insert(0, self.mounting(&robot, stamp_ns));
+        }
+        Ok(messages)
+    }
+
+    fn translate_one(&mut self, entry: &Entry<'_>) -> Result<Vec<Message>, randt_log::Error> {
         if let Some(scan) = entry.decode::<RadarScan>()? {
             return Ok(vec![self.cloud(scan.as_ref())]);
         }
@@ -193,7 +181,7 @@ impl Translator {
 
     fn cloud(&self, scan: MessageRef<'_, RadarScan>) -> Message {
         let stamp_ns = scan.head.header.stamp_ns;
-        let mut pen = self.pen();
+        let mut pen = Pen::new(self.style);
         pen.header(scan.head.header.sequence, stamp_ns, RADAR);
         let beams = scan.head.sweep.beams().iter();
         let directions: Vec<_> = beams
@@ -229,7 +217,7 @@ impl Translator {
 
     fn sample(&self, sample: &ImuSample) -> Message {
         let stamp_ns = sample.header.stamp_ns;
-        let mut pen = self.pen();
+        let mut pen = Pen::new(self.style);
         pen.header(sample.header.sequence, stamp_ns, IMU);
         // A first covariance of -1 means that there is no orientation.
         pen.f64s(&[0.0; 4]);
@@ -245,7 +233,7 @@ impl Translator {
     fn state(&self, state: &OdometryState) -> Vec<Message> {
         let stamp_ns = state.header.stamp_ns;
         let [x, y, yaw] = state.pose;
-        let mut pen = self.pen();
+        let mut pen = Pen::new(self.style);
         pen.header(state.id, stamp_ns, "odom");
         pen.string(BASE_LINK);
         pen.f64s(&[x, y, 0.0]);
@@ -272,7 +260,7 @@ impl Translator {
         stamp_ns: i64,
         transforms: &[(&str, &str, [f64; 2], [f64; 4])],
     ) -> Message {
-        let mut pen = self.pen();
+        let mut pen = Pen::new(self.style);
         pen.u32(transforms.len() as u32);
         for (parent, child, [x, y], rotation) in transforms {
             pen.header(0, stamp_ns, parent);
@@ -281,10 +269,6 @@ impl Translator {
             pen.f64s(rotation);
         }
         pen.end(topic, stamp_ns)
-    }
-
-    fn pen(&self) -> Pen {
-        Pen::new(self.style)
     }
 }
 
@@ -342,9 +326,9 @@ impl Pen {
     }
 
     fn f64s(&mut self, values: &[f64]) {
-        values
-            .iter()
-            .for_each(|value| self.put(value.to_le_bytes()));
+        for value in values {
+            self.put(value.to_le_bytes());
+        }
     }
 
     fn blob(&mut self, bytes: &[u8]) {

@@ -1,24 +1,25 @@
 //! A ROS 1 bag (format 2.0), with its indices.
 
 use super::ros::{Message, Style, TOPICS, Translator, time};
+use crate::output::temporary_name;
 use crate::units::count;
 use anyhow::Context;
 use randt_log::LogReader;
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 /// The bag's header is padded to this, so that it can be written again at the end.
 const HEADER_BYTES: usize = 4096;
+/// Version of indices.
+const VERSION: &[u8] = &[1, 0, 0, 0];
 /// A chunk ends when it has more bytes than this, as rosbag's do.
 const CHUNK_BYTES: usize = 768 << 10;
 
 /// Writes the bag: under another name until it is whole.
 pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, path: &Path) -> anyhow::Result<String> {
-    let mut part = path.as_os_str().to_owned();
-    part.push(".part");
-    let part = PathBuf::from(part);
+    let part = temporary_name(path);
     let written = write(reader, &part).and_then(|messages| {
         fs::rename(&part, path)?;
         Ok(messages)
@@ -33,16 +34,11 @@ pub fn export<R: Read + Seek>(reader: &mut LogReader<R>, path: &Path) -> anyhow:
 
 fn write<R: Read + Seek>(reader: &mut LogReader<R>, path: &Path) -> anyhow::Result<u64> {
     let mut bag = Bag::begin(File::create(path)?)?;
-    let mut translator = Translator::new(Style::Ros1);
-    let robot = reader.robot()?;
+    let mut translator = Translator::new(Style::Ros1, reader.robot()?);
     let mut messages = 0;
     while let Some(entry) = reader.next_entry()? {
-        let mut translated = translator.translate(&entry)?;
-        if let (0, Some(first)) = (messages, translated.first()) {
-            translated.insert(0, translator.mounting(&robot, first.stamp_ns));
-        }
-        for message in &translated {
-            bag.add(message)?;
+        for message in translator.translate(&entry)? {
+            bag.add(&message)?;
             messages += 1;
         }
     }
@@ -92,10 +88,10 @@ impl Bag {
         self.chunk.extend(record(&fields, &message.bytes));
         let (begin, end) = self.span.unwrap_or((now, now));
         self.span = Some((begin.min(now), end.max(now)));
-        match self.chunk.len() > CHUNK_BYTES {
-            true => self.end_chunk(),
-            false => Ok(()),
+        if self.chunk.len() > CHUNK_BYTES {
+            self.end_chunk()?;
         }
+        Ok(())
     }
 
     fn end_chunk(&mut self) -> std::io::Result<()> {
@@ -120,10 +116,9 @@ impl Bag {
                 entries.extend(stamp);
                 entries.extend(offset.to_le_bytes());
             }
-            let version = 1_u32.to_le_bytes();
             let fields: [(&str, &[u8]); 4] = [
                 ("op", &[4]),
-                ("ver", &version),
+                ("ver", VERSION),
                 ("conn", &number),
                 ("count", &count),
             ];
@@ -132,10 +127,9 @@ impl Bag {
             counts.extend(count);
             connections += 1;
         }
-        let version = 1_u32.to_le_bytes();
         let fields: [(&str, &[u8]); 6] = [
             ("op", &[6]),
-            ("ver", &version),
+            ("ver", VERSION),
             ("chunk_pos", &at),
             ("start_time", &bytes_of(begin)),
             ("end_time", &bytes_of(end)),
@@ -211,12 +205,7 @@ fn record(fields: &[(&str, &[u8])], data: &[u8]) -> Vec<u8> {
     out
 }
 
+/// Both numbers, the first one first, little-endian.
 fn bytes_of([seconds, nanoseconds]: [u32; 2]) -> [u8; 8] {
-    let mut bytes = [0; 8];
-    let both = seconds
-        .to_le_bytes()
-        .into_iter()
-        .chain(nanoseconds.to_le_bytes());
-    bytes.iter_mut().zip(both).for_each(|(to, from)| *to = from);
-    bytes
+    (u64::from(nanoseconds) << 32 | u64::from(seconds)).to_le_bytes()
 }

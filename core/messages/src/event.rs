@@ -1,15 +1,16 @@
-//! One thing that a log holds.
+//! What a drive gives, of its sensors and of the truth, one thing after the other.
 
-use randt_messages::{ImuSample, Message, RadarScan, TruthPose};
+use crate::{ImuSample, Message, RadarScan, TruthPose};
 
-/// One message of a log.
-#[derive(Debug)]
+/// One thing of a drive, recorded or simulated.
+#[derive(Clone, Debug)]
 pub enum Event {
-    /// A whole sweep.
+    /// A whole sweep, at its end.
     Scan(Message<RadarScan>),
     /// A reading of the IMU.
     Imu(ImuSample),
-    /// The truth of a simulated log; evaluation only.
+    /// Where the robot truly is, for evaluation only. The truth of a simulated sweep's end comes
+    /// with the sweep's stamp (that of a radar that is not late), before the sweep.
     Truth(TruthPose),
 }
 
