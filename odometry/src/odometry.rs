@@ -182,6 +182,10 @@ impl Odometry {
         self.synchronizer.advance(end_ns, self.gyro.as_ref());
 
         let imu_use = self.predict(scan);
+        if self.tracking.is_frozen(&scan.items) {
+            self.window.leave_out_returns();
+            self.counters.scans_frozen += 1;
+        }
         if self.window.is_over_full() {
             let submap = self.submaps.active();
             self.window.marginalize_oldest(submap, &self.config);
@@ -284,7 +288,8 @@ impl Odometry {
             Some((solution, scan)) => self.tracking.judge(solution, scan, &self.config),
             None => TrackingStatus::default(),
         };
-        self.window.set_status(status);
+        let variance_m2 = solution.map(Solution::position_variance_m2);
+        self.window.set_status(status, variance_m2);
         let trust = status.trust();
         if trust != Trust::Good && !self.window.is_first_of_frame() {
             self.counters.scans_unsupported += 1;

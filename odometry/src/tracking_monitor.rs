@@ -6,7 +6,7 @@ use crate::{
     tracking_status::TrackingStatus,
 };
 use randt_config::Config;
-use randt_messages::{Localizability as Seen, Trust, TrustReason};
+use randt_messages::{Localizability as Seen, Return, Trust, TrustReason};
 use randt_ndt::AdaptiveLoss;
 use randt_persist::persist;
 
@@ -22,8 +22,13 @@ const FIT_SCANS: u32 = 10;
 /// How long trust stays away after the last reason against it, ns: five scans, in which a weak
 /// direction or a poor fit shows again if it has not passed.
 const HELD_NS: i64 = 1_000_000_000;
-/// Scans in a row without support before the pose is given up.
+/// Scans in a row without support before the pose may be given up.
 const LOST_AFTER: u32 = 5;
+/// Variance of the position above which a pose without support is given up, m^2: 3 m, three cells
+/// of the mixed profile. IMU and motion model reach it after 20 s, the motion model alone after 5.
+const COASTING_VARIANCE_MAX_M2: f64 = 9.0;
+/// Returns from which two equal scans are one: noise makes each of them differ.
+const FROZEN_MIN: usize = 10;
 
 /// Watches the solutions, scan by scan.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,9 +38,26 @@ pub struct TrackingMonitor {
     poor_fits: u32,
     /// Stamp of the last scan with a reason against its pose.
     doubted_ns: Option<i64>,
+    /// Hash of the last scan's returns, and whether they are those of the one before.
+    returns_hash: u64,
+    is_frozen: bool,
 }
 
-persist!(TrackingMonitor { unsupported, poor_fits, doubted_ns } sound is_sound);
+persist!(TrackingMonitor {
+    unsupported,
+    poor_fits,
+    doubted_ns,
+    returns_hash,
+    is_frozen,
+} sound is_sound);
+
+/// Hash of what was measured: multiplications of FNV-1a, a return at a time.
+fn hash(returns: &[Return]) -> u64 {
+    returns.iter().fold(0xcbf2_9ce4_8422_2325, |hash, r| {
+        let measured = u64::from(r.range_m.to_bits()) << 32 | u64::from(r.intensity.to_bits());
+        (hash ^ measured ^ u64::from(r.beam).rotate_right(16)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
 
 /// Mean robust weight of a scan below which it fits poorly.
 fn fit_min(config: &Config) -> f64 {
@@ -48,6 +70,14 @@ impl TrackingMonitor {
     /// Whether it can go on counting, and what it remembers is possible.
     fn is_sound(&self) -> bool {
         self.unsupported <= u32::MAX / 2 && self.poor_fits >> FIT_SCANS == 0
+    }
+
+    /// Whether a scan repeats all returns of the one before.
+    pub fn is_frozen(&mut self, returns: &[Return]) -> bool {
+        let hash = hash(returns);
+        self.is_frozen = returns.len() >= FROZEN_MIN && hash == self.returns_hash;
+        self.returns_hash = hash;
+        self.is_frozen
     }
 
     /// Judges how far the newest pose can be believed, by its solution.
@@ -77,9 +107,12 @@ impl TrackingMonitor {
         let mut reasons = TrustReason::Unsupported.bit_if(!is_supported)
             | TrustReason::Weak.bit_if(is_weak)
             | TrustReason::Fit.bit_if(fits_poorly)
+            | TrustReason::Repeated.bit_if(self.is_frozen)
             | TrustReason::Contested.bit_if(is_contested)
             | TrustReason::Rate.bit_if(is_fast);
-        let trust = if self.unsupported >= LOST_AFTER || is_fast {
+        let is_adrift = self.unsupported >= LOST_AFTER
+            && solution.position_variance_m2() > COASTING_VARIANCE_MAX_M2;
+        let trust = if is_adrift || is_fast {
             Trust::Lost
         } else {
             if reasons != 0 {

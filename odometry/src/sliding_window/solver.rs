@@ -39,6 +39,14 @@ pub struct Solution {
     pub iterations: u32,
 }
 
+impl Solution {
+    /// Largest variance of the newest position in any direction, m^2.
+    pub fn position_variance_m2(&self) -> f64 {
+        let position = self.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+        position.symmetric_eigenvalues().max()
+    }
+}
+
 /// What a window is solved against.
 #[derive(Clone, Copy, Debug)]
 pub struct Problem<'a> {

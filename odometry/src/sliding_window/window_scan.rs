@@ -10,8 +10,9 @@ use crate::{
     tilt::Tilt,
     tracking_status::TrackingStatus,
 };
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use randt_config::Config;
+use randt_geometry::elementary::sin_cos;
 use randt_messages::{Localizability as Seen, MAX_BEAMS, MAX_RETURNS};
 use randt_ndt::{Association, NormalEquations, ScanCell};
 use randt_persist::persist;
@@ -50,6 +51,14 @@ pub struct WindowScan {
     pub ndt: NormalEquations,
     /// Which directions its cells see, as of the last solve.
     pub localizability: Localizability,
+    /// How many scans up to it see every direction, in a row and up to those that must: with it,
+    /// and before it.
+    pub scans_seeing_all: u32,
+    pub scans_seeing_all_before: u32,
+    /// Largest variance of its position when it was the newest one, m^2, and how much of it came
+    /// with it.
+    pub position_variance_m2: f64,
+    pub drift_m2: f64,
     /// How it was judged when it was the newest one.
     pub status: TrackingStatus,
 }
@@ -66,6 +75,10 @@ persist!(WindowScan {
     cells,
     ndt,
     localizability,
+    scans_seeing_all,
+    scans_seeing_all_before,
+    position_variance_m2,
+    drift_m2,
     status,
 } kept {
     beams,
@@ -116,6 +129,18 @@ impl WindowScan {
     /// Whether the cells hold the position in every direction.
     fn is_held(&self) -> bool {
         matches!(self.localizability.seen, Seen::Full | Seen::Unknown)
+    }
+
+    /// Variance that its step adds where its cells do not hold the position, in its own frame, m^2:
+    /// what the uncertain speed makes of it, which is the same from step to step.
+    pub fn drift_covariance(&self) -> Matrix2<f64> {
+        let (sin, cos) = sin_cos(self.localizability.weak_direction_rad);
+        let along = Vector2::new(cos, sin);
+        match self.localizability.seen {
+            Seen::Partial => along * along.transpose() * self.drift_m2,
+            Seen::None => Matrix2::identity() * self.drift_m2,
+            Seen::Full | Seen::Unknown => Matrix2::zeros(),
+        }
     }
 
     /// The measured change of speed since the scan before.

@@ -233,6 +233,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
     ];
     // ... or only its best one.
     let others = [
+        ("odometry_scans_frozen", odometry.scans_frozen),
         ("odometry_scans_unsupported", odometry.scans_unsupported),
         ("odometry_scans_imu_late", odometry.scans_imu_late),
         ("odometry_scans_imu_overtaken", odometry.scans_imu_overtaken),
