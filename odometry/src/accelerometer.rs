@@ -227,3 +227,103 @@ impl Accelerometer {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEP_NS: i64 = 4_000_000;
+    const STEP_S: f64 = 0.004;
+    const GRAVITY: Vector3<f64> = Vector3::new(0.3, 0.0, 9.8);
+
+    /// Stands for a second on a slope, then accelerates for some seconds; the radar sees both.
+    struct Robot {
+        accelerometer: Accelerometer,
+        stamp_ns: i64,
+        speed_m_s: f64,
+        integral_m_s: f64,
+    }
+
+    impl Robot {
+        fn standing() -> Self {
+            let mut robot = Self {
+                accelerometer: Accelerometer::default(),
+                stamp_ns: 0,
+                speed_m_s: 0.0,
+                integral_m_s: 0.0,
+            };
+            robot.accelerometer.observe_gravity(0, GRAVITY);
+            robot.drive(1.0, 0.0, true);
+            robot
+        }
+
+        fn drive(&mut self, seconds: f64, acceleration_m_s2: f64, is_seen: bool) {
+            for i in 0..(seconds / STEP_S) as usize {
+                self.stamp_ns += STEP_NS;
+                self.speed_m_s += acceleration_m_s2 * STEP_S;
+                let up = GRAVITY.normalize();
+                let forward = (Vector3::x() - up * up.x).normalize();
+                let force = GRAVITY + forward * acceleration_m_s2;
+                self.integral_m_s = self
+                    .accelerometer
+                    .push(self.stamp_ns, Vector3::zeros(), force);
+                if i % 50 == 0 && is_seen {
+                    let (stamp_ns, integral_m_s) = (self.stamp_ns, self.integral_m_s);
+                    self.accelerometer
+                        .compare(stamp_ns, integral_m_s, self.speed_m_s);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn it_proves_true_first_and_then_carries_the_speed() {
+        let mut robot = Robot::standing();
+        robot.drive(1.0, 0.5, true);
+        assert_eq!(robot.accelerometer.speed_change(0.0, 0.2), None);
+        robot.drive(10.0, 0.0, true);
+        let (speed_m_s, sigma_m_s) = robot
+            .accelerometer
+            .speed(robot.stamp_ns, robot.integral_m_s)
+            .unwrap();
+        assert!(
+            (speed_m_s - 0.5).abs() < 0.02 && sigma_m_s < 0.1,
+            "{speed_m_s}"
+        );
+        let before_m_s = robot.integral_m_s;
+        robot.drive(0.2, -0.5, false);
+        let integral_m_s = robot.integral_m_s - before_m_s;
+        let change = robot.accelerometer.speed_change(integral_m_s, 0.2).unwrap();
+        assert!((change.change_m_s + 0.1).abs() < 0.01, "{change:?}");
+        assert!((0.01..0.05).contains(&change.sigma_m_s), "{change:?}");
+    }
+
+    #[test]
+    fn an_accelerometer_that_is_wrong_is_not_used() {
+        let mut robot = Robot::standing();
+        for _ in 0..10 {
+            // The radar sees no change where it measures half a m/s^2, then the other way.
+            for acceleration_m_s2 in [0.5, -0.5] {
+                robot.drive(2.4, acceleration_m_s2, true);
+                robot.speed_m_s = 0.0;
+            }
+        }
+        assert_eq!(robot.accelerometer.speed_change(0.0, 0.2), None);
+    }
+
+    #[test]
+    fn an_even_acceleration_is_no_standstill() {
+        let mut robot = Robot::standing();
+        assert!(robot.accelerometer.stands());
+        robot.drive(1.0, 0.4, true);
+        assert!(!robot.accelerometer.stands(), "it has gained speed");
+        let felt = GRAVITY + Vector3::x() * 0.4;
+        robot.accelerometer.observe_gravity(robot.stamp_ns, felt);
+        assert!(!robot.accelerometer.stands());
+        robot.drive(1.0, -0.4, true);
+        robot.accelerometer.observe_gravity(robot.stamp_ns, GRAVITY);
+        assert!(robot.accelerometer.stands());
+        robot.accelerometer.observe_motion();
+        assert!(!robot.accelerometer.stands());
+    }
+}

@@ -122,3 +122,74 @@ impl Association {
         association
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix2, Vector2};
+    use randt_geometry::elementary::sin_cos;
+
+    const RULE: CellRule = CellRule {
+        points_min: 4,
+        use_intensity: true,
+        cell_size_m: 1.0,
+        slack: 5.0,
+    };
+
+    /// A cell with these variances along a direction and across it, m^2.
+    fn association(direction_rad: f64, along: f64, across: f64) -> Association {
+        let (sin, cos) = sin_cos(direction_rad);
+        let turn = Matrix2::new(cos, -sin, sin, cos);
+        let covariance = turn * Matrix2::new(along, 0.0, 0.0, across) * turn.transpose();
+        let mut association = Association::EMPTY;
+        for lane in 0..4 {
+            association.covariance[0][lane] = covariance.m11;
+            association.covariance[1][lane] = covariance.m12;
+            association.covariance[2][lane] = covariance.m22;
+        }
+        association
+    }
+
+    /// Information along a direction and across it, with nothing known of the other, 1/m^2.
+    fn information(association: &Association, direction_rad: f64) -> [f64; 2] {
+        let [xx, xy, yy, ..] = association.covariance.map(|lanes| lanes[3]);
+        let inverse = Matrix2::new(xx, xy, xy, yy).try_inverse().unwrap();
+        let (sin, cos) = sin_cos(direction_rad);
+        [Vector2::new(cos, sin), Vector2::new(-sin, cos)].map(|axis| axis.dot(&(inverse * axis)))
+    }
+
+    #[test]
+    fn a_wall_says_nothing_along_and_as_much_across_a_post_all() {
+        let full = RULE.cell_size_m * RULE.cell_size_m / 12.0;
+        for degrees in (-180..180).step_by(7) {
+            let direction_rad = f64::from(degrees).to_radians();
+            let wall = association(direction_rad, full * (1.0 + RULE.slack), 0.01);
+            let (post, mut all) = (association(direction_rad, 0.02, 0.01), [wall; 2]);
+            all[1] = post;
+            Association::ignore_filled_axes(&mut all, RULE);
+            let [along, across] = information(&all[0], direction_rad);
+            assert!(
+                along < 1e-6 && (across - 100.0).abs() < 1e-3,
+                "{along} {across}"
+            );
+            assert_eq!(all[1], post);
+
+            let mut ignored = [post];
+            let (sin, cos) = sin_cos(direction_rad);
+            Association::ignore_along(&mut ignored, [cos, sin]);
+            let [along, across] = information(&ignored[0], direction_rad);
+            assert!(
+                along < 1e-6 && (across - 100.0).abs() < 1e-3,
+                "{along} {across}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_cell_that_fills_its_square_says_nothing() {
+        let full = 0.5 * (1.0 + RULE.slack);
+        let mut blob = [association(0.3, full, full)];
+        Association::ignore_filled_axes(&mut blob, RULE);
+        assert!(information(&blob[0], 0.0).iter().all(|i| *i < 1e-6));
+    }
+}
