@@ -52,8 +52,8 @@ pub struct Accelerometer {
     up: Option<Vector3<f64>>,
     /// Variance of gravity across it when a standstill last showed it, (m/s^2)^2.
     gravity_variance: f64,
-    /// Whether the last window was still, and when the last one was, with the integral then, ns and
-    /// m/s.
+    /// Whether the last window was still, and when the last one was, with the integral then, ns
+    /// and m/s.
     stands: bool,
     stood: Option<(i64, f64)>,
     /// The last sample's stamp and forward acceleration, ns and m/s^2.
@@ -85,9 +85,9 @@ persist!(Accelerometer {
 });
 
 impl Accelerometer {
-    /// A window without motion shows gravity, in the robot's frame, m/s^2: the accelerometer's bias
-    /// passes for a tilt, which is as good. An even acceleration looks the same, but it is not
-    /// where the gyro has carried the vertical.
+    /// A window without motion shows gravity, in the robot's frame, m/s^2: the accelerometer's
+    /// bias passes for a tilt, which is as good. An even acceleration looks the same, but it is
+    /// not where the gyro has carried the vertical.
     pub fn observe_gravity(&mut self, stamp_ns: i64, gravity_m_s2: Vector3<f64>) {
         let speed_m_s = self.last_difference_m_s.map_or(0.0, |d| self.speed_m_s + d);
         let drifted = self.stood.map_or(f64::INFINITY, |(then_ns, _)| {

@@ -321,8 +321,8 @@ impl GyroIntegrator {
         self.accelerometer.speed_change(change_m_s, dt_s)
     }
 
-    /// The forward speed at an instant and its standard deviation, m/s, where the scan before showed
-    /// one.
+    /// The forward speed at an instant and its standard deviation, m/s, where the scan before
+    /// showed one.
     pub fn last_seen_speed(&self, stamp_ns: i64) -> Option<(f64, f64)> {
         let integral_m_s = self.at(stamp_ns, |state| (state.speed_m_s, 0.0))?;
         self.accelerometer.speed(stamp_ns, integral_m_s)

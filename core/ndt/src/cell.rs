@@ -29,7 +29,8 @@ pub struct CellRule {
     pub slack: f64,
 }
 
-/// From this share of an evenly filled square's variance on, a cell fills its square along an axis.
+/// From this share of an evenly filled square's variance on, a cell fills its square along an
+/// axis.
 const FILLED_SHARE: f64 = 0.5;
 
 impl CellRule {
@@ -108,8 +109,8 @@ fn floor_eigenvalues(plane: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// The symmetric matrix (xx, xy, yy) of the same axes, whose eigenvalues are a function of those of
-/// the given one.
+/// The symmetric matrix (xx, xy, yy) of the same axes, whose eigenvalues are a function of those
+/// of the given one.
 fn map_eigenvalues([xx, xy, yy]: [f64; 3], map: impl Fn(f64, f64) -> (f64, f64)) -> [f64; 3] {
     let half_trace = 0.5 * (xx + yy);
     let half_difference = 0.5 * (xx - yy);

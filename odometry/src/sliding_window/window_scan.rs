@@ -131,8 +131,8 @@ impl WindowScan {
         matches!(self.localizability.seen, Seen::Full | Seen::Unknown)
     }
 
-    /// Variance that its step adds where its cells do not hold the position, in its own frame, m^2:
-    /// what the uncertain speed makes of it, which is the same from step to step.
+    /// Variance that its step adds where its cells do not hold the position, in its own frame,
+    /// m^2: what the uncertain speed makes of it, which is the same from step to step.
     pub fn drift_covariance(&self) -> Matrix2<f64> {
         let (sin, cos) = sin_cos(self.localizability.weak_direction_rad);
         let along = Vector2::new(cos, sin);

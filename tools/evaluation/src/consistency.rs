@@ -6,8 +6,8 @@ use crate::{Trajectory, Transform};
 use nalgebra::{Matrix2, Matrix3, Vector3};
 use randt_geometry::Pose2;
 
-/// Below it a consistent estimate's NEES lies with a probability of 95 %: the quantile of the chi^2
-/// distribution of 3 degrees of freedom.
+/// Below it a consistent estimate's NEES lies with a probability of 95 %: the quantile of the
+/// chi^2 distribution of 3 degrees of freedom.
 const INSIDE_95: f64 = 7.815;
 /// The same of a position, with 2 degrees of freedom.
 const INSIDE_95_POSITION: f64 = 5.991;

@@ -68,8 +68,8 @@ impl SurfaceRecorder {
         self.echoes.clear();
     }
 
-    /// The normal of the wall that a return comes from. Rays that meet one rough wall have several:
-    /// it is that of the strongest.
+    /// The normal of the wall that a return comes from. Rays that meet one rough wall have
+    /// several: it is that of the strongest.
     fn wall(&self, bin: u16, echo: &Echo) -> Option<Vector2<f64>> {
         let (mut all, mut walls, mut strongest) = (0.0, 0.0, (0.0, None));
         for origin in &self.echoes {

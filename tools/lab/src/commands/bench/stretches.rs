@@ -3,8 +3,8 @@
 use super::summary::quantile;
 use randt_evaluation::{DirectionalSupport, MotionErrors, ScanEstimate, ScanTrust};
 
-/// Of that many beams on surfaces that face the weaker direction, or more, an end wall is in sight;
-/// it takes more to be held ([`DirectionalSupport::is_held`]).
+/// Of that many beams on surfaces that face the weaker direction, or more, an end wall is in
+/// sight; it takes more to be held ([`DirectionalSupport::is_held`]).
 const VISIBLE_BEAMS: usize = 3;
 /// Shorter ones are speckle, or a corner that is passed.
 const SCANS_MIN: usize = 10;
@@ -26,8 +26,8 @@ pub(super) struct HeldScan {
     pub position_m: [f64; 2],
     /// Where it is thought to be.
     pub estimate: ScanEstimate,
-    /// How far the direction that the estimate calls weak is off the weaker one, rad; none where it
-    /// calls none so.
+    /// How far the direction that the estimate calls weak is off the weaker one, rad; none where
+    /// it calls none so.
     pub direction_error_rad: Option<f64>,
 }
 
