@@ -107,7 +107,8 @@ mod tests {
     #[test]
     fn a_beam_shows_the_wall_that_it_meets_and_none_out_of_sight() {
         // Sight is 16 m: one wall at 5 m, the other one out of sight.
-        let found = surfaces("wall concrete -9,5 9,5\nwall concrete -9,-17 9,-17\nroute 0,0 4,0");
+        let found =
+            surfaces("wall concrete -9,5 9,5\nwall concrete -9,-17 9,-17\nroute 0,0 4,0 4,1");
         assert!((40..110).contains(&found.len()), "{}", found.len());
         for surface in &found {
             assert!(surface.normal.y < -0.999, "{surface:?}");
@@ -120,7 +121,7 @@ mod tests {
     fn what_a_mirror_shows_is_no_wall() {
         // The metal wall at 2 m shows the concrete at -3 m again, 7 m off behind it: no beam of
         // the right half plane may have the concrete's normal.
-        let found = surfaces("wall metal 2,-9 2,9\nwall concrete -3,-9 -3,9\nroute 0,0 0,4");
+        let found = surfaces("wall metal 2,-9 2,9\nwall concrete -3,-9 -3,9\nroute 0,0 0,4 1,4");
         let ahead = |surface: &&BeamSurface| surface.normal.x < -0.999;
         let behind = |surface: &&BeamSurface| surface.normal.x > 0.999;
         assert!(found.iter().filter(ahead).count() > 40);

@@ -146,7 +146,8 @@ fn until(scans: &[HeldScan], good: bool) -> (f64, f64) {
         _ => 0.0,
     };
     let seconds = (last.trust.stamp_ns - first.trust.stamp_ns) as f64 * 1e-9;
-    (seconds, upto.windows(2).map(step_m).sum())
+    // Adding zero: a sum of nothing is -0.
+    (seconds, upto.windows(2).map(step_m).sum::<f64>() + 0.0)
 }
 
 #[cfg(test)]
