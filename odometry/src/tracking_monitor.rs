@@ -25,7 +25,7 @@ const HELD_NS: i64 = 1_000_000_000;
 /// Scans in a row without support before the pose is given up.
 const LOST_AFTER: u32 = 5;
 /// Cells that a scan needs to fix a pose at all.
-const CELLS_MIN: usize = 5;
+pub const CELLS_MIN: usize = 5;
 
 /// Watches the solutions, scan by scan.
 #[derive(Clone, Copy, Debug, Default)]
