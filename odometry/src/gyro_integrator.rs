@@ -210,7 +210,7 @@ impl GyroIntegrator {
             self.bias.observe(still);
             self.accelerometer
                 .observe_gravity(stamp_ns, still.gravity_m_s2);
-        } else if !self.standstill.still_since_ns().is_some() {
+        } else if self.standstill.still_since_ns().is_none() {
             self.accelerometer.observe_motion();
         }
         let bias = self.bias_rad_s();

@@ -13,6 +13,9 @@ use std::f64::consts::FRAC_PI_2;
 /// eleven sound drives are called weak at most.
 const WEAK_MAX: f64 = 5.6;
 
+/// Cells that a scan needs to fix a pose at all.
+pub const CELLS_MIN: usize = 5;
+
 /// What a scan says of the position, its yaw marginalised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Localizability {

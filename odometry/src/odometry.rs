@@ -284,9 +284,12 @@ impl Odometry {
 
     /// Judges how far the newest pose can be believed.
     fn judge(&mut self, solution: Option<&Solution>) {
-        let status = match solution.zip(self.window.newest()) {
-            Some((solution, scan)) => self.tracking.judge(solution, scan, &self.config),
-            None => TrackingStatus::default(),
+        let Some(scan) = self.window.newest() else {
+            return;
+        };
+        let status = match solution {
+            Some(solution) => self.tracking.judge(solution, scan, &self.config),
+            None => TrackingStatus::without_solution(scan.cells.len()),
         };
         let variance_m2 = solution.map(Solution::position_variance_m2);
         self.window.set_status(status, variance_m2);

@@ -1,5 +1,6 @@
 //! How far a scan's pose can be believed, and why not further.
 
+use crate::localizability::CELLS_MIN;
 use randt_messages::{Localizability, Trust, TrustReason};
 use randt_persist::persist;
 
@@ -24,18 +25,28 @@ persist!(TrackingStatus {
 });
 
 impl Default for TrackingStatus {
-    /// A scan without a solution: nothing was there to set it against.
     fn default() -> Self {
-        Self {
-            trust: Trust::Degraded as u32,
-            reasons: TrustReason::Unsupported as u32,
-            localizability: Localizability::Unknown as u32,
-            weak_direction_rad: 0.0,
-        }
+        Self::without_solution(0)
     }
 }
 
 impl TrackingStatus {
+    /// Of a scan of that many cells that could not be set against a submap: by itself it sees
+    /// nothing where it has too few of them.
+    pub fn without_solution(cells: usize) -> Self {
+        let localizability = if cells < CELLS_MIN {
+            Localizability::None
+        } else {
+            Localizability::Unknown
+        };
+        Self {
+            trust: Trust::Degraded as u32,
+            reasons: TrustReason::Unsupported as u32,
+            localizability: localizability as u32,
+            weak_direction_rad: 0.0,
+        }
+    }
+
     /// How far the pose can be believed.
     pub fn trust(&self) -> Trust {
         Trust::from_code(self.trust)

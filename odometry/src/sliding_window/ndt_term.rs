@@ -1,14 +1,16 @@
 //! The NDT term of one scan in the window (RaNDT, III-C): how the scan fits the submap, by pose
 //! and velocity.
 
-use super::solver::Problem;
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,
+    solver::Problem,
     state::{StateMatrix, StateVector},
     window_scan::WindowScan,
 };
 use crate::{
-    localizability::{Localizability, position_information, wall_information, weaker_direction},
+    localizability::{
+        CELLS_MIN, Localizability, position_information, wall_information, weaker_direction,
+    },
     submaps::Submap,
 };
 use randt_config::Config;
@@ -16,8 +18,6 @@ use randt_geometry::elementary::sin_cos;
 use randt_messages::Localizability as Seen;
 use randt_ndt::{AdaptiveLoss, Association, NormalEquations, evaluate};
 
-/// Cells that a scan needs to fix a pose at all.
-const CELLS_MIN: usize = 5;
 /// Share of what the grid alone seems to give along a bare wall. A weak direction that has less
 /// once the grid's part is taken out is not used at all: bare corridors have 0.0 to 0.3 left,
 /// which is chance, the bends and bumps of a ring tunnel 1.1 and more.

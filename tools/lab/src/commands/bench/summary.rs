@@ -93,7 +93,7 @@ pub(super) fn worse(new: &[Cell], old: &[Cell]) -> Vec<Worse> {
         for column in COLUMNS {
             let [was, is] = [&old, &new].map(|cells| spread(cells, column));
             // The last digit may be rounded either way.
-            let rounding = 0.5 * 0.1_f64.powi(column.decimals as i32);
+            let rounding = 0.5 * randt_geometry::elementary::pow(0.1, column.decimals as f64);
             if is[1] - was[1] > 0.5 * (was[2] - was[0]) + rounding {
                 let shown = |spread: [f64; 3]| Some(spread[1].abs()).filter(|m| m.is_finite());
                 found.push(Worse {
