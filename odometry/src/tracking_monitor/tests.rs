@@ -4,6 +4,7 @@ use super::*;
 use crate::{Odometry, Sink, localizability::wall_information};
 use nalgebra::{Matrix3, Vector3};
 use randt_filter::ClusterFilter;
+use randt_geometry::elementary::sin;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints};
 use randt_ndt::ScanCell;
 use randt_persist::{Persist, Reader, Writer};
@@ -91,7 +92,7 @@ fn in_a_bare_corridor_nothing_is_used_of_what_the_grid_makes_and_trust_is_not_go
         assert_eq!(count(states, Trust::Good), 0, "slack {slack}");
         let weak = states.iter().filter_map(|state| {
             let in_corridor = state.weak_direction()? + state.pose[2];
-            Some(in_corridor.sin().abs() < 10_f64.to_radians().sin())
+            Some(sin(in_corridor).abs() < sin(10_f64.to_radians()))
         });
         let weak: Vec<bool> = weak.collect();
         let along = weak.iter().filter(|along| **along).count();
