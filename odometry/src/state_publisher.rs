@@ -11,6 +11,8 @@ use randt_geometry::Pose2;
 use randt_messages::{ImuUse, OdometryState, PoseRecord};
 use randt_persist::{Error, Persist, Reader, Writer};
 
+/// Variance of a frame's first pose, m^2 and rad^2.
+const ORIGIN_VARIANCE: f64 = 1e-8;
 /// Variance of a pose without a solution, m^2 and rad^2.
 const UNKNOWN_VARIANCE: f64 = 1e6;
 
@@ -146,12 +148,12 @@ impl Persist for StatePublisher {
     }
 }
 
-/// Covariance of x, y, yaw in the robot's frame.
+/// Covariance of x, y, yaw against the submap, in the robot's frame.
 fn pose_covariance(estimate: &Estimate<'_>) -> Matrix3<f64> {
     let covariance = match &estimate.solution {
         Some(solution) => solution.covariance,
-        // The first scan defines the origin.
-        None if estimate.is_first_of_frame => StateMatrix::zeros(),
+        // The first scan defines the origin, as the window's prior has it.
+        None if estimate.is_first_of_frame => StateMatrix::identity() * ORIGIN_VARIANCE,
         None => StateMatrix::identity() * UNKNOWN_VARIANCE,
     };
     covariance.fixed_view::<3, 3>(0, 0).into_owned()
@@ -214,7 +216,7 @@ mod tests {
         };
         assert_eq!((first.retired_stamp_ns, second.retired_stamp_ns), (99, 0));
         // The first scan's pose is exact by definition, another one's without a solution unknown.
-        assert_eq!((first.covariance[0], second.covariance[0]), (0.0, 1e6));
+        assert_eq!((first.covariance[0], second.covariance[0]), (1e-8, 1e6));
     }
 
     #[test]

@@ -67,8 +67,9 @@ plain! {
         pub gyro_bias_rad_s: [f64; 3],
         /// `base_link` in a level frame of the same yaw-free heading: quaternion w, x, y, z.
         pub attitude: [f64; 4],
-        /// Covariance of x, y, yaw in the frame of `base_link` (perturbation on the right), row by
-        /// row; m^2, m rad, rad^2.
+        /// Covariance of x, y, yaw against the submap that the scan is registered to, in the frame
+        /// of `base_link` (perturbation on the right), row by row; m^2, m rad, rad^2. What
+        /// submaps are off in `odom` is in the keyframes' covariances.
         pub covariance: [f64; 9],
         /// Eigenvalues of the scans' own position information, 1/m^2, smaller first.
         pub information_eigenvalues: [f64; 2],
