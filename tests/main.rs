@@ -62,6 +62,7 @@ mod strangers;
 mod systemd;
 mod top;
 mod trust;
+mod trust_bench;
 mod view;
 mod view_access;
 mod worlds;

@@ -1,8 +1,8 @@
 //! Whether a drive reports where it is wrong: worlds that only their ends, or nothing at all, fix
 //! along the way.
 
-use crate::support::{ended, figures, lab, randt, report, run};
-use randt_geometry::elementary::sin_cos;
+use crate::support::{ended, figures, lab, randt, report, run, tum};
+use randt_geometry::elementary::{sin, sin_cos};
 use serde_json::Value;
 use std::f64::consts::TAU;
 use std::fmt::Write;
@@ -77,8 +77,36 @@ fn in_a_bare_corridor_trust_ends_before_the_estimate_is_wrong() {
     let spans = report["trust_spans"].as_array().unwrap();
     assert_eq!(spans[0]["trust"], "degraded", "{spans:?}");
     assert_eq!(spans[1]["trust"], "good", "{spans:?}");
+    assert_eq!(spans[0]["reasons"][0], "unsupported", "{spans:?}");
+    let reasons = spans[2]["reasons"].as_array().unwrap();
+    assert!(reasons.contains(&"weak".into()), "{spans:?}");
+    assert!(report["trust_reasons"]["weak"]["path_m"].as_f64() > Some(1.0));
     let begins_s = |span: usize| spans[span]["begin_ns"].as_i64().unwrap() / 1_000_000_000;
     assert!(begins_s(2) - begins_s(0) >= 15, "{spans:?}");
+    // The same, row by row, with the direction: that of the corridor.
+    let out = folder.path().join("out");
+    let table = fs::read_to_string(out.join("odometry.csv")).unwrap();
+    let rows: Vec<Vec<&str>> = table.lines().map(|row| row.split(',').collect()).collect();
+    let column = |name: &str| rows[0].iter().position(|column| *column == name).unwrap();
+    let [stamp, yaw, trust, weak] =
+        ["stamp_ns", "yaw_rad", "trust", "weak_direction_rad"].map(column);
+    let poses = tum(&out.join("odometry.tum"));
+    assert_eq!(rows.len() - 1, poses.len());
+    let (mut found, mut along) = (0, 0);
+    for (row, pose) in rows[1..].iter().zip(poses) {
+        assert_eq!(row[stamp], pose.stamp_ns.to_string());
+        let Ok(direction_rad) = row[weak].parse::<f64>() else {
+            assert!(["", "all"].contains(&row[weak]), "{row:?}");
+            continue;
+        };
+        assert_eq!(row[trust], "degraded");
+        found += 1;
+        let yaw_rad: f64 = row[yaw].parse().unwrap();
+        let is_along = sin(yaw_rad + direction_rad).abs() < sin(10_f64.to_radians());
+        along += i32::from(is_along);
+    }
+    println!("{along} of {found} weak directions are along the corridor");
+    assert!(found >= 20 && along * 10 >= found * 9, "{along} of {found}");
 }
 
 #[test]

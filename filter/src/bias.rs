@@ -100,6 +100,7 @@ mod tests {
             end_ns: 0,
             bias_rad_s: value,
             sigma_rad_s: Vector3::repeat(sigma),
+            gravity_m_s2: Vector3::zeros(),
         }
     }
 

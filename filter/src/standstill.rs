@@ -35,6 +35,8 @@ pub struct StandstillBias {
     pub bias_rad_s: Vector3<f64>,
     /// Its standard deviation, axis by axis.
     pub sigma_rad_s: Vector3<f64>,
+    /// Mean specific force in the body, m/s^2: gravity alone.
+    pub gravity_m_s2: Vector3<f64>,
 }
 
 /// Finds standstill in a window that slides block by block, at any sampling rate, in fixed memory.
@@ -228,6 +230,7 @@ impl Standstill {
             end_ns: samples.end_ns,
             bias_rad_s: samples.rate.mean,
             sigma_rad_s: (means.variance() / means.count).map(|v| (v + floor).sqrt()),
+            gravity_m_s2: samples.acceleration.mean,
         })
     }
 

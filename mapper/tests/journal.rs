@@ -4,7 +4,9 @@
 use crate::undisturbed::{LAP, Undisturbed, finished, memory};
 use randt_drives::Drive;
 use randt_mapper::{Mapper, journal};
+use randt_messages::{Keyframe, Localizability, Message};
 use randt_simulator::World;
+use std::sync::Arc;
 
 #[test]
 fn killed_at_any_keyframe_it_comes_back_to_the_last_bit() {
@@ -19,6 +21,28 @@ fn killed_at_any_keyframe_it_comes_back_to_the_last_bit() {
         assert!(found == count || found == count + 1, "{found} for {count}");
         assert!(found == 0 || memory(&mapper) == LAP.memories[found - 1]);
         assert!(restored.replayed <= 4 && mapper.counters().keyframes_rejected == 0);
+    }
+}
+
+/// Builds before keyframes carried how they were judged have written it; this one goes on.
+#[test]
+fn a_journal_of_keyframes_that_were_not_judged_is_read_and_gone_on_with() {
+    let mut bytes = include_bytes!("../../tests/fixtures/layouts-1/map.journal").to_vec();
+    let mut judged = Message::<Keyframe>::default();
+    judged.head.id = 8;
+    judged.head.localizability = Localizability::Partial as u32;
+    judged.head.weak_direction_rad = -0.75;
+    journal::append_keyframe(judged.as_ref(), &mut bytes).unwrap();
+    let bytes: journal::Bytes = Arc::new(bytes);
+    let contents = journal::Contents::read(&bytes).unwrap();
+    assert_eq!((contents.keyframes.len(), contents.damage), (9, None));
+    let mut read = Message::<Keyframe>::default();
+    for (id, packed) in (0..).zip(&contents.keyframes) {
+        assert!(journal::read_keyframe(packed, &mut read));
+        let expected = if id < 8 { (0, 0.0) } else { (2, -0.75) };
+        let head = &read.head;
+        assert_eq!(head.id, id);
+        assert_eq!((head.localizability, head.weak_direction_rad), expected);
     }
 }
 

@@ -1,6 +1,7 @@
 //! The gyro's heading as a function of time, from IMU samples as they come.
 
 use crate::{
+    accelerometer::{Accelerometer, SpeedChange},
     stamps::{STAMPS_NS, is_set_back},
     tilt::Tilt,
 };
@@ -24,6 +25,8 @@ struct GyroState {
     /// Integrated rate of the heading, bias and all, rad.
     heading_rad: f64,
     rate_rad_s: f64,
+    /// Integrated forward acceleration, m/s.
+    speed_m_s: f64,
     tilt: Tilt,
 }
 
@@ -56,6 +59,13 @@ pub struct GyroTerm {
     pub rate_rad_s: f64,
     /// Bias that a standstill showed since the scan before, and its standard deviation, rad/s.
     pub standstill: Option<(f64, f64)>,
+    /// Change of the forward speed, where the accelerometer has proved true.
+    pub speed_change: Option<SpeedChange>,
+    /// Forward speed by radar and accelerometer together and its standard deviation, m/s, where
+    /// the scan before showed one.
+    pub last_seen_speed: Option<(f64, f64)>,
+    /// Whether the robot stands.
+    pub stands: bool,
 }
 
 /// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter. It owns the gyro's
@@ -64,6 +74,7 @@ pub struct GyroTerm {
 pub struct GyroIntegrator {
     base_from_imu: Quaternion,
     attitude: AttitudeFilter,
+    accelerometer: Accelerometer,
     standstill: Standstill,
     states: VecDeque<GyroState>,
     newest: Option<NewestSample>,
@@ -83,6 +94,7 @@ persist!(GyroState {
     stamp_ns,
     heading_rad,
     rate_rad_s,
+    speed_m_s,
     tilt
 });
 persist!(NewestSample {
@@ -97,10 +109,14 @@ persist!(Turn {
 persist!(GyroTerm {
     turn,
     rate_rad_s,
-    standstill
+    standstill,
+    speed_change,
+    last_seen_speed,
+    stands
 });
 persist!(GyroIntegrator {
     attitude,
+    accelerometer,
     standstill,
     states,
     newest,
@@ -123,6 +139,7 @@ impl GyroIntegrator {
                 robot.imu_yaw_rad,
             ),
             attitude: AttitudeFilter::new(attitude),
+            accelerometer: Accelerometer::default(),
             standstill: Standstill::new(attitude),
             states: VecDeque::with_capacity(CAPACITY),
             newest: None,
@@ -191,10 +208,15 @@ impl GyroIntegrator {
         let still = self.standstill.push(stamp_ns, rate, acceleration);
         if let Some(still) = &still {
             self.bias.observe(still);
+            self.accelerometer
+                .observe_gravity(stamp_ns, still.gravity_m_s2);
+        } else if self.standstill.still_since_ns().is_none() {
+            self.accelerometer.observe_motion();
         }
         let bias = self.bias_rad_s();
         self.standstill.expect_bias(bias, self.bias.sigma_rad_s());
         self.attitude.push(stamp_ns, rate - bias, acceleration);
+        let speed_m_s = self.accelerometer.push(stamp_ns, rate - bias, acceleration);
         let tilt = Tilt::from_up(self.attitude.up_in_body());
         // The heading's own bias stays in: it is estimated with the window.
         let rate_rad_s = tilt.yaw_rate_rad_s(rate - Vector3::new(bias.x, bias.y, 0.0));
@@ -212,6 +234,7 @@ impl GyroIntegrator {
             stamp_ns,
             heading_rad,
             rate_rad_s,
+            speed_m_s,
             tilt,
         });
         if let Some(still) = still {
@@ -236,6 +259,15 @@ impl GyroIntegrator {
 
     /// Integrated heading at an instant, straight between samples, at the last rate beyond them.
     pub fn heading_rad(&self, stamp_ns: i64) -> Option<f64> {
+        self.at(stamp_ns, |state| (state.heading_rad, state.rate_rad_s))
+    }
+
+    /// What is integrated, at an instant; `integral_and_rate` gives it with its derivative.
+    fn at(
+        &self,
+        stamp_ns: i64,
+        integral_and_rate: impl Fn(&GyroState) -> (f64, f64),
+    ) -> Option<f64> {
         let after = self.states.partition_point(|m| m.stamp_ns < stamp_ns);
         let seconds = |from: i64| (stamp_ns - from) as f64 * 1e-9;
         match (
@@ -244,10 +276,12 @@ impl GyroIntegrator {
         ) {
             (Some(a), Some(b)) => {
                 let fraction = (stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns) as f64;
-                Some(a.heading_rad + (b.heading_rad - a.heading_rad) * fraction)
+                let [(a, _), (b, _)] = [a, b].map(integral_and_rate);
+                Some(a + (b - a) * fraction)
             }
             (Some(edge), None) | (None, Some(edge)) => {
-                Some(edge.heading_rad + edge.rate_rad_s * seconds(edge.stamp_ns))
+                let (integral, rate) = integral_and_rate(edge);
+                Some(integral + rate * seconds(edge.stamp_ns))
             }
             (None, None) => None,
         }
@@ -277,6 +311,39 @@ impl GyroIntegrator {
             angle_rad,
             uncovered_s: (beyond + holes) as f64 * 1e-9,
         })
+    }
+
+    /// Change of the forward speed between two instants, where the accelerometer has proved true.
+    pub fn speed_change(&self, from_ns: i64, to_ns: i64) -> Option<SpeedChange> {
+        let integral = |stamp_ns| self.at(stamp_ns, |state| (state.speed_m_s, 0.0));
+        let change_m_s = integral(to_ns)? - integral(from_ns)?;
+        let dt_s = (to_ns - from_ns) as f64 * 1e-9;
+        self.accelerometer.speed_change(change_m_s, dt_s)
+    }
+
+    /// The forward speed at an instant and its standard deviation, m/s, where the scan before
+    /// showed one.
+    pub fn last_seen_speed(&self, stamp_ns: i64) -> Option<(f64, f64)> {
+        let integral_m_s = self.at(stamp_ns, |state| (state.speed_m_s, 0.0))?;
+        self.accelerometer.speed(stamp_ns, integral_m_s)
+    }
+
+    /// Compares the accelerometer with the forward speed that the radar shows at an instant, m/s;
+    /// `None` where it shows none.
+    pub fn compare_speed(&mut self, stamp_ns: i64, speed_m_s: Option<f64>) {
+        let integral_m_s = self.at(stamp_ns, |state| (state.speed_m_s, 0.0));
+        match integral_m_s.zip(speed_m_s) {
+            Some((integral_m_s, speed_m_s)) => {
+                self.accelerometer
+                    .compare(stamp_ns, integral_m_s, speed_m_s);
+            }
+            None => self.accelerometer.pause(),
+        }
+    }
+
+    /// Whether the robot stands.
+    pub fn stands(&self) -> bool {
+        self.accelerometer.stands()
     }
 
     /// Yaw rate with its bias and tilt at the newest sample at or before an instant.

@@ -56,6 +56,9 @@ impl GyroMeasurement {
                     turn,
                     rate_rad_s,
                     standstill,
+                    speed_change: gyro.speed_change(last_ns, end_ns),
+                    last_seen_speed: gyro.last_seen_speed(end_ns),
+                    stands: gyro.stands(),
                 })
             });
         Self {

@@ -108,6 +108,10 @@ impl KeyframeSelector {
                 .unwrap_or_default();
         }
         head.twist = scan.state.velocity.into();
+        head.weak_direction_rad = scan.status.weak_direction_rad;
+        head.trust = scan.status.trust;
+        head.trust_reasons = scan.status.reasons;
+        head.localizability = scan.status.localizability;
         head.beam_count = scan.beams.len().min(MAX_BEAMS) as u32;
         head.beams.fill(KeyframeBeam::default());
         let total = scan.message.items.len();
@@ -137,7 +141,7 @@ impl KeyframeSelector {
 }
 
 /// Covariance of one step's relative pose: the information of the scan itself, with the motion
-/// model where it has none.
+/// model where it has none and the drift of a direction that it does not see.
 pub fn step_covariance(scan: &WindowScan, config: &Config) -> Matrix3<f64> {
     let odometry = &config.odometry;
     let dt = scan.dt_s.max(1e-3);
@@ -148,9 +152,11 @@ pub fn step_covariance(scan: &WindowScan, config: &Config) -> Matrix3<f64> {
     ];
     // Diagonal and positive: the sum is invertible for every scan.
     let motion = Matrix3::from_diagonal(&Vector3::from(sigma.map(|s| 1.0 / (s * s))));
-    (scan.scan_information(config) + motion)
-        .try_inverse()
-        .unwrap_or_default()
+    let information = scan.scan_information(config) + motion;
+    let mut covariance = information.try_inverse().unwrap_or_default();
+    let mut position = covariance.fixed_view_mut::<2, 2>(0, 0);
+    position += scan.drift_covariance();
+    covariance
 }
 
 #[cfg(test)]

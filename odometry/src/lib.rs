@@ -6,11 +6,13 @@
 //! scans and the same samples give the same bits, however the two interleave, and whether or not
 //! the state was saved and restored in between.
 
+mod accelerometer;
 mod deskew;
 mod gyro_integrator;
 mod gyro_measurement;
 mod initializer;
 mod keyframe_selector;
+mod localizability;
 mod odometry;
 mod odometry_frame;
 #[cfg(feature = "runtime")]
@@ -23,6 +25,7 @@ mod submaps;
 mod synchronizer;
 mod tilt;
 mod tracking_monitor;
+mod tracking_status;
 
 pub use odometry::{Counters, Odometry, Sink};
 pub use randt_persist::Error;

@@ -3,11 +3,12 @@
 
 use clap::Parser;
 use randt_messages::{
-    ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, Trust,
+    ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, TrustText,
 };
 use randt_odometry::runtime::{CheckpointStore, Feed};
 use randt_stage::{Publisher, Stage, StageArguments, Subscriber, WakeReason, ended, parse};
 use std::error::Error;
+use std::fmt::Write;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -47,7 +48,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut out = Out {
         states: stage.publisher()?,
         keyframes: stage.publisher()?,
-        trust: "",
+        trust: String::new(),
     };
     let mut store = CheckpointStore::open(&mut stage)?;
     let (odometry, mut has_predecessor) = store.restore(&stage, &config, use_imu)?;
@@ -74,7 +75,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         }
         has_predecessor |= answer(&mut graph, &mut feed, &mut out, has_predecessor)?;
         set_status(&mut stage, &feed, &mut late_logged);
-        stage.set_status_note(out.trust);
+        stage.set_status_note(&out.trust);
         let pause = Some(feed.pause());
         if stage.wait(&[feed.waitable(), &graph], pause)? == WakeReason::Stop {
             return Ok(stage.close()?);
@@ -143,7 +144,7 @@ struct Out {
     states: Publisher<OdometryStateTopic>,
     keyframes: Publisher<Keyframe>,
     /// How far the newest pose can be believed, in words.
-    trust: &'static str,
+    trust: String,
 }
 
 impl Out {
@@ -151,11 +152,9 @@ impl Out {
     fn publish(&mut self, store: &mut CheckpointStore) -> Result<(), randt_stage::Error> {
         for state in store.outbox().take_states() {
             let items = &[];
-            self.trust = match state.trust() {
-                Trust::Good => "trust good",
-                Trust::Degraded => "trust degraded",
-                Trust::Lost => "lost",
-            };
+            self.trust.clear();
+            // Writing to a String cannot fail.
+            let _ = write!(self.trust, "trust {}", TrustText::new(state));
             self.states.publish(MessageRef { head: state, items })?;
         }
         while let Some(keyframe) = store.next_keyframe() {

@@ -15,6 +15,7 @@ use crate::{
     submaps::Submaps,
     synchronizer::{MessageId, ScanImuSynchronizer, SynchronizedScan},
     tracking_monitor::TrackingMonitor,
+    tracking_status::TrackingStatus,
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
@@ -181,6 +182,10 @@ impl Odometry {
         self.synchronizer.advance(end_ns, self.gyro.as_ref());
 
         let imu_use = self.predict(scan);
+        if self.tracking.is_frozen(&scan.items) {
+            self.window.leave_out_returns();
+            self.counters.scans_frozen += 1;
+        }
         if self.window.is_over_full() {
             let submap = self.submaps.active();
             self.window.marginalize_oldest(submap, &self.config);
@@ -188,8 +193,8 @@ impl Odometry {
         }
         self.deskew_and_build_cells();
         let solution = self.estimate();
-        let trust = self.judge(solution.as_ref());
-        self.publish(solution, trust, imu_use, sink);
+        self.judge(solution.as_ref());
+        self.publish(solution, imu_use, sink);
 
         self.initializer.drop_sparse_first_scan(&mut self.window);
         self.forget_gyro_before_window();
@@ -268,31 +273,35 @@ impl Odometry {
         }
         if let (Some(gyro), Some(newest)) = (&mut self.gyro, self.window.newest()) {
             gyro.set_yaw_bias(newest.state.bias_rad_s);
+            let end_ns = newest.message.head.sweep.end_ns;
+            gyro.compare_speed(
+                end_ns,
+                newest.seen_speed_m_s().filter(|_| solution.is_some()),
+            );
         }
         solution
     }
 
     /// Judges how far the newest pose can be believed.
-    fn judge(&mut self, solution: Option<&Solution>) -> Trust {
-        let trust = match solution.zip(self.window.newest()) {
-            Some((solution, scan)) => self.tracking.judge(solution, scan, &self.config),
-            None => Trust::Degraded,
+    fn judge(&mut self, solution: Option<&Solution>) {
+        let Some(scan) = self.window.newest() else {
+            return;
         };
+        let status = match solution {
+            Some(solution) => self.tracking.judge(solution, scan, &self.config),
+            None => TrackingStatus::without_solution(scan.cells.len()),
+        };
+        let variance_m2 = solution.map(Solution::position_variance_m2);
+        self.window.set_status(status, variance_m2);
+        let trust = status.trust();
         if trust != Trust::Good && !self.window.is_first_of_frame() {
             self.counters.scans_unsupported += 1;
         }
         self.frame.is_lost = trust == Trust::Lost;
-        trust
     }
 
     /// Publishes the newest state.
-    fn publish(
-        &mut self,
-        solution: Option<Solution>,
-        trust: Trust,
-        imu_use: ImuUse,
-        sink: &mut impl Sink,
-    ) {
+    fn publish(&mut self, solution: Option<Solution>, imu_use: ImuUse, sink: &mut impl Sink) {
         let Some(scan) = self.window.newest() else {
             return;
         };
@@ -302,7 +311,6 @@ impl Odometry {
             solution,
             is_first_of_frame: self.window.is_first_of_frame(),
             imu_use,
-            trust,
             odom_frame_id: self.frame.id,
             submap_id: self.submaps.active().id,
             inlier_max: loss_scale * loss_scale,

@@ -10,9 +10,13 @@ mod solver;
 mod state;
 mod window_scan;
 
-use crate::{gyro_integrator::GyroIntegrator, gyro_measurement::GyroMeasurement, submaps::Submap};
+use crate::{
+    gyro_integrator::GyroIntegrator, gyro_measurement::GyroMeasurement, submaps::Submap,
+    tracking_status::TrackingStatus,
+};
 use nalgebra::Vector3;
 use ndt_builder::NdtBuilder;
+use ndt_term::SEEING_MIN;
 use prior::Prior;
 use randt_config::Config;
 use randt_geometry::{Pose2, elementary::wrap};
@@ -96,6 +100,27 @@ impl SlidingWindow {
         self.scans.get(self.used.checked_sub(1)?)
     }
 
+    /// Leaves the newest scan's returns out: they are not of its sweep.
+    pub fn leave_out_returns(&mut self) {
+        let newest = self.used.checked_sub(1);
+        if let Some(scan) = newest.and_then(|newest| self.scans.get_mut(newest)) {
+            scan.message.items.clear();
+        }
+    }
+
+    /// Notes how the newest scan was judged, and the largest variance of its position, m^2.
+    pub fn set_status(&mut self, status: TrackingStatus, variance_m2: Option<f64>) {
+        let newest = self.used.checked_sub(1);
+        let before_m2 = newest
+            .and_then(|newest| self.scans.get(newest.checked_sub(1)?))
+            .map_or(0.0, |scan| scan.position_variance_m2);
+        if let Some(scan) = newest.and_then(|newest| self.scans.get_mut(newest)) {
+            scan.status = status;
+            scan.position_variance_m2 = variance_m2.unwrap_or(before_m2);
+            scan.drift_m2 = (scan.position_variance_m2 - before_m2).max(0.0);
+        }
+    }
+
     /// End of the newest scan's sweep, ns.
     pub fn last_end_ns(&self) -> Option<i64> {
         self.newest().map(|scan| scan.message.head.sweep.end_ns)
@@ -120,6 +145,10 @@ impl SlidingWindow {
     ) {
         let end_ns = points.head.sweep.end_ns;
         let last = self.newest().map(|scan| scan.state).zip(self.last_end_ns());
+        let (last_localizability, scans_seeing_all) = self.newest().map_or_else(
+            || (Default::default(), SEEING_MIN),
+            |scan| (scan.localizability, scan.scans_seeing_all),
+        );
         let Some(scan) = self.scans.get_mut(self.used) else {
             return;
         };
@@ -130,11 +159,19 @@ impl SlidingWindow {
         scan.gyro = gyro.term;
         scan.associations.clear();
         scan.ndt = NormalEquations::default();
+        // Until its cells are compared, it sees what the scan before saw.
+        scan.localizability = last_localizability;
+        scan.scans_seeing_all = scans_seeing_all;
+        scan.scans_seeing_all_before = scans_seeing_all;
         match last {
             Some((last, last_ns)) => {
                 scan.dt_s = (end_ns - last_ns) as f64 * 1e-9;
                 let mut twist = last.velocity * scan.dt_s;
                 let mut velocity = last.velocity;
+                if let Some(speed_change) = scan.speed_change() {
+                    velocity.x += speed_change.change_m_s;
+                    twist.x += 0.5 * speed_change.change_m_s * scan.dt_s;
+                }
                 if let Some(gyro) = &scan.gyro {
                     twist.z = wrap(gyro.turn.angle_rad - last.bias_rad_s * scan.dt_s);
                     velocity.z = gyro.rate_rad_s - last.bias_rad_s;
@@ -288,6 +325,7 @@ mod tests {
                 },
                 rate_rad_s: 0.1,
                 standstill: None,
+                ..GyroTerm::default()
             }),
             ..GyroMeasurement::default()
         };

@@ -3,14 +3,16 @@
 use crate::{
     Sink,
     gyro_integrator::GyroIntegrator,
+    localizability::position_information,
     sliding_window::{Solution, StateMatrix, WindowScan},
-    tracking_monitor::position_information,
 };
 use nalgebra::{Matrix3, Vector3};
 use randt_geometry::Pose2;
-use randt_messages::{ImuUse, OdometryState, PoseRecord, Trust};
+use randt_messages::{ImuUse, OdometryState, PoseRecord};
 use randt_persist::{Error, Persist, Reader, Writer};
 
+/// Variance of a frame's first pose, m^2 and rad^2.
+const ORIGIN_VARIANCE: f64 = 1e-8;
 /// Variance of a pose without a solution, m^2 and rad^2.
 const UNKNOWN_VARIANCE: f64 = 1e6;
 
@@ -25,8 +27,6 @@ pub struct Estimate<'a> {
     pub is_first_of_frame: bool,
     /// How the IMU was used.
     pub imu_use: ImuUse,
-    /// How far the pose can be believed.
-    pub trust: Trust,
     /// The odometry frame.
     pub odom_frame_id: u64,
     /// The submap that it was registered to.
@@ -103,7 +103,9 @@ impl StatePublisher {
             *value = *covariance;
         }
         let solution = estimate.solution.unwrap_or_default();
-        state.information_eigenvalues = position_information(&solution);
+        state.information_eigenvalues = position_information(&solution.scan_information);
+        state.weak_direction_rad = scan.status.weak_direction_rad;
+        state.fit = solution.fit;
         state.cost = solution.cost;
         state.imu_sequence = u64::MAX;
         if let Some(newest) = gyro.and_then(GyroIntegrator::newest) {
@@ -112,7 +114,9 @@ impl StatePublisher {
             state.imu_published_ns = newest.published_ns;
         }
         state.imu_use = estimate.imu_use as u32;
-        state.trust = estimate.trust as u32;
+        state.trust = scan.status.trust;
+        state.trust_reasons = scan.status.reasons;
+        state.localizability = scan.status.localizability;
         state.points = scan.points.len() as u32;
         state.cells = scan.cells.len() as u32;
         let nearest = scan.associations.iter().map(|a| a.nearest);
@@ -144,12 +148,12 @@ impl Persist for StatePublisher {
     }
 }
 
-/// Covariance of x, y, yaw in the robot's frame.
+/// Covariance of x, y, yaw against the submap, in the robot's frame.
 fn pose_covariance(estimate: &Estimate<'_>) -> Matrix3<f64> {
     let covariance = match &estimate.solution {
         Some(solution) => solution.covariance,
-        // The first scan defines the origin.
-        None if estimate.is_first_of_frame => StateMatrix::zeros(),
+        // The first scan defines the origin, as the window's prior has it.
+        None if estimate.is_first_of_frame => StateMatrix::identity() * ORIGIN_VARIANCE,
         None => StateMatrix::identity() * UNKNOWN_VARIANCE,
     };
     covariance.fixed_view::<3, 3>(0, 0).into_owned()
@@ -191,7 +195,6 @@ mod tests {
             solution: None,
             is_first_of_frame,
             imu_use: ImuUse::None,
-            trust: Trust::Degraded,
             odom_frame_id: 3,
             submap_id: 4,
             inlier_max: 4.0,
@@ -213,7 +216,7 @@ mod tests {
         };
         assert_eq!((first.retired_stamp_ns, second.retired_stamp_ns), (99, 0));
         // The first scan's pose is exact by definition, another one's without a solution unknown.
-        assert_eq!((first.covariance[0], second.covariance[0]), (0.0, 1e6));
+        assert_eq!((first.covariance[0], second.covariance[0]), (1e-8, 1e6));
     }
 
     #[test]

@@ -1,18 +1,15 @@
 //! Whether the scans still track their submap: how far a pose can be believed.
 
-use crate::sliding_window::{Solution, WindowScan};
-use nalgebra::SymmetricEigen;
+use crate::{
+    localizability::Localizability,
+    sliding_window::{Solution, WindowScan},
+    tracking_status::TrackingStatus,
+};
 use randt_config::Config;
-use randt_geometry::marginalize_yaw;
-use randt_messages::Trust;
+use randt_messages::{Localizability as Seen, Return, Trust, TrustReason};
 use randt_ndt::AdaptiveLoss;
 use randt_persist::persist;
 
-/// A direction is weak where a scan's information along it is below this many times what the grid
-/// alone seems to give along a bare wall. Simulated corridors, whose ends are out of sight, have
-/// 1.2 to 1.6 times that, places with corners over 16 times; at 5.6 times, 0.07 % of the scans of
-/// eleven sound drives are called weak at most.
-const WEAK_MAX: f64 = 5.6;
 /// A scan fits poorly where its mean robust weight is below that of a cell at this squared
 /// distance from its counterpart: 0.40 under the loss of the mixed profile. Of fifteen sound
 /// drives one scan in a thousand is below 0.43 to 0.58; scans of a robot that was carried
@@ -25,10 +22,13 @@ const FIT_SCANS: u32 = 10;
 /// How long trust stays away after the last reason against it, ns: five scans, in which a weak
 /// direction or a poor fit shows again if it has not passed.
 const HELD_NS: i64 = 1_000_000_000;
-/// Scans in a row without support before the pose is given up.
+/// Scans in a row without support before the pose may be given up.
 const LOST_AFTER: u32 = 5;
-/// Cells that a scan needs to fix a pose at all.
-const CELLS_MIN: usize = 5;
+/// Variance of the position above which a pose without support is given up, m^2: 3 m, three cells
+/// of the mixed profile. IMU and motion model reach it after 20 s, the motion model alone after 5.
+const COASTING_VARIANCE_MAX_M2: f64 = 9.0;
+/// Returns from which two equal scans are one: noise makes each of them differ.
+const FROZEN_MIN: usize = 10;
 
 /// Watches the solutions, scan by scan.
 #[derive(Clone, Copy, Debug, Default)]
@@ -38,30 +38,25 @@ pub struct TrackingMonitor {
     poor_fits: u32,
     /// Stamp of the last scan with a reason against its pose.
     doubted_ns: Option<i64>,
+    /// Hash of the last scan's returns, and whether they are those of the one before.
+    returns_hash: u64,
+    is_frozen: bool,
 }
 
-persist!(TrackingMonitor { unsupported, poor_fits, doubted_ns } sound is_sound);
+persist!(TrackingMonitor {
+    unsupported,
+    poor_fits,
+    doubted_ns,
+    returns_hash,
+    is_frozen,
+} sound is_sound);
 
-/// Eigenvalues of the position information that the scan gives by itself, smaller first, 1/m^2;
-/// yaw is marginalised.
-pub fn position_information(solution: &Solution) -> [f64; 2] {
-    let reduced = marginalize_yaw(&solution.scan_information);
-    let values = SymmetricEigen::new(reduced).eigenvalues;
-    [
-        values.x.min(values.y).max(0.0),
-        values.x.max(values.y).max(0.0),
-    ]
-}
-
-/// Information along a bare wall that comes of the grid alone, 1/m^2.
-///
-/// The squares of size l cut the wall to pieces whose variance along it is l^2 / 12, widened by
-/// 1 + slack. Two of them, the scan's and the map's, make 6 / (l^2 (1 + slack)) of information.
-/// The scan's correspondences share the weight of the NDT term, each by its robust weight, whose
-/// mean is the fit. As the scan's squares move with the robot, it pulls towards standing still.
-fn wall_information(fit: f64, config: &Config) -> f64 {
-    let cell_m = config.cell_size_m();
-    6.0 * config.odometry.ndt_weight * fit / (cell_m * cell_m * (1.0 + config.ndt.slack))
+/// Hash of what was measured: multiplications of FNV-1a, a return at a time.
+fn hash(returns: &[Return]) -> u64 {
+    returns.iter().fold(0xcbf2_9ce4_8422_2325, |hash, r| {
+        let measured = u64::from(r.range_m.to_bits()) << 32 | u64::from(r.intensity.to_bits());
+        (hash ^ measured ^ u64::from(r.beam).rotate_right(16)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
 }
 
 /// Mean robust weight of a scan below which it fits poorly.
@@ -77,31 +72,65 @@ impl TrackingMonitor {
         self.unsupported <= u32::MAX / 2 && self.poor_fits >> FIT_SCANS == 0
     }
 
+    /// Whether a scan repeats all returns of the one before.
+    pub fn is_frozen(&mut self, returns: &[Return]) -> bool {
+        let hash = hash(returns);
+        self.is_frozen = returns.len() >= FROZEN_MIN && hash == self.returns_hash;
+        self.returns_hash = hash;
+        self.is_frozen
+    }
+
     /// Judges how far the newest pose can be believed, by its solution.
-    pub fn judge(&mut self, solution: &Solution, scan: &WindowScan, config: &Config) -> Trust {
+    pub fn judge(
+        &mut self,
+        solution: &Solution,
+        scan: &WindowScan,
+        config: &Config,
+    ) -> TrackingStatus {
         let stamp_ns = scan.message.head.sweep.end_ns;
-        let is_supported = scan.cells.len() >= CELLS_MIN && solution.fit > 0.0;
-        self.unsupported = if is_supported {
-            0
+        let is_supported = solution.fit > 0.0;
+        let localizability = if is_supported {
+            self.unsupported = 0;
+            scan.localizability
         } else {
-            self.unsupported + 1
+            self.unsupported += 1;
+            Localizability::NONE
         };
-        let speed_m_s = scan.state.velocity.xy().norm();
-        if self.unsupported >= LOST_AFTER || speed_m_s > config.odometry.speed_max_m_s {
-            return Trust::Lost;
-        }
         let is_poor = solution.fit < fit_min(config);
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
-        let [weakest, _] = position_information(solution);
-        let is_weak = weakest < WEAK_MAX * wall_information(solution.fit, config);
+
+        let is_weak = is_supported && localizability.seen != Seen::Full;
+        let fits_poorly = self.poor_fits.count_ones() >= POOR_FITS;
         // Where two senders send beams, it is unknown whose beams these are.
         let is_contested = scan.message.head.sweep.is_contested();
-        if !is_supported || is_weak || is_contested || self.poor_fits.count_ones() >= POOR_FITS {
-            self.doubted_ns = Some(stamp_ns);
-        }
-        match self.doubted_ns {
-            Some(doubted_ns) if stamp_ns.saturating_sub(doubted_ns) < HELD_NS => Trust::Degraded,
-            _ => Trust::Good,
+        let is_fast = scan.state.velocity.xy().norm() > config.odometry.speed_max_m_s;
+        let mut reasons = TrustReason::Unsupported.bit_if(!is_supported)
+            | TrustReason::Weak.bit_if(is_weak)
+            | TrustReason::Fit.bit_if(fits_poorly)
+            | TrustReason::Repeated.bit_if(self.is_frozen)
+            | TrustReason::Contested.bit_if(is_contested)
+            | TrustReason::Rate.bit_if(is_fast);
+        let is_adrift = self.unsupported >= LOST_AFTER
+            && solution.position_variance_m2() > COASTING_VARIANCE_MAX_M2;
+        let trust = if is_adrift || is_fast {
+            Trust::Lost
+        } else {
+            if reasons != 0 {
+                self.doubted_ns = Some(stamp_ns);
+            }
+            let is_held = |doubted_ns| stamp_ns.saturating_sub(doubted_ns) < HELD_NS;
+            if self.doubted_ns.is_some_and(is_held) {
+                reasons |= TrustReason::Held.bit_if(reasons == 0);
+                Trust::Degraded
+            } else {
+                Trust::Good
+            }
+        };
+        TrackingStatus {
+            trust: trust as u32,
+            reasons,
+            localizability: localizability.seen as u32,
+            weak_direction_rad: localizability.weak_direction_rad,
         }
     }
 }

@@ -130,8 +130,9 @@ pub fn ended_within(command: Command, time_max: Duration) -> Ended {
 
 /// Whether a command takes a whole core for seconds.
 fn computes(command: &Command) -> bool {
-    const COMMANDS: [&str; 7] = [
+    const COMMANDS: [&str; 8] = [
         "ablation",
+        "bench",
         "calibrate",
         "demo",
         "graph",
@@ -180,10 +181,11 @@ pub fn names(folder: &Path) -> Vec<String> {
 }
 
 /// What a run writes.
-pub const OUTPUTS: [&str; 7] = [
+pub const OUTPUTS: [&str; 8] = [
     "keyframes.tum",
     "map.pgm",
     "map.yaml",
+    "odometry.csv",
     "odometry.tum",
     "plot.svg",
     "report.json",

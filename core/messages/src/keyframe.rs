@@ -1,6 +1,6 @@
 //! `odometry/keyframe`: a scan with its final pose, de-skewed, for the mapper.
 
-use crate::{Header, MAX_BEAMS, plain};
+use crate::{Header, Localizability, MAX_BEAMS, Trust, plain};
 
 plain! {
     /// Where a beam began and looked, in the keyframe's `base_link` at the sweep's end.
@@ -49,10 +49,20 @@ plain! {
         pub covariance: [f64; 9],
         /// Forward m/s, left m/s, yaw rate rad/s.
         pub twist: [f64; 3],
+        /// The direction that the scan did not see, as in the state of the scan.
+        pub weak_direction_rad: f64,
+        /// The [`Trust`] of the scan as its code, as it was judged live. It says nothing where the
+        /// localizability is unknown.
+        #[code(Trust)]
+        pub trust: u32,
+        /// Why it was not good: a set of [`TrustReason`](crate::TrustReason).
+        #[was(reserved)]
+        pub trust_reasons: u32,
+        /// The [`Localizability`] of the scan as its code.
+        #[code(Localizability)]
+        pub localizability: u32,
         /// Beams in the table.
         pub beam_count: u32,
-        /// Zero.
-        pub reserved: u32,
         /// The table; entries from `beam_count` on are zero.
         pub beams: [KeyframeBeam; MAX_BEAMS],
     }

@@ -32,6 +32,8 @@ mod odometry;
 mod radar;
 mod topic;
 mod topics;
+mod trust_reason;
+mod trust_text;
 mod truth;
 
 pub use checkpoint::{LastRecorded, PoseRecord};
@@ -44,7 +46,7 @@ pub use layout::Layout;
 pub use mapper::{
     Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphEntryKind, GraphHead, TILE_CELLS, TileHead,
 };
-pub use odometry::{ImuUse, OdometryState, Trust};
+pub use odometry::{ImuUse, Localizability, OdometryState, Trust};
 pub use radar::{
     Beam, MAX_BEAMS, MAX_RETURNS, PointsHead, Return, ScanHead, SensorKind, SweepHead,
 };
@@ -54,6 +56,8 @@ pub use topics::{
     MapperGrid, OdometryStateTopic, RadarPoints, RadarScan, StageHealthTopic, TopicQos,
     TopicVisitor, TruthPoseTopic, visit_bus_topics, visit_log_topics,
 };
+pub use trust_reason::TrustReason;
+pub use trust_text::TrustText;
 pub use truth::TruthPose;
 
 plain! {

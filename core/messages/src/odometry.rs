@@ -15,6 +15,19 @@ coded! {
         Good = 2 => "good",
     }
 
+    /// Which directions of the position the scan sees by itself.
+    pub enum Localizability {
+        /// Not judged: there was nothing to set the scan against, or an earlier build wrote it.
+        #[default]
+        Unknown = 0 => "unknown",
+        /// All.
+        Full = 1 => "full",
+        /// One direction is not seen.
+        Partial = 2 => "partial",
+        /// None is seen.
+        None = 3 => "none",
+    }
+
     /// How the IMU was used for a scan.
     pub enum ImuUse {
         /// Samples cover the sweep to its end.
@@ -54,11 +67,17 @@ plain! {
         pub gyro_bias_rad_s: [f64; 3],
         /// `base_link` in a level frame of the same yaw-free heading: quaternion w, x, y, z.
         pub attitude: [f64; 4],
-        /// Covariance of x, y, yaw in the frame of `base_link` (perturbation on the right), row by
-        /// row; m^2, m rad, rad^2.
+        /// Covariance of x, y, yaw against the submap that the scan is registered to, in the frame
+        /// of `base_link` (perturbation on the right), row by row; m^2, m rad, rad^2. What
+        /// submaps are off in `odom` is in the keyframes' covariances.
         pub covariance: [f64; 9],
         /// Eigenvalues of the scans' own position information, 1/m^2, smaller first.
         pub information_eigenvalues: [f64; 2],
+        /// The direction that the scan does not see, in `base_link`, from -pi/2 to pi/2; 0 unless
+        /// the localizability is partial.
+        pub weak_direction_rad: f64,
+        /// Mean robust weight of the scan's correspondences, 0..1.
+        pub fit: f64,
         /// Robust cost of the solution.
         pub cost: f64,
         /// Sequence of the last IMU sample that was used; `u64::MAX` where none was.
@@ -75,6 +94,11 @@ plain! {
         /// A [`Trust`] as its code.
         #[code(Trust)]
         pub trust: u32,
+        /// Why the trust is not good: a set of [`TrustReason`](crate::TrustReason), a bit each.
+        pub trust_reasons: u32,
+        /// A [`Localizability`] as its code.
+        #[code(Localizability)]
+        pub localizability: u32,
         /// Points of the scan.
         pub points: u32,
         /// NDT cells of the scan.
@@ -92,6 +116,17 @@ impl OdometryState {
     /// How far the pose can be believed.
     pub fn trust(&self) -> Trust {
         Trust::from_code(self.trust)
+    }
+
+    /// Which directions of the position the scan sees by itself.
+    pub fn localizability(&self) -> Localizability {
+        Localizability::from_code(self.localizability)
+    }
+
+    /// The direction that the scan does not see, where that is one.
+    pub fn weak_direction(&self) -> Option<f64> {
+        let is_partial = self.localizability() == Localizability::Partial;
+        is_partial.then_some(self.weak_direction_rad)
     }
 }
 

@@ -29,6 +29,19 @@ pub struct CellRule {
     pub slack: f64,
 }
 
+/// From this share of an evenly filled square's variance on, a cell fills its square along an
+/// axis.
+const FILLED_SHARE: f64 = 0.5;
+
+impl CellRule {
+    /// Variance from which a cell fills its square along an axis, m^2.
+    pub(crate) fn filled_variance_m2(&self) -> f64 {
+        let full = self.cell_size_m * self.cell_size_m / 12.0;
+        let filled = FILLED_SHARE * full;
+        filled * (1.0 + self.slack * FILLED_SHARE * FILLED_SHARE)
+    }
+}
+
 /// A normal distribution over x (m), y (m) and intensity.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
@@ -96,8 +109,8 @@ fn floor_eigenvalues(plane: [f64; 3]) -> [f64; 3] {
     })
 }
 
-/// The symmetric matrix (xx, xy, yy) of the same axes, whose eigenvalues are a function of those of
-/// the given one.
+/// The symmetric matrix (xx, xy, yy) of the same axes, whose eigenvalues are a function of those
+/// of the given one.
 fn map_eigenvalues([xx, xy, yy]: [f64; 3], map: impl Fn(f64, f64) -> (f64, f64)) -> [f64; 3] {
     let half_trace = 0.5 * (xx + yy);
     let half_difference = 0.5 * (xx - yy);

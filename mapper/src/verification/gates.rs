@@ -41,8 +41,8 @@ pub(super) fn judge(scores: &Scores, config: &Loops) -> Result<(), LoopStatus> {
     is_fixed(scores)
 }
 
-/// Whether the keyframes look like one, from both sides, where odometry has them. In the merging of
-/// components a refusal is a misfit.
+/// Whether the keyframes look like one, from both sides, where odometry has them. In the merging
+/// of components a refusal is a misfit.
 pub(super) fn is_alike(scores: &Scores, config: &Loops) -> Result<(), LoopStatus> {
     let shares = scores.forward.zip(scores.backward);
     let fit = shares.map_or(0.0, |(a, b)| a.min(b));

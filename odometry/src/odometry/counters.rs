@@ -10,6 +10,9 @@ pub struct Counters {
     pub scans_rejected: u64,
     /// Scans whose stamp repeats the one before: left out.
     pub scans_repeated: u64,
+    /// Scans that repeat all returns of the one before: the radar stands still inside. Their
+    /// returns are left out.
+    pub scans_frozen: u64,
     /// Scans that found no support in the map, or had too few cells.
     pub scans_unsupported: u64,
     /// Scans for which the IMU ended before the sweep did, even by one sample.
@@ -38,6 +41,7 @@ pub struct Counters {
 persist!(Counters {
     scans_rejected,
     scans_repeated,
+    scans_frozen,
     scans_unsupported,
     scans_imu_late,
     imu_late_first_ns,
@@ -57,6 +61,7 @@ impl Counters {
         [
             self.scans_rejected,
             self.scans_repeated,
+            self.scans_frozen,
             self.scans_unsupported,
             self.scans_imu_late,
             self.scans_imu_overtaken,

@@ -17,6 +17,8 @@ const UNCOVERED_RATE_SIGMA_RAD_S: f64 = 1.0;
 /// Noise of a single reading of the yaw rate against the velocity state, rad/s: vibration,
 /// quantisation.
 const RATE_SIGMA_RAD_S: f64 = 0.02;
+/// Speed of a robot that stands, m/s: it may still settle on its springs.
+const STANDING_SIGMA_M_S: f64 = 0.01;
 /// The heading rate jerks within an interval: floor of the motion model's heading without a gyro,
 /// rad.
 const HEADING_SIGMA_FLOOR_RAD: f64 = 1e-3;
@@ -31,15 +33,7 @@ pub fn add(
     config: &Odometry,
 ) -> f64 {
     let (current, dt_s) = (&scan.state, scan.dt_s);
-    let motion = motion_model(
-        system,
-        i,
-        previous,
-        current,
-        dt_s,
-        scan.gyro.is_some(),
-        config,
-    );
+    let motion = motion_model(system, i, previous, scan, config);
     let gyro = scan.gyro.as_ref().map_or(0.0, |gyro| {
         gyro_term(system, i, previous, current, dt_s, gyro, config)
     });
@@ -64,11 +58,11 @@ fn motion_model(
     system: &mut BlockTridiagonalSystem,
     i: usize,
     previous: &State,
-    current: &State,
-    dt_s: f64,
-    has_gyro: bool,
+    scan: &WindowScan,
     config: &Odometry,
 ) -> f64 {
+    let (current, dt_s) = (&scan.state, scan.dt_s);
+    let speed_change = scan.speed_change();
     let twist = (previous.velocity + current.velocity) * (0.5 * dt_s);
     let relative = previous.odom_from_base.between(&current.odom_from_base);
     let error = Pose2::exp(twist).between(&relative);
@@ -87,9 +81,12 @@ fn motion_model(
     for axis in 0..3 {
         // White acceleration of density a^2 dt over dt: velocity varies by a dt, position around
         // the mean of the velocities by a dt^2 / sqrt 12.
-        let velocity_sigma = acceleration[axis] * dt_s;
+        let (mut velocity_change, mut velocity_sigma) = (0.0, acceleration[axis] * dt_s);
+        if let (0, Some(measured)) = (axis, speed_change) {
+            (velocity_change, velocity_sigma) = (measured.change_m_s, measured.sigma_m_s);
+        }
         let mut position_sigma2 = velocity_sigma * velocity_sigma * dt_s * dt_s / 12.0;
-        if axis == 2 && !has_gyro {
+        if axis == 2 && scan.gyro.is_none() {
             position_sigma2 += HEADING_SIGMA_FLOOR_RAD * HEADING_SIGMA_FLOOR_RAD;
         }
         let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
@@ -109,9 +106,23 @@ fn motion_model(
             i,
             &a,
             &b,
-            current.velocity[axis] - previous.velocity[axis],
+            current.velocity[axis] - previous.velocity[axis] - velocity_change,
             velocity_sigma * velocity_sigma,
         );
+    }
+    if let Some((speed_m_s, sigma_m_s)) = scan.last_seen_speed() {
+        let (a, mut b) = (StateVector::zeros(), StateVector::zeros());
+        b[3] = 1.0;
+        let residual = current.velocity.x - speed_m_s;
+        cost += add_row(system, i, &a, &b, residual, sigma_m_s * sigma_m_s);
+    }
+    if scan.stands() {
+        for axis in 0..2 {
+            let (a, mut b) = (StateVector::zeros(), StateVector::zeros());
+            b[3 + axis] = 1.0;
+            let sigma2 = STANDING_SIGMA_M_S * STANDING_SIGMA_M_S;
+            cost += add_row(system, i, &a, &b, current.velocity[axis], sigma2);
+        }
     }
     cost
 }
@@ -218,7 +229,7 @@ mod tests {
             let term = GyroTerm {
                 turn: Turn { angle_rad: previous.velocity.z * dt_s + 0.01, uncovered_s: 0.0 },
                 rate_rad_s: previous.velocity.z,
-                standstill: Some((0.001, 0.002)),
+                standstill: Some((0.001, 0.002)), ..GyroTerm::default()
             };
             let scan = WindowScan { state: led.plus(&StateVector::from(error)), dt_s, gyro: gyro.then_some(term), ..WindowScan::default() };
             let (_, system) = cost_and_system(&previous, &scan);

@@ -3,12 +3,28 @@
 
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,
+    solver::Problem,
     state::{StateMatrix, StateVector},
     window_scan::WindowScan,
 };
-use crate::submaps::Submap;
+use crate::{
+    localizability::{
+        CELLS_MIN, Localizability, position_information, wall_information, weaker_direction,
+    },
+    submaps::Submap,
+};
 use randt_config::Config;
-use randt_ndt::{AdaptiveLoss, NormalEquations, evaluate};
+use randt_geometry::elementary::sin_cos;
+use randt_messages::Localizability as Seen;
+use randt_ndt::{AdaptiveLoss, Association, NormalEquations, evaluate};
+
+/// Share of what the grid alone seems to give along a bare wall. A weak direction that has less
+/// once the grid's part is taken out is not used at all: bare corridors have 0.0 to 0.3 left,
+/// which is chance, the bends and bumps of a ring tunnel 1.1 and more.
+const REMAINS_MIN: f64 = 1.0;
+/// Scans in a row that must see every direction before one that was not seen is believed again:
+/// cells that meet by chance do so once, and hold the pose where it is not.
+pub const SEEING_MIN: u32 = 2;
 
 /// The term at the scan's present state and associations, not yet weighted.
 pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
@@ -20,6 +36,52 @@ pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) ->
         scan.velocity_change(),
         loss,
     )
+}
+
+/// Judges by the term as it is which directions the scan sees, and takes what it does not see out
+/// of its associations and the term: motion model and IMU alone hold the pose there.
+pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLoss) {
+    let config = problem.config;
+    let mut information = scan.scan_information(config);
+    scan.localizability = if scan.cells.len() < CELLS_MIN {
+        Localizability::NONE
+    } else {
+        Localizability::from_information(&information, scan.fit(), config)
+    };
+    let mut sees_all = scan.localizability.seen == Seen::Full;
+    if scan.localizability.seen == Seen::Partial {
+        Association::ignore_filled_axes(&mut scan.associations, config.cell_rule());
+        scan.ndt = evaluate_scan(scan, problem.submap, loss);
+        information = scan.scan_information(config);
+        let [remains, _] = position_information(&information);
+        sees_all = remains >= REMAINS_MIN * wall_information(scan.fit(), config);
+    }
+    scan.scans_seeing_all = if sees_all {
+        SEEING_MIN.min(scan.scans_seeing_all_before + 1)
+    } else {
+        0
+    };
+    if scan.scans_seeing_all >= SEEING_MIN {
+        return;
+    }
+    if scan.localizability.seen == Seen::None {
+        scan.associations.clear();
+    } else {
+        let direction_rad = weaker_direction(&information);
+        if scan.localizability.seen == Seen::Full {
+            scan.localizability = Localizability {
+                seen: Seen::Partial,
+                weak_direction_rad: direction_rad,
+            };
+        }
+        let submap_from_base = problem
+            .submap
+            .odom_from_root
+            .between(&scan.state.odom_from_base);
+        let (sin, cos) = sin_cos(submap_from_base.yaw_rad + direction_rad);
+        Association::ignore_along(&mut scan.associations, [cos, sin]);
+    }
+    scan.ndt = evaluate_scan(scan, problem.submap, loss);
 }
 
 /// Adds the scan's term to a system; gives its cost.

@@ -39,6 +39,14 @@ pub struct Solution {
     pub iterations: u32,
 }
 
+impl Solution {
+    /// Largest variance of the newest position in any direction, m^2.
+    pub fn position_variance_m2(&self) -> f64 {
+        let position = self.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+        position.symmetric_eigenvalues().max()
+    }
+}
+
 /// What a window is solved against.
 #[derive(Clone, Copy, Debug)]
 pub struct Problem<'a> {
@@ -109,7 +117,7 @@ impl Solver {
             } else {
                 ITERATIONS_MAX
             };
-            solution.cost = self.build(scans, problem, &loss);
+            solution.cost = self.build(scans, problem, &loss, true);
             for _ in 0..iterations {
                 solution.covariance = self.system.solve(&mut self.steps)?;
                 solution.iterations += 1;
@@ -128,8 +136,7 @@ impl Solver {
             }
         }
         let newest = scans.last()?;
-        let used: usize = newest.associations.iter().map(|a| a.count).sum();
-        solution.fit = newest.ndt.weight / used.max(1) as f64;
+        solution.fit = newest.fit();
         solution.scan_information = newest.scan_information(problem.config);
         Some(solution)
     }
@@ -150,7 +157,7 @@ impl Solver {
             for ((scan, before), step) in scans.iter_mut().zip(&self.before).zip(&self.steps) {
                 scan.state = before.plus(&(step * scale));
             }
-            let new = self.build(scans, problem, loss);
+            let new = self.build(scans, problem, loss, false);
             if new <= cost {
                 return new;
             }
@@ -160,11 +167,18 @@ impl Solver {
         for (scan, before) in scans.iter_mut().zip(&self.before) {
             scan.state = *before;
         }
-        self.build(scans, problem, loss)
+        self.build(scans, problem, loss, false)
     }
 
-    /// Builds the window's normal equations at the present states; gives the cost.
-    fn build(&mut self, scans: &mut [WindowScan], problem: &Problem, loss: &AdaptiveLoss) -> f64 {
+    /// Builds the window's normal equations at the present states; gives the cost. Where the
+    /// associations are new, directions that a scan does not see are taken out of them.
+    fn build(
+        &mut self,
+        scans: &mut [WindowScan],
+        problem: &Problem,
+        loss: &AdaptiveLoss,
+        are_associations_new: bool,
+    ) -> f64 {
         let system = &mut self.system;
         system.reset(scans.len());
         let mut cost = scans
@@ -177,6 +191,9 @@ impl Solver {
             }
             if i > 0 || !problem.first_is_map {
                 scan.ndt = ndt_term::evaluate_scan(scan, problem.submap, loss);
+                if are_associations_new {
+                    ndt_term::ignore_unseen(scan, problem, loss);
+                }
                 cost += ndt_term::add(system, i, scan, problem.config);
             }
             previous = Some(scan.state);

@@ -2,14 +2,18 @@
 
 use super::state::State;
 use crate::{
+    accelerometer::SpeedChange,
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
     gyro_integrator::{GyroIntegrator, GyroTerm},
+    localizability::Localizability,
     scan::Scan,
     tilt::Tilt,
+    tracking_status::TrackingStatus,
 };
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use randt_config::Config;
-use randt_messages::{MAX_BEAMS, MAX_RETURNS};
+use randt_geometry::elementary::sin_cos;
+use randt_messages::{Localizability as Seen, MAX_BEAMS, MAX_RETURNS};
 use randt_ndt::{Association, NormalEquations, ScanCell};
 use randt_persist::persist;
 
@@ -17,7 +21,8 @@ use randt_persist::persist;
 /// fewer than 2,000.
 pub const CELLS: usize = 8192;
 
-/// A scan with its state. Reused, so that a step allocates nothing.
+/// A scan with its state. Its fields are what the steps that it goes through leave for each other.
+/// Reused, so that a step allocates nothing.
 #[derive(Clone, Debug, Default)]
 pub struct WindowScan {
     /// The filtered returns as they came.
@@ -44,6 +49,18 @@ pub struct WindowScan {
     pub associations: Vec<Association>,
     /// Their normal equations, as of the last solve.
     pub ndt: NormalEquations,
+    /// Which directions its cells see, as of the last solve.
+    pub localizability: Localizability,
+    /// How many scans up to it see every direction, in a row and up to those that must: with it,
+    /// and before it.
+    pub scans_seeing_all: u32,
+    pub scans_seeing_all_before: u32,
+    /// Largest variance of its position when it was the newest one, m^2, and how much of it came
+    /// with it.
+    pub position_variance_m2: f64,
+    pub drift_m2: f64,
+    /// How it was judged when it was the newest one.
+    pub status: TrackingStatus,
 }
 
 // Poses of beams, points and associations are made anew before they are read again.
@@ -57,6 +74,12 @@ persist!(WindowScan {
     deskew_velocity,
     cells,
     ndt,
+    localizability,
+    scans_seeing_all,
+    scans_seeing_all_before,
+    position_variance_m2,
+    drift_m2,
+    status,
 } kept {
     beams,
     points,
@@ -101,6 +124,53 @@ impl WindowScan {
         );
         deskew(&self.message, &self.beams, &mut self.points);
         self.deskew_velocity = self.state.velocity;
+    }
+
+    /// Whether the cells hold the position in every direction.
+    fn is_held(&self) -> bool {
+        matches!(self.localizability.seen, Seen::Full | Seen::Unknown)
+    }
+
+    /// Variance that its step adds where its cells do not hold the position, in its own frame,
+    /// m^2: what the uncertain speed makes of it, which is the same from step to step.
+    pub fn drift_covariance(&self) -> Matrix2<f64> {
+        let (sin, cos) = sin_cos(self.localizability.weak_direction_rad);
+        let along = Vector2::new(cos, sin);
+        match self.localizability.seen {
+            Seen::Partial => along * along.transpose() * self.drift_m2,
+            Seen::None => Matrix2::identity() * self.drift_m2,
+            Seen::Full | Seen::Unknown => Matrix2::zeros(),
+        }
+    }
+
+    /// The measured change of speed since the scan before.
+    pub fn speed_change(&self) -> Option<SpeedChange> {
+        let gyro = self.gyro.filter(|_| !self.is_held())?;
+        gyro.speed_change
+    }
+
+    /// The forward speed and its standard deviation as radar and accelerometer knew it together
+    /// when the cells stopped to hold the position, m/s.
+    pub fn last_seen_speed(&self) -> Option<(f64, f64)> {
+        let gyro = self.gyro.filter(|_| !self.is_held())?;
+        gyro.last_seen_speed
+    }
+
+    /// Whether the IMU shows that the robot stands, where the cells do not hold the position.
+    pub fn stands(&self) -> bool {
+        !self.is_held() && self.gyro.is_some_and(|gyro| gyro.stands)
+    }
+
+    /// The forward speed, where something shows it that is not the accelerometer, m/s.
+    pub fn seen_speed_m_s(&self) -> Option<f64> {
+        let is_seen = self.localizability.seen == Seen::Full || self.stands();
+        is_seen.then_some(self.state.velocity.x)
+    }
+
+    /// Mean robust weight of its correspondences, 0..1.
+    pub fn fit(&self) -> f64 {
+        let used: usize = self.associations.iter().map(|a| a.count).sum();
+        self.ndt.weight / used.max(1) as f64
     }
 
     /// Information of one correspondence: that of the scan, shared among cells and neighbours.

@@ -1,5 +1,5 @@
-//! Trajectory errors (ATE, RPE, KITTI drift, lost track, silent metres), loops against the truth,
-//! and plots.
+//! Trajectory errors (ATE, RPE, KITTI drift, lost track, silent metres), loops and covariances
+//! against the truth, and plots.
 //!
 //! Responsible for trajectory files, for what belongs together in two of them, for the figures as
 //! they are published elsewhere, and for the pictures: a drive from above, and figures over time.
@@ -22,6 +22,7 @@ mod absolute;
 mod axis;
 mod chart;
 mod colours;
+mod consistency;
 mod error;
 mod evaluation;
 mod loops;
@@ -31,17 +32,22 @@ mod plot;
 mod read;
 mod relative;
 mod silently_wrong;
+mod support;
 mod thin;
 mod ticks;
 mod timeline;
 mod track;
 mod trajectory;
 mod transform;
+mod trust_response;
 mod view;
 mod write;
 
 pub use chart::{Chart, plot_chart};
 pub use colours::Colour;
+pub use consistency::{
+    Motion, MotionError, MotionErrors, NormalizedError, ScanEstimate, normalized_errors,
+};
 pub use error::Error;
 pub use evaluation::{Evaluation, evaluate, truth_on_estimate};
 pub use loops::{FalseLoop, LoopEdge, LoopEvaluation, LoopLimits, evaluate_loops};
@@ -49,6 +55,8 @@ pub use panel::{Band, Line, Panel};
 pub use plot::{Plot, plot_trajectories};
 pub use read::stamp_text;
 pub use silently_wrong::{SilentlyWrong, TrustSpan, silently_wrong};
+pub use support::DirectionalSupport;
 pub use track::{Track, Worst, track};
 pub use trajectory::{Trajectory, TrajectoryPose};
 pub use transform::Transform;
+pub use trust_response::{ScanTrust, changes_per_minute, seconds_until};

@@ -80,22 +80,27 @@ pub fn silently_wrong(
     };
     let mut before: Option<&Scan> = None;
     for (index, scan) in scans.iter().enumerate() {
-        let begins = before.is_none_or(|before| {
-            scan.truth.path_m.floor() > before.truth.path_m.floor()
-                || scan.stamp_ns.saturating_sub(before.stamp_ns) >= STANDSTILL_NS
-        });
-        if !begins {
+        let begins = before.map_or(1, |before| begins(before, scan));
+        if begins == 0 {
             continue;
         }
         before = Some(scan);
-        found.windows += 1;
+        found.windows += begins;
         let window = window(scans.get(index..).unwrap_or_default());
         let is_wrong = is_wrong(window);
-        found.wrong_m += u64::from(is_wrong);
+        found.wrong_m += begins * u64::from(is_wrong);
         let heading_is_off = scan.heading_is_off && scan.trust.good && scan.trust.imu;
-        found.silent_m += u64::from(is_wrong && is_trusted(window) || heading_is_off);
+        found.silent_m += begins * u64::from(is_wrong && is_trusted(window) || heading_is_off);
     }
     found
+}
+
+/// How many windows begin with a scan, given the one with which the last ones began: one for each
+/// metre that was completed since, which are several between two scans of a fast robot.
+fn begins(before: &Scan, scan: &Scan) -> u64 {
+    let metres = scan.truth.path_m.floor() - before.truth.path_m.floor();
+    let stands = scan.stamp_ns.saturating_sub(before.stamp_ns) >= STANDSTILL_NS;
+    (metres as u64).max(u64::from(stands))
 }
 
 /// Every scan for which there are truth and trust.
@@ -287,6 +292,20 @@ mod tests {
         assert_eq!((found.silent_m, found.wrong_m), (5, 10));
         // All of the error lies where trust was not good.
         assert!(found.worst_good_10s_m < 1e-9);
+    }
+
+    #[test]
+    fn every_metre_of_a_fast_robot_counts() {
+        // 3 m a scan, and a jump: windows that begin at 291 m to 300 m see it.
+        let (mut truth, mut estimate) = (Trajectory::stamped(), Trajectory::stamped());
+        for scan in 0..201_i64 {
+            let jump_m = if scan <= 100 { 0.0 } else { 1.0 };
+            truth.push(scan * SCAN_NS, 0, Pose2::new(3.0 * scan as f64, 0.0, 0.0));
+            let at_m = 3.0 * scan as f64 + jump_m;
+            estimate.push(scan * SCAN_NS, 0, Pose2::new(at_m, 0.0, 0.0));
+        }
+        let found = silently_wrong(&estimate, &truth, &[span(0, true)]);
+        assert_eq!((found.windows, found.silent_m), (601, 12));
     }
 
     #[test]

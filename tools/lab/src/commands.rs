@@ -1,6 +1,7 @@
 //! One file per command: its arguments, what it does, what it prints.
 
 mod ablation;
+mod bench;
 mod eval;
 mod graph;
 mod imu;
@@ -12,7 +13,7 @@ use randt::help::Group;
 
 /// The commands by what they serve, as `--help` lists them.
 pub const GROUPS: &[Group] = &[
-    ("Accuracy", &["eval", "ablation"]),
+    ("Accuracy", &["eval", "ablation", "bench"]),
     ("Parts of the method", &["register", "graph"]),
     ("Sensors", &["imu"]),
 ];
@@ -22,7 +23,7 @@ pub const EXAMPLES: &str = "\
 Examples:
   randt-lab eval OUT/trajectory.tum TRUTH.tum --loops OUT/report.json
   randt-lab ablation --seeds 3
-  randt-lab register A.png B.png --profile oxford
+  randt-lab bench trust --against docs/trust-bench.csv
   randt-lab graph CSAIL.g2o --false-loops 30
   randt-lab imu IMU.csv --attitude ATTITUDE.tum
 
@@ -40,6 +41,8 @@ pub enum Command {
     /// most three on a small machine, and half a gigabyte of memory; each further seed takes the
     /// same time again. All figures but the times are the same in every run.
     Ablation(ablation::Arguments),
+    /// Measure over worlds, seeds and faults whether trust can be trusted
+    Bench(bench::Arguments),
     /// Register two radar scans to each other
     Register(register::Arguments),
     /// Solve a pose graph in g2o's format, as it is or with false loops
@@ -54,6 +57,7 @@ impl Command {
         match self {
             Self::Eval(arguments) => eval::run(arguments),
             Self::Ablation(arguments) => ablation::run(arguments),
+            Self::Bench(arguments) => bench::run(arguments),
             Self::Register(arguments) => register::run(arguments),
             Self::Graph(arguments) => graph::run(arguments),
             Self::Imu(arguments) => imu::run(arguments),

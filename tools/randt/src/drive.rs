@@ -5,19 +5,31 @@ use anyhow::ensure;
 use indicatif::ProgressBar;
 use randt_geometry::Quaternion;
 use randt_readers::{Counter, Error, Event, Extrinsics, InputInfo, Source};
-use randt_simulator::{Robot, Simulation, World};
+use randt_simulator::{BeamSurface, Robot, Simulation, World};
 use std::slice::Iter;
 
 /// All events of a drive. Some 120 kB a sweep.
 pub struct Drive {
     info: InputInfo,
     events: Vec<Event>,
+    /// By the scan's sequence number.
+    surfaces: Vec<Vec<BeamSurface>>,
 }
 
 impl Drive {
     /// Drives through a world; fails on Ctrl-C only.
     pub fn new(world: &World, scans: u64, seed: u64, bar: &ProgressBar) -> anyhow::Result<Self> {
-        let robot = Robot::for_world(world);
+        Self::with_robot(world, Robot::for_world(world), scans, seed, bar)
+    }
+
+    /// The same with another robot.
+    pub fn with_robot(
+        world: &World,
+        robot: Robot,
+        scans: u64,
+        seed: u64,
+        bar: &ProgressBar,
+    ) -> anyhow::Result<Self> {
         let info = InputInfo {
             format: "simulation",
             sensor: robot.sensor(),
@@ -28,14 +40,31 @@ impl Drive {
                 imu: Some(Quaternion::IDENTITY),
             },
         };
-        let mut events = Vec::new();
-        for event in Simulation::new(world, robot, scans, seed) {
+        let (mut events, mut surfaces) = (Vec::new(), Vec::new());
+        let mut simulation = Simulation::new(world, robot, scans, seed).with_surfaces();
+        while let Some(event) = simulation.next() {
             ensure!(!job::interrupted(), "interrupted; nothing was written");
-            bar.inc(u64::from(matches!(event, Event::Scan(_))));
+            if matches!(event, Event::Scan(_)) {
+                bar.inc(1);
+                surfaces.push(simulation.surfaces().to_vec());
+            }
             events.push(event);
         }
         bar.finish_and_clear();
-        Ok(Self { info, events })
+        Ok(Self {
+            info,
+            events,
+            surfaces,
+        })
+    }
+
+    /// The walls that the beams of a scan show, by its sequence number; none of one that there is
+    /// not.
+    pub fn surfaces(&self, sequence: u64) -> &[BeamSurface] {
+        let surfaces = usize::try_from(sequence).ok();
+        surfaces
+            .and_then(|index| self.surfaces.get(index))
+            .map_or(&[], Vec::as_slice)
     }
 
     /// The drive from its beginning, as if it were a log.

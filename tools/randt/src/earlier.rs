@@ -8,10 +8,11 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// What every drive leaves in its folder.
-const RESULTS: [&str; 7] = [
+const RESULTS: [&str; 8] = [
     "keyframes.tum",
     "map.pgm",
     "map.yaml",
+    "odometry.csv",
     "odometry.tum",
     "plot.svg",
     "report.json",

@@ -5,7 +5,7 @@ mod summary;
 
 use crate::{
     compare::Comparison,
-    digest, earlier,
+    digest, earlier, extents,
     final_poses::final_poses,
     loops::Loops,
     output::{json, print, warn, write_whole},
@@ -89,6 +89,8 @@ pub fn finish_drive(
         path_m: results.path_m(),
         frames: results.frames(),
         trust: results.trust(),
+        trust_reasons: extents::by_trust_reason(&results.states),
+        localizability: extents::by_localizability(&results.states),
         trust_spans: Some(trust_spans),
         loops: Some(Loops::from_mapper(mapper)),
         accuracy: evaluation.as_ref().map(|e| Accuracy {

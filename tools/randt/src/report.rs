@@ -3,6 +3,7 @@
 use crate::{
     compare::Comparison,
     digest,
+    extents::Extents,
     loops::Loops,
     pipeline::{Pipeline, Timing},
     results::{FrameSpan, TrustCount},
@@ -37,6 +38,10 @@ pub struct Report {
     pub frames: Vec<FrameSpan>,
     /// How far the poses can be trusted.
     pub trust: TrustCount,
+    /// Why they could not, by [`randt_messages::TrustReason`].
+    pub trust_reasons: Extents,
+    /// Which directions of the position the scans saw, by [`randt_messages::Localizability`].
+    pub localizability: Extents,
     /// When that changed, in order.
     pub trust_spans: Option<Vec<TrustSpan>>,
     /// Loop candidates.
@@ -228,6 +233,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
     ];
     // ... or only its best one.
     let others = [
+        ("odometry_scans_frozen", odometry.scans_frozen),
         ("odometry_scans_unsupported", odometry.scans_unsupported),
         ("odometry_scans_imu_late", odometry.scans_imu_late),
         ("odometry_scans_imu_overtaken", odometry.scans_imu_overtaken),

@@ -1,5 +1,6 @@
 //! What a run leaves behind: trajectories, picture, report.
 
+use crate::odometry_csv::odometry_csv;
 use anyhow::Context;
 use randt_evaluation::{
     Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
@@ -175,6 +176,7 @@ impl Results {
         let map = picture("map.pgm").map(|it| it.to_pgm());
         let about = picture("map.yaml").map(|it| it.to_yaml("map.pgm").into_bytes());
         vec![
+            ("odometry.csv", Ok(odometry_csv(&self.states).into_bytes())),
             ("odometry.tum", Ok(self.odometry().to_tum().into_bytes())),
             ("trajectory.tum", Ok(trajectory.to_tum().into_bytes())),
             ("keyframes.tum", Ok(keyframes(mapper).to_tum().into_bytes())),

@@ -2,12 +2,13 @@
 
 use crate::report::Report;
 use anyhow::Context;
-use randt_messages::{ImuUse, OdometryState, Trust};
+use randt_messages::{ImuUse, OdometryState, Trust, TrustReason};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Scans in a row of one trust.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TrustSpan {
     /// Stamp of the first of them, ns.
     pub begin_ns: i64,
@@ -17,6 +18,9 @@ pub struct TrustSpan {
     pub trust: TrustLevel,
     /// Whether the IMU covered their sweeps.
     pub imu: bool,
+    /// Why it was not good, of all of these scans.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub reasons: Vec<Cow<'static, str>>,
 }
 
 /// How far a pose can be trusted, as the report has it.
@@ -37,11 +41,16 @@ pub fn from_states(states: &[OdometryState]) -> Vec<TrustSpan> {
     let span = |states: &[OdometryState]| {
         let first = states.first()?;
         let (trust, imu) = key(first);
+        let all = states
+            .iter()
+            .fold(0, |all, state| all | state.trust_reasons);
+        let reasons = TrustReason::in_set(all).map(|reason| reason.as_str().into());
         Some(TrustSpan {
             begin_ns: first.header.stamp_ns,
             scans: states.len() as u64,
             trust,
             imu,
+            reasons: reasons.collect(),
         })
     };
     states.chunk_by(alike).filter_map(span).collect()
@@ -92,7 +101,10 @@ mod tests {
     #[test]
     fn a_report_keeps_when_trust_changed() {
         let states = [
-            state(1, Trust::Degraded, ImuUse::Covered),
+            OdometryState {
+                trust_reasons: TrustReason::Weak as u32 | TrustReason::Fit as u32,
+                ..state(1, Trust::Degraded, ImuUse::Covered)
+            },
             state(2, Trust::Good, ImuUse::Covered),
             state(3, Trust::Good, ImuUse::Covered),
             state(4, Trust::Good, ImuUse::Late),
@@ -104,6 +116,7 @@ mod tests {
             json.contains(r#"{"begin_ns":2,"imu":true,"scans":2,"trust":"good"}"#),
             "{json}"
         );
+        assert!(json.contains(r#""reasons":["weak","fit"]"#), "{json}");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("report.json");
         std::fs::write(&path, &json).unwrap();

@@ -99,6 +99,23 @@ impl Echo {
         }
     }
 
+    /// Expected power of an echo in a bin, as [`Echo::add`] gets it.
+    pub fn power(&self, range_m: f64, echo: f64, bin: u16) -> f64 {
+        let position = range_m * self.per_m;
+        let distance = position - f64::from(bin);
+        let fall = self.fall.get(position as usize).copied();
+        let Some(fall) = fall.filter(|_| distance.abs() <= REACH as f64) else {
+            return 0.0;
+        };
+        let reached = echo * f64::from(fall) * amplitude(-RESPONSE_DB * distance * distance);
+        reached * reached
+    }
+
+    /// Power above which a bin is a return.
+    pub fn threshold(&self) -> f64 {
+        self.threshold
+    }
+
     /// Adds noise, gives every bin above the threshold with its intensity in dB, and empties the
     /// bins.
     pub fn detect(&mut self, random: &mut Random, mut found: impl FnMut(u16, f32)) {

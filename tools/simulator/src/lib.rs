@@ -18,6 +18,7 @@ mod random;
 mod route;
 mod shape;
 mod simulation;
+mod surface;
 mod world;
 
 pub use caster::{Caster, Hit};
@@ -30,4 +31,5 @@ pub use radar::RadarProfile;
 pub use random::Random;
 pub use randt_messages::Event;
 pub use simulation::{Robot, START_NS, Simulation};
+pub use surface::BeamSurface;
 pub use world::{Wall, World};

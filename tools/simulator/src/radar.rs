@@ -9,6 +9,7 @@
 use crate::caster::{Caster, Hit};
 use crate::echo::Echo;
 use crate::material::{Response, amplitude};
+use crate::surface::{BeamSurface, SurfaceRecorder};
 use crate::{Drive, Ground, Material, Random, RobotAttitude};
 use nalgebra::Vector2;
 use randt_geometry::Pose2;
@@ -94,7 +95,8 @@ impl RadarProfile {
     }
 }
 
-/// The radar.
+/// The radar. That many fields, because what is computed once or would be allocated anew for each
+/// beam is kept.
 #[derive(Clone, Debug)]
 pub(crate) struct Radar {
     profile: RadarProfile,
@@ -108,6 +110,8 @@ pub(crate) struct Radar {
     level: f64,
     hits: Vec<Hit>,
     mirrored: Vec<Hit>,
+    /// Where a bench asks for them.
+    surfaces: Option<SurfaceRecorder>,
     sequence: u64,
 }
 
@@ -139,9 +143,22 @@ impl Radar {
             level: amplitude(profile.level_db),
             hits: Vec::new(),
             mirrored: Vec::new(),
+            surfaces: None,
             sequence: 0,
             profile,
         }
+    }
+
+    /// From now on keeps which walls the latest sweep shows.
+    pub fn record_surfaces(&mut self) {
+        self.surfaces = Some(SurfaceRecorder::default());
+    }
+
+    /// Those walls, beam by beam; none where they are not recorded.
+    pub fn surfaces(&self) -> &[BeamSurface] {
+        self.surfaces
+            .as_ref()
+            .map_or(&[], SurfaceRecorder::surfaces)
     }
 
     /// The end of the next sweep.
@@ -157,6 +174,9 @@ impl Radar {
         // The stamps of a sweep are wrong together.
         let error_ns = (self.random.between(-1.0, 1.0) * profile.stamp_error_ns as f64) as i64;
         let mut scan = Message::<RadarScan>::default();
+        if let Some(surfaces) = &mut self.surfaces {
+            surfaces.clear();
+        }
         // More than a sweep of an iSDR-C has: no growing.
         scan.items.reserve(12_000);
         let head = &mut *scan.head;
@@ -183,7 +203,7 @@ impl Radar {
             let seat = attitude.level(self.mounting.translation());
             let mounting = Pose2::new(seat.x, seat.y, self.mounting.yaw_rad);
             self.illuminate(&state.pose2().compose(&mounting), &attitude, azimuth_rad);
-            let bin_m = profile.bin_m;
+            let (bin_m, first) = (profile.bin_m, scan.items.len());
             self.echo.detect(&mut self.random, |bin, intensity| {
                 scan.items.push(Return {
                     range_m: (f64::from(bin) * bin_m) as f32,
@@ -192,6 +212,10 @@ impl Radar {
                     bin,
                 });
             });
+            if let Some(surfaces) = &mut self.surfaces {
+                let returns = scan.items.get(first..).unwrap_or_default();
+                surfaces.end_beam(index, returns, &self.echo);
+            }
         }
         self.sequence += 1;
         scan
@@ -238,7 +262,7 @@ impl Radar {
                 };
                 let strength = seen * amplitude * reflect(&response, hit.cos_incidence);
                 let range_m = hit.range_m / cos_elevation;
-                self.echo.add(&mut self.random, range_m, strength);
+                self.add_echo(range_m, strength, Some(hit.normal));
                 if index == 0 {
                     let point = origin + direction * hit.range_m;
                     let amplitude = seen * amplitude * response.mirror;
@@ -246,6 +270,14 @@ impl Radar {
                 }
                 amplitude *= response.through;
             }
+        }
+    }
+
+    /// Adds an echo; with the normal of the wall that it comes straight from.
+    fn add_echo(&mut self, range_m: f64, amplitude: f64, normal: Option<Vector2<f64>>) {
+        self.echo.add(&mut self.random, range_m, amplitude);
+        if let Some(surfaces) = &mut self.surfaces {
+            surfaces.add(range_m, amplitude, normal);
         }
     }
 
@@ -280,7 +312,7 @@ impl Radar {
         let [nearest, farthest] = GROUND_SPREAD;
         for _ in 0..GROUND_ECHOES {
             let range_m = ground_m / cos_elevation * self.random.between(nearest, farthest);
-            self.echo.add(&mut self.random, range_m, strength);
+            self.add_echo(range_m, strength, None);
         }
         ground_m
     }
@@ -309,7 +341,7 @@ impl Radar {
                 * response.mirror
                 * reflect(&self.response(second.material), second.cos_incidence);
             let range_m = (hit.range_m + second.range_m) / cos_elevation;
-            self.echo.add(&mut self.random, range_m, strength);
+            self.add_echo(range_m, strength, None);
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::caster::Caster;
 use crate::inertial::Imu;
 use crate::radar::Radar;
-use crate::{Drive, Ground, ImuProfile, MotionProfile, RadarProfile, World};
+use crate::{BeamSurface, Drive, Ground, ImuProfile, MotionProfile, RadarProfile, World};
 use randt_geometry::Pose2;
 use randt_messages::{Event, Header, Message, RadarScan, SensorKind, TruthPose};
 
@@ -102,6 +102,18 @@ impl Simulation {
             truths: 0,
             waiting: None,
         }
+    }
+
+    /// The same drive, bit for bit, that keeps what [`Simulation::surfaces`] gives.
+    pub fn with_surfaces(mut self) -> Self {
+        self.radar.record_surfaces();
+        self
+    }
+
+    /// The walls that the latest sweep shows, in order of its beams; none without
+    /// [`Simulation::with_surfaces`].
+    pub fn surfaces(&self) -> &[BeamSurface] {
+        self.radar.surfaces()
     }
 
     /// Path driven up to the latest event, m.

@@ -154,7 +154,7 @@ impl Client {
         let (subscription, payload) = match (text, line) {
             (Some(text), _) => {
                 self.status_ns = now_ns;
-                let update = status::text(stamp_ns, &text_shown, level, board.state.is_some());
+                let update = status::text(stamp_ns, &text_shown, level, board.state.as_ref());
                 (text, bytes(&update)?)
             }
             (None, line) => {

@@ -2,7 +2,7 @@
 
 use crate::Board;
 use randt_foxglove_schemas::status::StatusLevel;
-use randt_messages::Trust;
+use randt_messages::{Trust, TrustText};
 
 /// From this age on a pose is shown as old, s: three sweeps of an iSDR-C, and what odometry needs.
 const OLD_S: f64 = 1.0;
@@ -28,7 +28,7 @@ pub(crate) fn status_text(board: &Board, now_ns: i64, round_trip_s: f64) -> (Str
         Trust::Degraded => StatusLevel::Doubtful,
         Trust::Lost => StatusLevel::Bad,
     };
-    let trust = trust.as_str();
+    let trust = TrustText::new(&state);
     let mut text = format!("pose {age_s:.1} s old, trust {trust}, ");
     if let Some(rate_hz) = board.rate_hz() {
         text.push_str(&format!("{rate_hz:.1} Hz, "));
@@ -49,7 +49,7 @@ pub(crate) fn status_text(board: &Board, now_ns: i64, round_trip_s: f64) -> (Str
 mod tests {
     use super::*;
     use randt_config::Robot;
-    use randt_messages::{Correction, OdometryState};
+    use randt_messages::{Correction, Localizability, OdometryState, TrustReason};
 
     #[test]
     fn an_old_pose_is_shown_as_old() {
@@ -81,6 +81,15 @@ mod tests {
             )
         );
         assert_eq!(status_text(&board, now_ns, 2.0).1, StatusLevel::Doubtful);
+        state.trust = Trust::Degraded as u32;
+        state.trust_reasons = TrustReason::Weak as u32;
+        state.localizability = Localizability::Partial as u32;
+        state.weak_direction_rad = 0.5;
+        board.take_state(&state);
+        let (text, level) = status_text(&board, now_ns, 0.62);
+        let doubted = "trust degraded: nothing seen along +29 deg (ahead left), 5.0 Hz";
+        assert!(text.contains(doubted), "{text}");
+        assert_eq!(level, StatusLevel::Doubtful);
         let late_ns = state.header.stamp_ns + 7 * S;
         let silent = (
             "pose 7 s old, odometry silent, link 0.0 s".to_owned(),

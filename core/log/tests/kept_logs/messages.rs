@@ -3,8 +3,8 @@
 use randt_messages::health::fixed_text;
 use randt_messages::{
     Beam, Correction, DropCause, GraphEntry, GraphEntryKind, GraphHead, Header, ImuSample,
-    ImuSampleTopic, ImuUse, Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint, LogDrop,
-    LogDropTopic, MapperCorrection, MapperGraph, MapperGrid, Message, OdometryState,
+    ImuSampleTopic, ImuUse, Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint, Localizability,
+    LogDrop, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid, Message, OdometryState,
     OdometryStateTopic, PointsHead, PortHealth, RadarPoints, RadarScan, Return, ScanHead,
     SensorKind, StageHealth, StageHealthTopic, StageState, SweepHead, TILE_CELLS, TileHead, Topic,
     Trust, TruthPose, TruthPoseTopic,
@@ -105,6 +105,8 @@ pub fn state() -> Message<OdometryStateTopic> {
         attitude: [0.5, 0.5, -0.5, 0.5],
         covariance: [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
         information_eigenvalues: [905.0, 1e6],
+        weak_direction_rad: -1.25,
+        fit: 0.625,
         cost: 17.5,
         imu_sequence: 56,
         imu_epoch: 57,
@@ -112,6 +114,8 @@ pub fn state() -> Message<OdometryStateTopic> {
         imu_published_ns: 59,
         imu_use: ImuUse::Late as u32,
         trust: Trust::Degraded as u32,
+        trust_reasons: 65,
+        localizability: Localizability::Partial as u32,
         points: 60,
         cells: 61,
         inliers: 62,
@@ -132,6 +136,10 @@ pub fn keyframe() -> Message<Keyframe> {
         pose: [-1.0, 0.5, 3.0],
         covariance: [9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0],
         twist: [0.5, 0.25, 0.125],
+        weak_direction_rad: 0.75,
+        trust: Trust::Good as u32,
+        trust_reasons: 76,
+        localizability: Localizability::None as u32,
         beam_count: 2,
         ..KeyframeHead::default()
     };

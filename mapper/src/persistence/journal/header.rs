@@ -10,6 +10,9 @@ use randt_messages::{Keyframe, Topic};
 const MAGIC: [u8; 8] = *b"RANDTMAP";
 /// Of header, records and packing.
 const VERSION: u32 = 1;
+/// Layout that keyframes had before they carried how they were judged: such journals are read, and
+/// go on.
+const FORMER_LAYOUT: &str = "Keyframe-5c671b506cf875de";
 /// A longer name of a layout is damage.
 const NAME_BYTES_MAX: u32 = 256;
 
@@ -64,7 +67,8 @@ impl Header {
         if checksum != crc32fast::hash(bytes.get(..before).unwrap_or_default()) {
             return Err(Error::HeaderDamaged);
         }
-        if layout != Keyframe::TYPE_NAME.as_bytes() {
+        let known = [Keyframe::TYPE_NAME, FORMER_LAYOUT];
+        if !known.iter().any(|known| layout == known.as_bytes()) {
             return Err(Error::Layout {
                 found: String::from_utf8_lossy(layout).into_owned(),
                 expected: Keyframe::TYPE_NAME,

@@ -9,6 +9,10 @@ use randt_messages::{
 /// Fewest bytes that a point takes.
 const POINT_BYTES_MIN: usize = 3;
 
+/// What is packed of a keyframe. Journals of form 0 do not have how it was judged, and may go on
+/// with keyframes of form 1.
+const FORM: u64 = 1;
+
 /// Appends a keyframe; epoch and time of publishing are not kept.
 pub(super) fn pack(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) {
     let head = keyframe.head;
@@ -22,12 +26,16 @@ pub(super) fn pack(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) {
         head.submap_root,
         head.scan_sequence,
         u64::from(head.beam_count),
-        u64::from(head.reserved),
+        FORM,
         keyframe.items.len() as u64,
+        u64::from(head.trust),
+        u64::from(head.trust_reasons),
+        u64::from(head.localizability),
     ];
     numbers.into_iter().for_each(|number| packer.whole(number));
     let values = head.pose.iter().chain(&head.covariance).chain(&head.twist);
     values.for_each(|value| packer.double(*value));
+    packer.double(head.weak_direction_rad);
 
     let (mut x_m, mut y_m, mut azimuth_rad) = <(Column, Column, Column)>::default();
     let mut first_point = 0;
@@ -113,11 +121,24 @@ pub(super) fn unpack_numbers(
     head.submap_root = unpacker.whole()?;
     head.scan_sequence = unpacker.whole()?;
     head.beam_count = unpacker.whole()?.try_into().ok()?;
-    head.reserved = unpacker.whole()?.try_into().ok()?;
+    let form = unpacker.whole()?;
     let count = usize::try_from(unpacker.whole()?).ok()?;
+    if form == FORM {
+        head.trust = unpacker.whole()?.try_into().ok()?;
+        head.trust_reasons = unpacker.whole()?.try_into().ok()?;
+        head.localizability = unpacker.whole()?.try_into().ok()?;
+    } else if form == 0 {
+        (head.trust, head.trust_reasons, head.localizability) = (0, 0, 0);
+        head.weak_direction_rad = 0.0;
+    } else {
+        return None;
+    }
     let values = head.pose.iter_mut().chain(&mut head.covariance);
     for value in values.chain(&mut head.twist) {
         *value = unpacker.double()?;
+    }
+    if form == FORM {
+        head.weak_direction_rad = unpacker.double()?;
     }
     Some(count)
 }
@@ -147,7 +168,7 @@ mod tests {
 
     /// Any message: bits of every kind of float, beams that jump.
     fn keyframes() -> impl Strategy<Value = Message<Keyframe>> {
-        let numbers = prop::collection::vec(any::<u64>(), 24);
+        let numbers = prop::collection::vec(any::<u64>(), 27);
         let beams = prop::collection::vec(any::<[u32; 4]>(), 0..8);
         let points = prop::collection::vec((any::<[u32; 3]>(), 0..3_u16, 0..2_u16), 0..40);
         (numbers, beams, points).prop_map(|(numbers, beams, points)| {
@@ -160,7 +181,10 @@ mod tests {
             head.submap_id = numbers[4];
             head.submap_root = numbers[5];
             head.scan_sequence = numbers[6];
-            head.reserved = numbers[7] as u32;
+            head.trust = numbers[7] as u32;
+            head.trust_reasons = numbers[24] as u32;
+            head.localizability = numbers[25] as u32;
+            head.weak_direction_rad = f64::from_bits(numbers[26]);
             let doubles = head.pose.iter_mut().chain(&mut head.covariance);
             for (value, bits) in doubles.chain(&mut head.twist).zip(&numbers[8..]) {
                 *value = f64::from_bits(*bits);

@@ -24,7 +24,8 @@ pub struct Arguments {
     /// one of our logs
     #[arg(value_name = "INPUT")]
     input: PathBuf,
-    /// Folder for the trajectories, the map, the picture and report.json
+    /// Folder for the trajectories, odometry.csv (every scan's pose with covariance and trust),
+    /// the map, the picture and report.json
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Do not use the IMU

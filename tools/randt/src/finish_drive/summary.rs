@@ -1,6 +1,9 @@
 //! What `randt run` prints at its end.
 
-use crate::report::{Count, Report};
+use crate::{
+    extents::Extents,
+    report::{Count, Report},
+};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -11,6 +14,21 @@ pub fn counted(name: &str, counter: &Count) -> String {
         "" => format!("{name} {count}"),
         first => format!("{name} {count} (first: {first})"),
     }
+}
+
+/// Why trust was not good and for how long; nothing of single scans, such as the first one.
+fn doubted(reasons: &Extents) -> String {
+    let mut text = String::new();
+    let longer = reasons.iter().filter(|(_, extent)| extent.seconds > 0.0);
+    for ((reason, extent), before) in longer.zip([" ("].into_iter().chain(std::iter::repeat("; ")))
+    {
+        let (seconds, path_m) = (extent.seconds, extent.path_m);
+        let _ = write!(text, "{before}{reason} {seconds:.1} s, {path_m:.1} m");
+    }
+    if !text.is_empty() {
+        text.push(')');
+    }
+    text
 }
 
 /// The summary of a run, as it is printed.
@@ -61,7 +79,11 @@ pub fn text(report: &Report, out: &Path) -> String {
     }
     let trust = &report.trust;
     let (good, degraded, lost) = (trust.good, trust.degraded, trust.lost);
-    let _ = writeln!(text, "trust: {good} good, {degraded} degraded, {lost} lost");
+    let reasons = doubted(&report.trust_reasons);
+    let _ = writeln!(
+        text,
+        "trust: {good} good, {degraded} degraded, {lost} lost{reasons}"
+    );
     let cost = report.timing.get("filter_and_odometry");
     if let Some((cost, whole)) = cost.zip(report.timing.get("run")) {
         let _ = writeln!(
@@ -84,7 +106,7 @@ pub fn text(report: &Report, out: &Path) -> String {
     }
     let _ = writeln!(
         text,
-        "written to {}: odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
+        "written to {}: odometry.csv, odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
         out.display()
     );
     text

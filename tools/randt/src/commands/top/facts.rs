@@ -77,12 +77,16 @@ pub fn map(snapshot: &Snapshot) -> Vec<Fact> {
     ]
 }
 
-/// The trust, with its age where it is old.
+/// The trust, with its age where it is old, else with its first reason; the others are in a note.
 fn trust(robot: &Robot) -> String {
+    let trust = robot.trust;
     if robot.age_s > OLD_S {
-        format!("{}, {} ago", robot.trust, seconds(robot.age_s))
-    } else {
-        robot.trust.to_owned()
+        return format!("{trust}, {} ago", seconds(robot.age_s));
+    }
+    match (robot.trust_reasons.first(), robot.weak_direction_rad) {
+        (None, _) => trust.to_owned(),
+        (Some(&"weak"), Some(rad)) => format!("{trust}, weak {:+.0} deg", rad.to_degrees()),
+        (Some(reason), _) => format!("{trust}, {reason}"),
     }
 }
 
@@ -127,6 +131,10 @@ mod tests {
             map_pose: Some(far()),
             velocity: [-12.345, -0.123, -2.0],
             trust: "degraded",
+            trust_reasons: vec!["weak", "held"],
+            trust_text: String::new(),
+            localizability: "partial",
+            weak_direction_rad: Some(-1.5),
             age_s: 99.0,
             gyro_bias_rad_s: [-0.01, -0.02, 0.03],
             odom_frame_id: 0,
@@ -162,5 +170,15 @@ mod tests {
         assert_eq!(known[9].1, "12345, 12 components");
         assert_eq!(known[5].1, "degraded, 99 s ago");
         assert_eq!(known.len(), 11);
+        let mut after = |change: fn(&mut Robot)| {
+            let robot = snapshot.robot.as_mut().unwrap();
+            change(robot);
+            trust(robot)
+        };
+        assert_eq!(after(|it| it.age_s = 0.1), "degraded, weak -86 deg");
+        let unsupported = after(|it| it.trust_reasons = vec!["unsupported", "fit"]);
+        assert_eq!(unsupported, "degraded, unsupported");
+        assert!(unsupported.len() <= 24);
+        assert_eq!(after(|it| it.trust_reasons.clear()), "degraded");
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::latency::LatencyFigures;
 use randt_geometry::Pose2;
-use randt_messages::{Correction, GraphHead, OdometryState};
+use randt_messages::{Correction, GraphHead, OdometryState, TrustReason, TrustText};
 use serde::Serialize;
 
 /// Everything that is shown.
@@ -73,6 +73,14 @@ pub struct Robot {
     pub velocity: [f64; 3],
     /// good, degraded, lost.
     pub trust: &'static str,
+    /// Why it is not good: names of [`TrustReason`].
+    pub trust_reasons: Vec<&'static str>,
+    /// Trust and its reasons for a person.
+    pub trust_text: String,
+    /// Which directions of the position the scan saw: full, partial, none; unknown.
+    pub localizability: &'static str,
+    /// The direction that is not seen, in the robot's frame; null unless it is one.
+    pub weak_direction_rad: Option<f64>,
     /// Since all of this was published.
     pub age_s: f64,
     /// About the IMU's x, y, z.
@@ -124,6 +132,12 @@ impl Robot {
             map_pose: map_pose.map(|pose| Pose::from_pose2(&pose)),
             velocity: state.velocity,
             trust: state.trust().as_str(),
+            trust_reasons: TrustReason::in_set(state.trust_reasons)
+                .map(TrustReason::as_str)
+                .collect(),
+            trust_text: TrustText::new(state).to_string(),
+            localizability: state.localizability().as_str(),
+            weak_direction_rad: state.weak_direction(),
             age_s: (now_ns - state.header.published_ns) as f64 * 1e-9,
             gyro_bias_rad_s: state.gyro_bias_rad_s,
             odom_frame_id: state.odom_frame_id,

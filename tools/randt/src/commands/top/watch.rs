@@ -120,15 +120,18 @@ impl Watch {
                 self.domain.folder().display()
             )),
         }
-        let state = self.state.as_ref().zip(now_ns);
+        let robot = self.state.as_ref().zip(now_ns);
         let correction = self.correction.as_ref();
+        let robot = robot.map(|(state, now_ns)| Robot::from_state(state, correction, now_ns));
+        let doubted = robot.as_ref().filter(|robot| robot.trust != "good");
+        notes.extend(doubted.map(|robot| format!("trust is {}", robot.trust_text)));
         Snapshot {
             prefix: self.domain.prefix().to_owned(),
             run: self.domain.run().display().to_string(),
             stages,
             topics: now_ns.map_or_else(Vec::new, |now_ns| self.traffic.topics(now_ns)),
             latency_ms: self.latencies.figures(),
-            robot: state.map(|(state, now_ns)| Robot::from_state(state, correction, now_ns)),
+            robot,
             map: self.graph.as_ref().map(Map::from),
             notes,
         }
