@@ -39,15 +39,20 @@ pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) ->
 }
 
 /// Judges by the term as it is which directions the scan sees, and takes what it does not see out
-/// of its associations and the term: motion model and IMU alone hold the pose there.
+/// of its associations and the term, where the accelerometer can carry the pose instead.
 pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLoss) {
     let config = problem.config;
     let mut information = scan.scan_information(config);
-    scan.localizability = if scan.cells.len() < CELLS_MIN {
-        Localizability::NONE
-    } else {
-        Localizability::from_information(&information, scan.fit(), config)
-    };
+    if scan.cells.len() < CELLS_MIN {
+        scan.localizability = Localizability::NONE;
+        ignore_all(scan);
+        return;
+    }
+    scan.localizability = Localizability::from_information(&information, scan.fit(), config);
+    if !scan.is_carried() {
+        scan.scans_seeing_all = SEEING_MIN;
+        return;
+    }
     let mut sees_all = scan.localizability.seen == Seen::Full;
     if scan.localizability.seen == Seen::Partial {
         Association::ignore_filled_axes(&mut scan.associations, config.cell_rule());
@@ -56,32 +61,39 @@ pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLo
         let [remains, _] = position_information(&information);
         sees_all = remains >= REMAINS_MIN * wall_information(scan.fit(), config);
     }
-    scan.scans_seeing_all = if sees_all {
-        SEEING_MIN.min(scan.scans_seeing_all_before + 1)
+    if sees_all {
+        scan.scans_seeing_all = SEEING_MIN.min(scan.scans_seeing_all_before + 1);
+        if scan.scans_seeing_all >= SEEING_MIN {
+            return;
+        }
     } else {
-        0
-    };
-    if scan.scans_seeing_all >= SEEING_MIN {
-        return;
+        scan.scans_seeing_all = 0;
     }
     if scan.localizability.seen == Seen::None {
-        scan.associations.clear();
-    } else {
-        let direction_rad = weaker_direction(&information);
-        if scan.localizability.seen == Seen::Full {
-            scan.localizability = Localizability {
-                seen: Seen::Partial,
-                weak_direction_rad: direction_rad,
-            };
-        }
-        let submap_from_base = problem
-            .submap
-            .odom_from_root
-            .between(&scan.state.odom_from_base);
-        let (sin, cos) = sin_cos(submap_from_base.yaw_rad + direction_rad);
-        Association::ignore_along(&mut scan.associations, [cos, sin]);
+        ignore_all(scan);
+        return;
     }
+    let weak_direction_rad = weaker_direction(&information);
+    if scan.localizability.seen == Seen::Full {
+        scan.localizability = Localizability {
+            seen: Seen::Partial,
+            weak_direction_rad,
+        };
+    }
+    let submap_from_base = problem
+        .submap
+        .odom_from_root
+        .between(&scan.state.odom_from_base);
+    let (sin, cos) = sin_cos(submap_from_base.yaw_rad + weak_direction_rad);
+    Association::ignore_along(&mut scan.associations, [cos, sin]);
     scan.ndt = evaluate_scan(scan, problem.submap, loss);
+}
+
+/// The scan has no NDT term.
+fn ignore_all(scan: &mut WindowScan) {
+    scan.scans_seeing_all = 0;
+    scan.associations.clear();
+    scan.ndt = NormalEquations::default();
 }
 
 /// Adds the scan's term to a system; gives its cost.

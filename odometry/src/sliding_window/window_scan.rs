@@ -156,6 +156,12 @@ impl WindowScan {
         gyro.last_seen_speed
     }
 
+    /// Whether the accelerometer carries the speed on without the radar.
+    pub fn is_carried(&self) -> bool {
+        let carries = |gyro: GyroTerm| gyro.speed_change.is_some() || gyro.stands;
+        self.gyro.is_some_and(carries)
+    }
+
     /// Whether the IMU shows that the robot stands, where the cells do not hold the position.
     pub fn stands(&self) -> bool {
         !self.is_held() && self.gyro.is_some_and(|gyro| gyro.stands)
