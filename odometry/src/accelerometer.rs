@@ -21,8 +21,9 @@ const GRAVITY_SIGMA_M_S2: f64 = 0.03;
 const GRAVITY_DRIFT_M_S3: f64 = 7e-4;
 /// What differs by more standard deviations is an even acceleration.
 const GATE_SIGMAS: f64 = 3.0;
-/// Speed above which no window is a standstill, m/s: more than the integral drifts in a while.
-const STANDING_MAX_M_S: f64 = 0.3;
+/// How long it carries the speed on, ns: what it lacks adds up to half the speed of a robot, and
+/// what the grid makes is the smaller error from then on.
+const CARRIED_MAX_NS: i64 = 15_000_000_000;
 /// Speed that a robot has not gained while it stands, m/s.
 const DEPARTED_M_S: f64 = 0.05;
 /// Scans compared from which the speed is known better than from the last one.
@@ -62,8 +63,8 @@ pub struct Accelerometer {
     speed_m_s: f64,
     /// Stamps of the scans compared, with the radar's speed less the integral, m/s.
     differences: VecDeque<(i64, f64)>,
-    /// The last of these differences, also while the radar shows no speed.
-    last_difference_m_s: Option<f64>,
+    /// When the speed was last known without it, ns.
+    known_ns: Option<i64>,
     /// What the accelerometer lacks, mean and variance, m/s^2.
     lack_m_s2: f64,
     variance: f64,
@@ -78,7 +79,7 @@ persist!(Accelerometer {
     last,
     speed_m_s,
     differences,
-    last_difference_m_s,
+    known_ns,
     lack_m_s2,
     variance,
     compared_s,
@@ -89,7 +90,6 @@ impl Accelerometer {
     /// bias passes for a tilt, which is as good. An even acceleration looks the same, but it is
     /// not where the gyro has carried the vertical.
     pub fn observe_gravity(&mut self, stamp_ns: i64, gravity_m_s2: Vector3<f64>) {
-        let speed_m_s = self.last_difference_m_s.map_or(0.0, |d| self.speed_m_s + d);
         let drifted = self.stood.map_or(f64::INFINITY, |(then_ns, _)| {
             let drift = GRAVITY_DRIFT_M_S3 * stamp_ns.saturating_sub(then_ns) as f64 * 1e-9;
             self.gravity_variance + drift * drift
@@ -97,15 +97,14 @@ impl Accelerometer {
         let carried = self.up.unwrap_or_default() * gravity_m_s2.norm();
         let off = gravity_m_s2 - carried;
         let noise = GRAVITY_SIGMA_M_S2 * GRAVITY_SIGMA_M_S2;
-        self.stands = off.norm_squared() <= GATE_SIGMAS * GATE_SIGMAS * (drifted + noise)
-            && speed_m_s.abs() < STANDING_MAX_M_S;
+        self.stands = off.norm_squared() <= GATE_SIGMAS * GATE_SIGMAS * (drifted + noise);
         if self.stands {
             let gain = 1.0 / (1.0 + noise / drifted);
             self.gravity_variance = gain * noise;
             let fused = carried + off * gain;
             self.up = fused.try_normalize(f64::MIN_POSITIVE).or(self.up);
             self.stood = Some((stamp_ns, self.speed_m_s));
-            self.last_difference_m_s = Some(-self.speed_m_s);
+            self.known_ns = Some(stamp_ns);
             self.lack_m_s2 = 0.0;
         }
     }
@@ -176,7 +175,7 @@ impl Accelerometer {
             self.variance += share * (deviation * deviation - self.variance);
         }
         self.differences.push_back((stamp_ns, difference_m_s));
-        self.last_difference_m_s = Some(difference_m_s);
+        self.known_ns = Some(stamp_ns);
     }
 
     /// The radar shows no speed for now: the next comparison begins anew.
@@ -215,12 +214,17 @@ impl Accelerometer {
         (self.compared_s >= COMPARED_MIN_S && sigma_m_s2 <= SIGMA_MAX_M_S2).then_some(sigma_m_s2)
     }
 
-    /// The change of speed over `dt_s` in which the integral changed by `integral_m_s`; `None` as
-    /// long as the accelerometer has not proved true.
+    /// The change of speed over `dt_s` up to an instant, in which the integral changed by
+    /// `integral_m_s`; `None` as long as the accelerometer has not proved true, and where the
+    /// speed has not been known otherwise for too long.
     ///
     /// What it lacks is the same within a span and independent from one to the next: the speed's
     /// deviation grows with the square root of time.
-    pub fn speed_change(&self, integral_m_s: f64, dt_s: f64) -> Option<SpeedChange> {
+    pub fn speed_change(&self, stamp_ns: i64, integral_m_s: f64, dt_s: f64) -> Option<SpeedChange> {
+        let known_ns = self.known_ns?;
+        if stamp_ns.saturating_sub(known_ns) > CARRIED_MAX_NS {
+            return None;
+        }
         self.proved_sigma_m_s2().map(|sigma_m_s2| SpeedChange {
             change_m_s: integral_m_s + self.lack_m_s2 * dt_s,
             sigma_m_s: sigma_m_s2 * (SPAN_NS as f64 * 1e-9 * dt_s).sqrt(),
@@ -280,7 +284,10 @@ mod tests {
     fn it_proves_true_first_and_then_carries_the_speed() {
         let mut robot = Robot::standing();
         robot.drive(1.0, 0.5, true);
-        assert_eq!(robot.accelerometer.speed_change(0.0, 0.2), None);
+        assert_eq!(
+            robot.accelerometer.speed_change(robot.stamp_ns, 0.0, 0.2),
+            None
+        );
         robot.drive(10.0, 0.0, true);
         let (speed_m_s, sigma_m_s) = robot
             .accelerometer
@@ -293,9 +300,18 @@ mod tests {
         let before_m_s = robot.integral_m_s;
         robot.drive(0.2, -0.5, false);
         let integral_m_s = robot.integral_m_s - before_m_s;
-        let change = robot.accelerometer.speed_change(integral_m_s, 0.2).unwrap();
+        let change = robot
+            .accelerometer
+            .speed_change(robot.stamp_ns, integral_m_s, 0.2)
+            .unwrap();
         assert!((change.change_m_s + 0.1).abs() < 0.01, "{change:?}");
         assert!((0.01..0.05).contains(&change.sigma_m_s), "{change:?}");
+        // What it lacks adds up.
+        robot.drive(15.0, 0.0, false);
+        assert_eq!(
+            robot.accelerometer.speed_change(robot.stamp_ns, 0.0, 0.2),
+            None
+        );
     }
 
     #[test]
@@ -308,7 +324,10 @@ mod tests {
                 robot.speed_m_s = 0.0;
             }
         }
-        assert_eq!(robot.accelerometer.speed_change(0.0, 0.2), None);
+        assert_eq!(
+            robot.accelerometer.speed_change(robot.stamp_ns, 0.0, 0.2),
+            None
+        );
     }
 
     #[test]

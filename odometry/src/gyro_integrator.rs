@@ -318,7 +318,7 @@ impl GyroIntegrator {
         let integral = |stamp_ns| self.at(stamp_ns, |state| (state.speed_m_s, 0.0));
         let change_m_s = integral(to_ns)? - integral(from_ns)?;
         let dt_s = (to_ns - from_ns) as f64 * 1e-9;
-        self.accelerometer.speed_change(change_m_s, dt_s)
+        self.accelerometer.speed_change(to_ns, change_m_s, dt_s)
     }
 
     /// The forward speed at an instant and its standard deviation, m/s, where the scan before

@@ -3,7 +3,7 @@
 use crate::{
     Sink,
     gyro_integrator::GyroIntegrator,
-    localizability::position_information,
+    localizability::{CELLS_MIN, position_information},
     sliding_window::{Solution, StateMatrix, WindowScan},
 };
 use nalgebra::{Matrix3, Vector3};
@@ -152,8 +152,11 @@ impl Persist for StatePublisher {
 fn pose_covariance(estimate: &Estimate<'_>) -> Matrix3<f64> {
     let covariance = match &estimate.solution {
         Some(solution) => solution.covariance,
-        // The first scan defines the origin, as the window's prior has it.
-        None if estimate.is_first_of_frame => StateMatrix::identity() * ORIGIN_VARIANCE,
+        // The first scan defines the origin, as the window's prior has it; one of too few cells is
+        // not the first.
+        None if estimate.is_first_of_frame && estimate.scan.cells.len() >= CELLS_MIN => {
+            StateMatrix::identity() * ORIGIN_VARIANCE
+        }
         None => StateMatrix::identity() * UNKNOWN_VARIANCE,
     };
     covariance.fixed_view::<3, 3>(0, 0).into_owned()
@@ -178,6 +181,7 @@ fn record_of(state: &OdometryState) -> PoseRecord {
 mod tests {
     use super::*;
     use randt_messages::{Keyframe, MessageRef};
+    use randt_ndt::ScanCell;
 
     #[derive(Default)]
     struct States(Vec<OdometryState>);
@@ -203,7 +207,8 @@ mod tests {
 
     #[test]
     fn states_are_numbered_and_a_retired_scan_goes_out_once() {
-        let (scan, mut states) = (WindowScan::default(), States::default());
+        let (mut scan, mut states) = (WindowScan::default(), States::default());
+        scan.cells = vec![ScanCell::default(); CELLS_MIN];
         let mut publisher = StatePublisher::default();
         publisher.continue_from(7, &PoseRecord::default());
         publisher.set_retired_scan(Some((99, Pose2::new(1.0, 2.0, 0.5))));
