@@ -24,6 +24,8 @@ const GATE_SIGMAS: f64 = 3.0;
 /// How long it carries the speed on, ns: what it lacks adds up to half the speed of a robot, and
 /// what the grid makes is the smaller error from then on.
 const CARRIED_MAX_NS: i64 = 15_000_000_000;
+/// Speed above which a window that is still, but felt another gravity, is no standstill, m/s.
+const DEPARTED_MAX_M_S: f64 = 0.3;
 /// Speed that a robot has not gained while it stands, m/s.
 const DEPARTED_M_S: f64 = 0.05;
 /// Scans compared from which the speed is known better than from the last one.
@@ -63,8 +65,9 @@ pub struct Accelerometer {
     speed_m_s: f64,
     /// Stamps of the scans compared, with the radar's speed less the integral, m/s.
     differences: VecDeque<(i64, f64)>,
-    /// When the speed was last known without it, ns.
-    known_ns: Option<i64>,
+    /// When the speed was last known without it, and how much more than the integral it was, ns
+    /// and m/s.
+    known: Option<(i64, f64)>,
     /// What the accelerometer lacks, mean and variance, m/s^2.
     lack_m_s2: f64,
     variance: f64,
@@ -79,7 +82,7 @@ persist!(Accelerometer {
     last,
     speed_m_s,
     differences,
-    known_ns,
+    known,
     lack_m_s2,
     variance,
     compared_s,
@@ -97,14 +100,18 @@ impl Accelerometer {
         let carried = self.up.unwrap_or_default() * gravity_m_s2.norm();
         let off = gravity_m_s2 - carried;
         let noise = GRAVITY_SIGMA_M_S2 * GRAVITY_SIGMA_M_S2;
-        self.stands = off.norm_squared() <= GATE_SIGMAS * GATE_SIGMAS * (drifted + noise);
+        let sigmas_2 = off.norm_squared() / (drifted + noise);
+        let speed_m_s = self.known.map_or(0.0, |(_, d)| self.speed_m_s + d);
+        // What is between may be a gentle departure.
+        self.stands = sigmas_2 <= 1.0
+            || sigmas_2 <= GATE_SIGMAS * GATE_SIGMAS && speed_m_s.abs() < DEPARTED_MAX_M_S;
         if self.stands {
             let gain = 1.0 / (1.0 + noise / drifted);
             self.gravity_variance = gain * noise;
             let fused = carried + off * gain;
             self.up = fused.try_normalize(f64::MIN_POSITIVE).or(self.up);
             self.stood = Some((stamp_ns, self.speed_m_s));
-            self.known_ns = Some(stamp_ns);
+            self.known = Some((stamp_ns, -self.speed_m_s));
             self.lack_m_s2 = 0.0;
         }
     }
@@ -175,7 +182,7 @@ impl Accelerometer {
             self.variance += share * (deviation * deviation - self.variance);
         }
         self.differences.push_back((stamp_ns, difference_m_s));
-        self.known_ns = Some(stamp_ns);
+        self.known = Some((stamp_ns, difference_m_s));
     }
 
     /// The radar shows no speed for now: the next comparison begins anew.
@@ -221,7 +228,7 @@ impl Accelerometer {
     /// What it lacks is the same within a span and independent from one to the next: the speed's
     /// deviation grows with the square root of time.
     pub fn speed_change(&self, stamp_ns: i64, integral_m_s: f64, dt_s: f64) -> Option<SpeedChange> {
-        let known_ns = self.known_ns?;
+        let (known_ns, _) = self.known?;
         if stamp_ns.saturating_sub(known_ns) > CARRIED_MAX_NS {
             return None;
         }
