@@ -233,7 +233,7 @@ fn a_missions_report_is_what_its_log_gives() {
         "{all:?}"
     );
     is_as_computed(&robot.current().join("report"), &robot.run());
-    assert_eq!(names(&robot.current().join("report")).len(), 7);
+    assert_eq!(names(&robot.current().join("report")).len(), 8);
 
     // Without odometry's state and the report it is made of the logs alone, by the command that
     // exports it.
