@@ -8,7 +8,10 @@ use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
+/// Held while this process takes an anchor.
+static TAKING: Mutex<()> = Mutex::new(());
 /// More than the longest number.
 const TEXT_MAX: u64 = 32;
 
@@ -27,6 +30,8 @@ impl Clock {
         if let Some(anchor_ns) = read(&path) {
             return Ok(Self { anchor_ns });
         }
+        // Threads of one process would take each other's file away.
+        let _turn = TAKING.lock().unwrap_or_else(PoisonError::into_inner);
         let anchor_ns = nanoseconds(ClockId::Realtime) - nanoseconds(ClockId::Boottime);
         // Written whole under a name of our own, then linked: only the first process's link
         // succeeds.
@@ -99,6 +104,20 @@ mod tests {
         let off_ns = first.now_ns() - nanoseconds(ClockId::Realtime);
         assert!(off_ns.abs() < 1_000_000_000);
         assert!(first.now_ns() <= second.now_ns());
+    }
+
+    #[test]
+    fn threads_of_one_process_take_one_anchor() {
+        for _ in 0..100 {
+            let run = tempfile::tempdir().unwrap();
+            let domain = Domain::new("clock", Some(run.path())).unwrap();
+            let anchor = || Clock::in_domain(&domain).unwrap().anchor_ns();
+            let all: Vec<i64> = std::thread::scope(|scope| {
+                let threads: Vec<_> = (0..8).map(|_| scope.spawn(anchor)).collect();
+                threads.into_iter().map(|t| t.join().unwrap()).collect()
+            });
+            assert!(all.iter().all(|anchor_ns| *anchor_ns == all[0]), "{all:?}");
+        }
     }
 
     #[test]
