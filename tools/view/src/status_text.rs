@@ -87,7 +87,7 @@ mod tests {
         state.weak_direction_rad = 0.5;
         board.take_state(&state);
         let (text, level) = status_text(&board, now_ns, 0.62);
-        let doubted = "trust degraded: nothing seen along +29 deg (ahead left), 5.0 Hz";
+        let doubted = "trust degraded: nothing seen along +29 deg (ahead left)";
         assert!(text.contains(doubted), "{text}");
         assert_eq!(level, StatusLevel::Doubtful);
         let late_ns = state.header.stamp_ns + 7 * S;
