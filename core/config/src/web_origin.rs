@@ -18,7 +18,7 @@ pub struct WebOrigin {
 }
 
 impl WebOrigin {
-    /// Reads SCHEME://HOST or SCHEME://HOST:PORT, such as https://viewer.example:8443, or file://.
+    /// Reads SCHEME://HOST or SCHEME://HOST:PORT, such as `https://viewer.example:8443`, or `file://`.
     /// `None` for what is no origin, such as `null`: any page can have that one, by a sandboxed
     /// frame.
     pub fn parse(text: &str) -> Option<Self> {
