@@ -18,9 +18,9 @@ pub struct WebOrigin {
 }
 
 impl WebOrigin {
-    /// Reads SCHEME://HOST or SCHEME://HOST:PORT, such as `https://viewer.example:8443`, or `file://`.
-    /// `None` for what is no origin, such as `null`: any page can have that one, by a sandboxed
-    /// frame.
+    /// Reads SCHEME://HOST or SCHEME://HOST:PORT, such as `https://viewer.example:8443`, or
+    /// `file://`. `None` for what is no origin, such as `null`: any page can have that one, by a
+    /// sandboxed frame.
     pub fn parse(text: &str) -> Option<Self> {
         let (scheme, rest) = text.split_once("://")?;
         let is_part = |byte: u8| byte.is_ascii_alphanumeric() || b"+-.".contains(&byte);
