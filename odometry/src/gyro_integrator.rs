@@ -202,6 +202,10 @@ impl GyroIntegrator {
             epoch: sample.header.epoch,
             published_ns: sample.header.published_ns,
         });
+        if last.is_none_or(|last| stamp_ns - last.stamp_ns > HOLE_NS) {
+            // Speed and vertical are those of another time, or were not followed in the hole.
+            self.accelerometer = Accelerometer::default();
+        }
         if let Some(last) = last {
             self.bias.advance((stamp_ns - last.stamp_ns) as f64 * 1e-9);
         }
@@ -370,3 +374,6 @@ impl GyroIntegrator {
         self.yaw_bias_rad_s = bias_rad_s;
     }
 }
+
+#[cfg(test)]
+mod tests;
