@@ -15,6 +15,13 @@ const COMPARED_MIN_S: f64 = 5.0;
 const SIGMA_MAX_M_S2: f64 = 0.3;
 /// No comparison shows less, m/s^2: bias and tilt of a MEMS change by that in a minute.
 const SIGMA_MIN_M_S2: f64 = 0.03;
+/// Standard gravity, m/s^2, and how far what a standstill shows is off it: scale and bias of a poor
+/// accelerometer. One without gravity, or in other units, is further off.
+const GRAVITY_M_S2: f64 = 9.806_65;
+const LENGTH_TOLERANCE_M_S2: f64 = 1.0;
+/// Cosine of the tilt from which a robot does not stand on its wheels, or its IMU is mounted
+/// otherwise than it is said.
+const UPRIGHT_MIN: f64 = 0.5;
 /// How well a still window shows gravity, m/s^2: it may end in a departure.
 const GRAVITY_SIGMA_M_S2: f64 = 0.03;
 /// How fast the gyro loses it, m/s^2 a second: 0.07 mrad/s, a bias that a standstill has shown.
@@ -93,11 +100,19 @@ impl Accelerometer {
     /// bias passes for a tilt, which is as good. An even acceleration looks the same, but it is
     /// not where the gyro has carried the vertical.
     pub fn observe_gravity(&mut self, stamp_ns: i64, gravity_m_s2: Vector3<f64>) {
+        let length_m_s2 = gravity_m_s2.norm();
+        let is_gravity = (length_m_s2 - GRAVITY_M_S2).abs() < LENGTH_TOLERANCE_M_S2
+            && gravity_m_s2.z > UPRIGHT_MIN * length_m_s2;
+        if !is_gravity {
+            // What is taken out would not be gravity: it never proves true.
+            *self = Self::default();
+            return;
+        }
         let drifted = self.stood.map_or(f64::INFINITY, |(then_ns, _)| {
             let drift = GRAVITY_DRIFT_M_S3 * stamp_ns.saturating_sub(then_ns) as f64 * 1e-9;
             self.gravity_variance + drift * drift
         });
-        let carried = self.up.unwrap_or_default() * gravity_m_s2.norm();
+        let carried = self.up.unwrap_or_default() * length_m_s2;
         let off = gravity_m_s2 - carried;
         let noise = GRAVITY_SIGMA_M_S2 * GRAVITY_SIGMA_M_S2;
         let sigmas_2 = off.norm_squared() / (drifted + noise);
@@ -335,6 +350,25 @@ mod tests {
             robot.accelerometer.speed_change(robot.stamp_ns, 0.0, 0.2),
             None
         );
+    }
+
+    #[test]
+    fn what_is_not_gravity_is_not_taken_out() {
+        let no_gravity = GRAVITY - GRAVITY * 0.99;
+        for shown in [no_gravity, GRAVITY / 9.8, -GRAVITY, Vector3::x() * 9.8] {
+            let mut robot = Robot::standing();
+            robot.drive(10.0, 0.0, true);
+            let carries = |robot: &Robot| {
+                let change = robot.accelerometer.speed_change(robot.stamp_ns, 0.0, 0.2);
+                change.is_some()
+            };
+            assert!(carries(&robot));
+            robot.accelerometer.observe_gravity(robot.stamp_ns, shown);
+            assert!(
+                !carries(&robot) && !robot.accelerometer.stands(),
+                "{shown:?}"
+            );
+        }
     }
 
     #[test]
