@@ -1,7 +1,7 @@
 //! The gyro's heading as a function of time, from IMU samples as they come.
 
 use crate::{
-    accelerometer::{Accelerometer, SpeedChange},
+    inertial_speed::{InertialSpeed, RadarFix, Speed},
     stamps::{STAMPS_NS, is_set_back},
     tilt::Tilt,
 };
@@ -25,8 +25,6 @@ struct GyroState {
     /// Integrated rate of the heading, bias and all, rad.
     heading_rad: f64,
     rate_rad_s: f64,
-    /// Integrated forward acceleration, m/s.
-    speed_m_s: f64,
     tilt: Tilt,
 }
 
@@ -59,11 +57,10 @@ pub struct GyroTerm {
     pub rate_rad_s: f64,
     /// Bias that a standstill showed since the scan before, and its standard deviation, rad/s.
     pub standstill: Option<(f64, f64)>,
-    /// Change of the forward speed, where the accelerometer has proved true.
-    pub speed_change: Option<SpeedChange>,
-    /// Forward speed by radar and accelerometer together and its standard deviation, m/s, where
-    /// the scan before showed one.
-    pub last_seen_speed: Option<(f64, f64)>,
+    /// Change of the forward speed, where the IMU carries it.
+    pub speed_change: Option<Speed>,
+    /// The forward speed itself.
+    pub speed: Option<Speed>,
     /// Whether the robot stands.
     pub stands: bool,
 }
@@ -73,14 +70,16 @@ pub struct GyroTerm {
 #[derive(Debug)]
 pub struct GyroIntegrator {
     base_from_imu: Quaternion,
+    bias_walk: f64,
     attitude: AttitudeFilter,
-    accelerometer: Accelerometer,
+    inertial_speed: InertialSpeed,
     standstill: Standstill,
     states: VecDeque<GyroState>,
     newest: Option<NewestSample>,
     /// Of all three axes, from standstills; the window estimates that of the yaw better.
     bias: GyroBias,
     yaw_bias_rad_s: f64,
+    yaw_bias_variance: f64,
     /// The last yaw bias that a standstill showed, with its standard deviation, until it is taken,
     /// rad/s.
     standstill_bias: Option<(f64, f64)>,
@@ -94,7 +93,6 @@ persist!(GyroState {
     stamp_ns,
     heading_rad,
     rate_rad_s,
-    speed_m_s,
     tilt
 });
 persist!(NewestSample {
@@ -111,22 +109,24 @@ persist!(GyroTerm {
     rate_rad_s,
     standstill,
     speed_change,
-    last_seen_speed,
+    speed,
     stands
 });
 persist!(GyroIntegrator {
     attitude,
-    accelerometer,
+    inertial_speed,
     standstill,
     states,
     newest,
     bias,
     yaw_bias_rad_s,
+    yaw_bias_variance,
     standstill_bias,
     rejected,
     holes,
 } kept {
     base_from_imu,
+    bias_walk,
 } sound is_sound);
 
 impl GyroIntegrator {
@@ -139,12 +139,14 @@ impl GyroIntegrator {
                 robot.imu_yaw_rad,
             ),
             attitude: AttitudeFilter::new(attitude),
-            accelerometer: Accelerometer::default(),
+            inertial_speed: InertialSpeed::new(odometry),
             standstill: Standstill::new(attitude),
             states: VecDeque::with_capacity(CAPACITY),
             newest: None,
             bias: GyroBias::new(odometry.gyro_bias_sigma_rad_s, odometry.gyro_bias_walk),
             yaw_bias_rad_s: 0.0,
+            yaw_bias_variance: odometry.gyro_bias_sigma_rad_s.powi(2),
+            bias_walk: odometry.gyro_bias_walk,
             standstill_bias: None,
             rejected: 0,
             holes: 0,
@@ -204,23 +206,26 @@ impl GyroIntegrator {
         });
         if last.is_none_or(|last| stamp_ns - last.stamp_ns > HOLE_NS) {
             // Speed and vertical are those of another time, or were not followed in the hole.
-            self.accelerometer = Accelerometer::default();
+            self.inertial_speed.restart();
         }
         if let Some(last) = last {
-            self.bias.advance((stamp_ns - last.stamp_ns) as f64 * 1e-9);
+            let dt_s = (stamp_ns - last.stamp_ns) as f64 * 1e-9;
+            self.bias.advance(dt_s);
+            self.yaw_bias_variance += self.bias_walk * self.bias_walk * dt_s;
         }
         let still = self.standstill.push(stamp_ns, rate, acceleration);
         if let Some(still) = &still {
             self.bias.observe(still);
-            self.accelerometer
-                .observe_gravity(stamp_ns, still.gravity_m_s2);
+            self.inertial_speed.observe_still(still);
         } else if self.standstill.still_since_ns().is_none() {
-            self.accelerometer.observe_motion();
+            self.inertial_speed.observe_motion();
         }
         let bias = self.bias_rad_s();
         self.standstill.expect_bias(bias, self.bias.sigma_rad_s());
         self.attitude.push(stamp_ns, rate - bias, acceleration);
-        let speed_m_s = self.accelerometer.push(stamp_ns, rate - bias, acceleration);
+        let without_yaw_bias = rate - Vector3::new(0.0, 0.0, bias.z);
+        self.inertial_speed
+            .push(stamp_ns, without_yaw_bias, acceleration);
         let tilt = Tilt::from_up(self.attitude.up_in_body());
         // The heading's own bias stays in: it is estimated with the window.
         let rate_rad_s = tilt.yaw_rate_rad_s(rate - Vector3::new(bias.x, bias.y, 0.0));
@@ -238,7 +243,6 @@ impl GyroIntegrator {
             stamp_ns,
             heading_rad,
             rate_rad_s,
-            speed_m_s,
             tilt,
         });
         if let Some(still) = still {
@@ -317,37 +321,14 @@ impl GyroIntegrator {
         })
     }
 
-    /// Change of the forward speed between two instants, where the accelerometer has proved true.
-    pub fn speed_change(&self, from_ns: i64, to_ns: i64) -> Option<SpeedChange> {
-        let integral = |stamp_ns| self.at(stamp_ns, |state| (state.speed_m_s, 0.0));
-        let change_m_s = integral(to_ns)? - integral(from_ns)?;
-        let dt_s = (to_ns - from_ns) as f64 * 1e-9;
-        self.accelerometer.speed_change(to_ns, change_m_s, dt_s)
+    /// The speed as IMU and radar know it.
+    pub fn inertial_speed(&self) -> &InertialSpeed {
+        &self.inertial_speed
     }
 
-    /// The forward speed at an instant and its standard deviation, m/s, where the scan before
-    /// showed one.
-    pub fn last_seen_speed(&self, stamp_ns: i64) -> Option<(f64, f64)> {
-        let integral_m_s = self.at(stamp_ns, |state| (state.speed_m_s, 0.0))?;
-        self.accelerometer.speed(stamp_ns, integral_m_s)
-    }
-
-    /// Compares the accelerometer with the forward speed that the radar shows at an instant, m/s;
-    /// `None` where it shows none.
-    pub fn compare_speed(&mut self, stamp_ns: i64, speed_m_s: Option<f64>) {
-        let integral_m_s = self.at(stamp_ns, |state| (state.speed_m_s, 0.0));
-        match integral_m_s.zip(speed_m_s) {
-            Some((integral_m_s, speed_m_s)) => {
-                self.accelerometer
-                    .compare(stamp_ns, integral_m_s, speed_m_s);
-            }
-            None => self.accelerometer.pause(),
-        }
-    }
-
-    /// Whether the robot stands.
-    pub fn stands(&self) -> bool {
-        self.accelerometer.stands()
+    /// A scan was estimated: where the radar has it, if it does.
+    pub fn observe_scan(&mut self, stamp_ns: i64, fix: Option<&RadarFix>) {
+        self.inertial_speed.observe_scan(stamp_ns, fix);
     }
 
     /// Yaw rate with its bias and tilt at the newest sample at or before an instant.
@@ -369,9 +350,14 @@ impl GyroIntegrator {
         Vector3::new(bias.x, bias.y, self.yaw_bias_rad_s)
     }
 
-    /// Takes over the yaw bias that the window has estimated.
-    pub fn set_yaw_bias(&mut self, bias_rad_s: f64) {
-        self.yaw_bias_rad_s = bias_rad_s;
+    /// Takes over the yaw bias that the window has estimated, with its variance.
+    pub fn set_yaw_bias(&mut self, bias_rad_s: f64, variance: f64) {
+        (self.yaw_bias_rad_s, self.yaw_bias_variance) = (bias_rad_s, variance);
+    }
+
+    /// Standard deviation of the yaw bias, rad/s.
+    pub fn yaw_bias_sigma_rad_s(&self) -> f64 {
+        self.yaw_bias_variance.sqrt()
     }
 }
 

@@ -11,7 +11,7 @@ use randt_messages::{ImuUse, SweepHead};
 const UNCOVERED_MAX_S: f64 = 0.01;
 
 /// The gyro's part in the prediction of a scan.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct GyroMeasurement {
     /// The turn over the sweep and the time since the scan before; `None` without any samples.
     pub turn: Option<Turn>,
@@ -25,10 +25,28 @@ pub struct GyroMeasurement {
     pub tilt: Tilt,
     /// Yaw rate at the sweep's end, bias and all, where the sweep is covered, rad/s.
     pub rate_rad_s: Option<f64>,
-    /// The yaw bias known before, rad/s.
+    /// The yaw bias known before, and its standard deviation, rad/s.
     pub bias_rad_s: f64,
+    pub bias_sigma_rad_s: f64,
     /// The factor between the scan before and this one.
     pub term: Option<GyroTerm>,
+}
+
+impl Default for GyroMeasurement {
+    /// Without a gyro, whose bias does not matter then.
+    fn default() -> Self {
+        Self {
+            turn: None,
+            span_ns: (0, 0),
+            reaches_end: false,
+            covers_sweep: false,
+            tilt: Tilt::default(),
+            rate_rad_s: None,
+            bias_rad_s: 0.0,
+            bias_sigma_rad_s: 1.0,
+            term: None,
+        }
+    }
 }
 
 impl GyroMeasurement {
@@ -52,13 +70,14 @@ impl GyroMeasurement {
             .zip(rate_rad_s)
             .and_then(|(last_ns, rate_rad_s)| {
                 let turn = gyro.turn_between(last_ns, end_ns)?;
+                let speed = gyro.inertial_speed();
                 Some(GyroTerm {
                     turn,
                     rate_rad_s,
                     standstill,
-                    speed_change: gyro.speed_change(last_ns, end_ns),
-                    last_seen_speed: gyro.last_seen_speed(end_ns),
-                    stands: gyro.stands(),
+                    speed_change: speed.change(),
+                    speed: speed.speed(),
+                    stands: speed.stands(),
                 })
             });
         Self {
@@ -73,6 +92,7 @@ impl GyroMeasurement {
             tilt: rate_and_tilt.map_or(Tilt::LEVEL, |(_, tilt)| tilt),
             rate_rad_s,
             bias_rad_s: gyro.bias_rad_s().z,
+            bias_sigma_rad_s: gyro.yaw_bias_sigma_rad_s(),
             term,
         }
     }

@@ -15,8 +15,6 @@ use randt_ndt::{AdaptiveLoss, Association};
 const ROUNDS: u32 = 8;
 /// Change of speed below which those rounds end, m/s: 1 mm in a sweep.
 const SPEED_CHANGE_M_S: f64 = 0.005;
-/// Cells from which a scan can initialise a submap.
-const CELLS_MIN: usize = 5;
 /// Speeds tried at a start differ by this share of a cell per scan: the solver's basin is half a
 /// cell.
 const STEP_CELLS: f64 = 0.15;
@@ -164,18 +162,6 @@ impl Initializer {
             .sum()
     }
 
-    /// A first scan with too few cells initialises nothing: it is dropped, and the next one is the
-    /// first.
-    pub fn drop_sparse_first_scan(&self, window: &mut SlidingWindow) {
-        let is_sparse = |window: &SlidingWindow| {
-            let first = window.oldest();
-            first.is_some_and(|scan| scan.cells.len() < CELLS_MIN)
-        };
-        if window.is_first_of_frame() && is_sparse(window) {
-            window.restart();
-        }
-    }
-
     /// The frame's first scan leaves the window with its final state: it enters the emptied submap
     /// as every scan does.
     pub fn complete(&self, submaps: &mut Submaps, odom_from_first: &Pose2) {
@@ -234,7 +220,6 @@ mod tests {
             window.deskew(i, None, &config);
             window.build_cells(i);
             solution = initializer.estimate(&mut window, &mut submaps, None, &config);
-            initializer.drop_sparse_first_scan(&mut window);
         }
         (window, solution)
     }
@@ -248,11 +233,8 @@ mod tests {
     }
 
     #[test]
-    fn the_first_scan_has_no_solution_and_an_empty_one_is_dropped() {
+    fn the_first_scan_has_no_solution() {
         let (window, solution) = started(&[sweep(1, 0.0)]);
         assert!(solution.is_none() && window.is_first_of_frame());
-        let mut empty = sweep(1, 0.0);
-        empty.items.clear();
-        assert_eq!(started(&[empty]).0.len(), 0);
     }
 }

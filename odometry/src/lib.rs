@@ -6,15 +6,16 @@
 //! scans and the same samples give the same bits, however the two interleave, and whether or not
 //! the state was saved and restored in between.
 
-mod accelerometer;
 mod deskew;
 mod gyro_integrator;
 mod gyro_measurement;
+mod inertial_speed;
 mod initializer;
 mod keyframe_selector;
 mod localizability;
 mod odometry;
 mod odometry_frame;
+mod recent_drift;
 #[cfg(feature = "runtime")]
 pub mod runtime;
 mod scan;

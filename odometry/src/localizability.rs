@@ -1,8 +1,11 @@
 //! Which directions of the position a scan sees by itself.
 
-use nalgebra::{Matrix3, SymmetricEigen};
+use nalgebra::{Matrix2, Matrix3, SymmetricEigen, Vector2};
 use randt_config::Config;
-use randt_geometry::{elementary::atan2, marginalize_yaw};
+use randt_geometry::{
+    elementary::{atan2, sin_cos},
+    marginalize_yaw,
+};
 use randt_messages::Localizability as Seen;
 use randt_persist::{Error, Persist, Reader, Writer};
 use std::f64::consts::FRAC_PI_2;
@@ -51,6 +54,21 @@ impl Localizability {
             } else {
                 0.0
             },
+        }
+    }
+}
+
+impl Localizability {
+    /// Projection onto what is not seen, in the robot's frame.
+    pub fn unseen(&self) -> Matrix2<f64> {
+        match self.seen {
+            Seen::Partial => {
+                let (sin, cos) = sin_cos(self.weak_direction_rad);
+                let along = Vector2::new(cos, sin);
+                along * along.transpose()
+            }
+            Seen::None => Matrix2::identity(),
+            Seen::Full | Seen::Unknown => Matrix2::zeros(),
         }
     }
 }

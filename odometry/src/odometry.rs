@@ -9,6 +9,7 @@ use crate::{
     gyro_measurement::GyroMeasurement,
     initializer::Initializer,
     keyframe_selector::{KeyframeSelector, step_covariance},
+    localizability::CELLS_MIN,
     odometry_frame::OdometryFrame,
     sliding_window::{SlidingWindow, Solution},
     state_publisher::{Estimate, StatePublisher},
@@ -18,13 +19,17 @@ use crate::{
     tracking_status::TrackingStatus,
 };
 use randt_config::Config;
-use randt_geometry::Pose2;
+use randt_geometry::{Pose2, elementary::wrap};
 use randt_messages::{
-    ImuSample, ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust,
+    ImuSample, ImuUse, Keyframe, Localizability, Message, MessageRef, OdometryState, RadarPoints,
+    Trust,
 };
 use randt_persist::StateIdentity;
 
 pub use counters::Counters;
+
+/// The gyro's bias in a state.
+const BIAS: usize = 6;
 
 /// Where the results go.
 pub trait Sink {
@@ -193,10 +198,13 @@ impl Odometry {
         }
         self.deskew_and_build_cells();
         let solution = self.estimate();
+        self.begin_frame_or_wait();
         self.judge(solution.as_ref());
         self.publish(solution, imu_use, sink);
 
-        self.initializer.drop_sparse_first_scan(&mut self.window);
+        if self.frame.waits_since_ns.is_some() {
+            self.window.restart();
+        }
         self.forget_gyro_before_window();
     }
 
@@ -224,6 +232,36 @@ impl Odometry {
             .restart(self.keyframes.next_id(), self.frame.odom_from_first);
     }
 
+    /// As long as the frame has not begun, a scan of too few cells to be set against another one
+    /// ends what was tried: the next scan is the first. Only the heading goes on, by the gyro.
+    fn begin_frame_or_wait(&mut self) {
+        let Some(newest) = self.window.newest() else {
+            return;
+        };
+        let seen = newest.localizability.seen;
+        self.frame.has_begun |= !self.window.holds_first_scan()
+            || !self.window.is_first_of_frame() && seen == Localizability::Full;
+        if !self.frame.has_begun && newest.cells.len() < CELLS_MIN {
+            self.frame.odom_from_first.yaw_rad = newest.state.odom_from_base.yaw_rad;
+            self.frame.waits_since_ns = Some(newest.message.head.sweep.end_ns);
+            self.frame.has_waited = true;
+        }
+    }
+
+    /// The heading at which a frame that waits for its first scan is at an instant.
+    fn turn_waiting_frame(&mut self, end_ns: i64) {
+        let Some((since_ns, gyro)) = self.frame.waits_since_ns.take().zip(self.gyro.as_ref())
+        else {
+            return;
+        };
+        if let Some(turn) = gyro.turn_between(since_ns, end_ns) {
+            let bias_rad = gyro.bias_rad_s().z * (end_ns - since_ns) as f64 * 1e-9;
+            let pose = &mut self.frame.odom_from_first;
+            pose.yaw_rad = wrap(pose.yaw_rad + turn.angle_rad - bias_rad);
+            self.submaps.move_root(*pose);
+        }
+    }
+
     /// Integrates the oldest of the waiting samples.
     fn integrate(&mut self, samples: usize) {
         let Some(gyro) = &mut self.gyro else {
@@ -244,6 +282,7 @@ impl Odometry {
             &scan.head.sweep,
             self.window.last_end_ns(),
         );
+        self.turn_waiting_frame(scan.head.sweep.end_ns);
         let odom_from_first = self.frame.odom_from_first;
         self.window
             .predict(scan, &gyro, odom_from_first, &self.config);
@@ -272,12 +311,15 @@ impl Odometry {
             self.counters.solver_failures += 1;
         }
         if let (Some(gyro), Some(newest)) = (&mut self.gyro, self.window.newest()) {
-            gyro.set_yaw_bias(newest.state.bias_rad_s);
+            if let Some(solution) = &solution {
+                let variance = solution.covariance[(BIAS, BIAS)];
+                gyro.set_yaw_bias(newest.state.bias_rad_s, variance);
+            }
             let end_ns = newest.message.head.sweep.end_ns;
-            gyro.compare_speed(
-                end_ns,
-                newest.seen_speed_m_s().filter(|_| solution.is_some()),
-            );
+            let fix = solution
+                .as_ref()
+                .and_then(|solution| newest.radar_fix(&solution.covariance));
+            gyro.observe_scan(end_ns, fix.as_ref());
         }
         solution
     }
@@ -287,17 +329,20 @@ impl Odometry {
         let Some(scan) = self.window.newest() else {
             return;
         };
-        let status = match solution {
+        let mut status = match solution {
             Some(solution) => self.tracking.judge(solution, scan, &self.config),
             None => TrackingStatus::without_solution(scan.cells.len()),
         };
+        if self.frame.is_waiting() {
+            status.trust = Trust::Lost as u32;
+        }
         let variance_m2 = solution.map(Solution::position_variance_m2);
         self.window.set_status(status, variance_m2);
         let trust = status.trust();
         if trust != Trust::Good && !self.window.is_first_of_frame() {
             self.counters.scans_unsupported += 1;
         }
-        self.frame.is_lost = trust == Trust::Lost;
+        self.frame.is_lost = trust == Trust::Lost && self.frame.has_begun;
     }
 
     /// Publishes the newest state.
@@ -310,7 +355,9 @@ impl Odometry {
             scan,
             solution,
             is_first_of_frame: self.window.is_first_of_frame(),
+            is_waiting: self.frame.is_waiting(),
             imu_use,
+            tracking: &self.tracking,
             odom_frame_id: self.frame.id,
             submap_id: self.submaps.active().id,
             inlier_max: loss_scale * loss_scale,

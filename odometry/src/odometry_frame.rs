@@ -10,20 +10,39 @@ pub struct OdometryFrame {
     pub id: u64,
     /// Whether the pose was lost, so that the next scan opens a new frame.
     pub is_lost: bool,
+    /// Whether a scan saw enough to be set against the first one: before, there is no pose that
+    /// could be lost.
+    pub has_begun: bool,
+    /// Whether a scan was not enough for a first one.
+    pub has_waited: bool,
+    /// End of the last such scan, ns: the heading goes on from there.
+    pub waits_since_ns: Option<i64>,
     /// Pose of its first scan in `odom`.
     pub odom_from_first: Pose2,
 }
 
-persist!(OdometryFrame { id, is_lost, odom_from_first } sound has_room);
+persist!(OdometryFrame {
+    id,
+    is_lost,
+    has_begun,
+    has_waited,
+    waits_since_ns,
+    odom_from_first,
+} sound has_room);
 
 impl OdometryFrame {
     /// A frame after others that begins at a known pose.
     pub fn after(last_id: u64, odom_from_first: Pose2) -> Self {
         Self {
             id: last_id + 1,
-            is_lost: false,
             odom_from_first,
+            ..Self::default()
         }
+    }
+
+    /// Whether it waits for its first scan: its poses are none.
+    pub fn is_waiting(&self) -> bool {
+        self.has_waited && !self.has_begun
     }
 
     /// Whether there are numbers left.

@@ -145,9 +145,9 @@ impl SlidingWindow {
     ) {
         let end_ns = points.head.sweep.end_ns;
         let last = self.newest().map(|scan| scan.state).zip(self.last_end_ns());
-        let (last_localizability, scans_seeing_all) = self.newest().map_or_else(
-            || (Default::default(), SEEING_MIN),
-            |scan| (scan.localizability, scan.scans_seeing_all),
+        let (last_localizability, fixes_way, scans_seeing_all) = self.newest().map_or_else(
+            || (Default::default(), true, SEEING_MIN),
+            |scan| (scan.localizability, scan.fixes_way, scan.scans_seeing_all),
         );
         let Some(scan) = self.scans.get_mut(self.used) else {
             return;
@@ -161,6 +161,7 @@ impl SlidingWindow {
         scan.ndt = NormalEquations::default();
         // Until its cells are compared, it sees what the scan before saw.
         scan.localizability = last_localizability;
+        (scan.fixes_way, scan.follows_fix) = (fixes_way, fixes_way);
         scan.scans_seeing_all = scans_seeing_all;
         scan.scans_seeing_all_before = scans_seeing_all;
         match last {
@@ -169,8 +170,10 @@ impl SlidingWindow {
                 let mut twist = last.velocity * scan.dt_s;
                 let mut velocity = last.velocity;
                 if let Some(speed_change) = scan.speed_change() {
-                    velocity.x += speed_change.change_m_s;
-                    twist.x += 0.5 * speed_change.change_m_s * scan.dt_s;
+                    for (axis, change_m_s) in speed_change.value_m_s.into_iter().enumerate() {
+                        velocity[axis] += change_m_s;
+                        twist[axis] += 0.5 * change_m_s * scan.dt_s;
+                    }
                 }
                 if let Some(gyro) = &scan.gyro {
                     twist.z = wrap(gyro.turn.angle_rad - last.bias_rad_s * scan.dt_s);
@@ -190,7 +193,7 @@ impl SlidingWindow {
                     velocity: Vector3::new(0.0, 0.0, yaw_rate),
                     bias_rad_s: gyro.bias_rad_s,
                 };
-                self.prior = Prior::at_start(&scan.state, config);
+                self.prior = Prior::at_start(&scan.state, gyro.bias_sigma_rad_s, config);
             }
         }
     }
@@ -245,7 +248,9 @@ impl SlidingWindow {
         };
         let marginal = self.solver.marginalize_oldest(oldest, second, &problem);
         // A window without a solution starts again from its present state.
-        self.prior = marginal.unwrap_or_else(|| Prior::at_start(&second.state, config));
+        let bias_sigma_rad_s = config.odometry.gyro_bias_sigma_rad_s;
+        self.prior =
+            marginal.unwrap_or_else(|| Prior::at_start(&second.state, bias_sigma_rad_s, config));
     }
 
     /// Takes the oldest scan out; its state is final.

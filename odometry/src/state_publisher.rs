@@ -5,6 +5,7 @@ use crate::{
     gyro_integrator::GyroIntegrator,
     localizability::{CELLS_MIN, position_information},
     sliding_window::{Solution, StateMatrix, WindowScan},
+    tracking_monitor::TrackingMonitor,
 };
 use nalgebra::{Matrix3, Vector3};
 use randt_geometry::Pose2;
@@ -25,8 +26,12 @@ pub struct Estimate<'a> {
     pub solution: Option<Solution>,
     /// Whether the scan is the first one of its frame: it is at the origin by definition.
     pub is_first_of_frame: bool,
+    /// Whether its frame has not begun: it has no pose.
+    pub is_waiting: bool,
     /// How the IMU was used.
     pub imu_use: ImuUse,
+    /// What the position has drifted by.
+    pub tracking: &'a TrackingMonitor,
     /// The odometry frame.
     pub odom_frame_id: u64,
     /// The submap that it was registered to.
@@ -148,9 +153,11 @@ impl Persist for StatePublisher {
     }
 }
 
-/// Covariance of x, y, yaw against the submap, in the robot's frame.
+/// Covariance of x, y, yaw against the submap, in the robot's frame, with the drift of the last
+/// metres.
 fn pose_covariance(estimate: &Estimate<'_>) -> Matrix3<f64> {
     let covariance = match &estimate.solution {
+        _ if estimate.is_waiting => StateMatrix::identity() * UNKNOWN_VARIANCE,
         Some(solution) => solution.covariance,
         // The first scan defines the origin, as the window's prior has it; one of too few cells is
         // not the first.
@@ -159,7 +166,14 @@ fn pose_covariance(estimate: &Estimate<'_>) -> Matrix3<f64> {
         }
         None => StateMatrix::identity() * UNKNOWN_VARIANCE,
     };
-    covariance.fixed_view::<3, 3>(0, 0).into_owned()
+    let mut covariance = covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let mut position = covariance.fixed_view_mut::<2, 2>(0, 0);
+    let odom_from_base = &estimate.scan.state.odom_from_base;
+    let widened = estimate
+        .tracking
+        .widen(&position.clone_owned(), odom_from_base);
+    position.copy_from(&widened);
+    covariance
 }
 
 /// What of a state another process can go on from.
@@ -193,12 +207,18 @@ mod tests {
         fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
     }
 
-    fn estimate(scan: &WindowScan, is_first_of_frame: bool) -> Estimate<'_> {
+    fn estimate<'a>(
+        scan: &'a WindowScan,
+        tracking: &'a TrackingMonitor,
+        is_first_of_frame: bool,
+    ) -> Estimate<'a> {
         Estimate {
             scan,
             solution: None,
             is_first_of_frame,
+            is_waiting: false,
             imu_use: ImuUse::None,
+            tracking,
             odom_frame_id: 3,
             submap_id: 4,
             inlier_max: 4.0,
@@ -209,11 +229,12 @@ mod tests {
     fn states_are_numbered_and_a_retired_scan_goes_out_once() {
         let (mut scan, mut states) = (WindowScan::default(), States::default());
         scan.cells = vec![ScanCell::default(); CELLS_MIN];
+        let tracking = TrackingMonitor::default();
         let mut publisher = StatePublisher::default();
         publisher.continue_from(7, &PoseRecord::default());
         publisher.set_retired_scan(Some((99, Pose2::new(1.0, 2.0, 0.5))));
-        publisher.publish(&estimate(&scan, true), None, &mut states);
-        publisher.publish(&estimate(&scan, false), None, &mut states);
+        publisher.publish(&estimate(&scan, &tracking, true), None, &mut states);
+        publisher.publish(&estimate(&scan, &tracking, false), None, &mut states);
         let ids = states.0.iter().map(|state| state.id);
         assert!(ids.eq([7, 8]) && publisher.next_id() == 9);
         let [first, second] = &states.0[..] else {

@@ -65,6 +65,11 @@ impl Submaps {
         self.close_next();
     }
 
+    /// The root in force is at another pose, as long as nothing was inserted.
+    pub fn move_root(&mut self, odom_from_root: Pose2) {
+        self.active.odom_from_root = odom_from_root;
+    }
+
     /// The root in force gets another number, as long as no keyframe was made.
     pub fn renumber_root(&mut self, root_keyframe: u64) {
         self.active.root_keyframe = root_keyframe;

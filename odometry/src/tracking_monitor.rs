@@ -2,10 +2,13 @@
 
 use crate::{
     localizability::Localizability,
+    recent_drift::RecentDrift,
     sliding_window::{Solution, WindowScan},
     tracking_status::TrackingStatus,
 };
+use nalgebra::Matrix2;
 use randt_config::Config;
+use randt_geometry::{Pose2, elementary::sin_cos};
 use randt_messages::{Localizability as Seen, Return, Trust, TrustReason};
 use randt_ndt::AdaptiveLoss;
 use randt_persist::persist;
@@ -24,9 +27,14 @@ const FIT_SCANS: u32 = 10;
 const HELD_NS: i64 = 1_000_000_000;
 /// Scans in a row without support before the pose may be given up.
 const LOST_AFTER: u32 = 5;
-/// Variance of the position above which a pose without support is given up, m^2: 3 m, three cells
-/// of the mixed profile. IMU and motion model reach it after 20 s, the motion model alone after 5.
-const COASTING_VARIANCE_MAX_M2: f64 = 9.0;
+/// Share of a submap's radius: a pose without support is given up where its standard deviation is
+/// more, because the submap is then hardly there.
+const COASTING_SHARE: f64 = 0.5;
+/// Drift over the last metres above which trust stays away, m: half a metre is wrong.
+const DRIFT_MAX_M: f64 = 0.25;
+/// Variance that a scan adds where neither its cells nor the IMU hold the position, m^2: what the
+/// grid makes of it stands still.
+const UNCARRIED_VARIANCE_M2: f64 = 0.01;
 /// Returns from which two equal scans are one: noise makes each of them differ.
 const FROZEN_MIN: usize = 10;
 
@@ -38,6 +46,9 @@ pub struct TrackingMonitor {
     poor_fits: u32,
     /// Stamp of the last scan with a reason against its pose.
     doubted_ns: Option<i64>,
+    /// Largest variance of the last scan's position, m^2.
+    last_variance_m2: f64,
+    drift: RecentDrift,
     /// Hash of the last scan's returns, and whether they are those of the one before.
     returns_hash: u64,
     is_frozen: bool,
@@ -47,6 +58,8 @@ persist!(TrackingMonitor {
     unsupported,
     poor_fits,
     doubted_ns,
+    last_variance_m2,
+    drift,
     returns_hash,
     is_frozen,
 } sound is_sound);
@@ -80,6 +93,33 @@ impl TrackingMonitor {
         self.is_frozen
     }
 
+    /// Notes by how much the position drifted with this scan, where its cells do not hold it.
+    fn note_drift(
+        &mut self,
+        solution: &Solution,
+        scan: &WindowScan,
+        localizability: Localizability,
+    ) {
+        let variance_m2 = solution.position_variance_m2();
+        let mut grown_m2 = (variance_m2 - self.last_variance_m2).max(0.0);
+        self.last_variance_m2 = variance_m2;
+        if !scan.is_carried() {
+            grown_m2 = grown_m2.max(UNCARRIED_VARIANCE_M2);
+        }
+        let turn = turn(&scan.state.odom_from_base);
+        let drift = turn * localizability.unseen() * turn.transpose() * grown_m2;
+        let way_m = scan.state.velocity.xy().norm() * scan.dt_s;
+        self.drift.advance(way_m, &drift);
+    }
+
+    /// A covariance of the newest position, in the robot's frame, as that against where the robot
+    /// was some metres ago.
+    pub fn widen(&self, covariance_m2: &Matrix2<f64>, odom_from_base: &Pose2) -> Matrix2<f64> {
+        let turn = turn(odom_from_base);
+        let turned = turn * covariance_m2 * turn.transpose();
+        turn.transpose() * self.drift.widen(&turned) * turn
+    }
+
     /// Judges how far the newest pose can be believed, by its solution.
     pub fn judge(
         &mut self,
@@ -96,6 +136,7 @@ impl TrackingMonitor {
             self.unsupported += 1;
             Localizability::NONE
         };
+        self.note_drift(solution, scan, localizability);
         let is_poor = solution.fit < fit_min(config);
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
 
@@ -111,7 +152,7 @@ impl TrackingMonitor {
             | TrustReason::Contested.bit_if(is_contested)
             | TrustReason::Rate.bit_if(is_fast);
         let is_adrift = self.unsupported >= LOST_AFTER
-            && solution.position_variance_m2() > COASTING_VARIANCE_MAX_M2;
+            && solution.position_variance_m2().sqrt() > COASTING_SHARE * config.submap.radius_m;
         let trust = if is_adrift || is_fast {
             Trust::Lost
         } else {
@@ -119,7 +160,8 @@ impl TrackingMonitor {
                 self.doubted_ns = Some(stamp_ns);
             }
             let is_held = |doubted_ns| stamp_ns.saturating_sub(doubted_ns) < HELD_NS;
-            if self.doubted_ns.is_some_and(is_held) {
+            let has_drifted = self.drift.sigma_m() > DRIFT_MAX_M;
+            if self.doubted_ns.is_some_and(is_held) || has_drifted {
                 reasons |= TrustReason::Held.bit_if(reasons == 0);
                 Trust::Degraded
             } else {
@@ -133,6 +175,12 @@ impl TrackingMonitor {
             weak_direction_rad: localizability.weak_direction_rad,
         }
     }
+}
+
+/// From the robot's frame into `odom`, without the way.
+fn turn(odom_from_base: &Pose2) -> Matrix2<f64> {
+    let (sin, cos) = sin_cos(odom_from_base.yaw_rad);
+    Matrix2::new(cos, -sin, sin, cos)
 }
 
 #[cfg(test)]

@@ -82,8 +82,11 @@ fn motion_model(
         // White acceleration of density a^2 dt over dt: velocity varies by a dt, position around
         // the mean of the velocities by a dt^2 / sqrt 12.
         let (mut velocity_change, mut velocity_sigma) = (0.0, acceleration[axis] * dt_s);
-        if let (0, Some(measured)) = (axis, speed_change) {
-            (velocity_change, velocity_sigma) = (measured.change_m_s, measured.sigma_m_s);
+        if let Some(measured) = speed_change
+            && let (Some(value), Some(sigma)) =
+                (measured.value_m_s.get(axis), measured.sigma_m_s.get(axis))
+        {
+            (velocity_change, velocity_sigma) = (*value, *sigma);
         }
         let mut position_sigma2 = velocity_sigma * velocity_sigma * dt_s * dt_s / 12.0;
         if axis == 2 && scan.gyro.is_none() {
@@ -110,11 +113,13 @@ fn motion_model(
             velocity_sigma * velocity_sigma,
         );
     }
-    if let Some((speed_m_s, sigma_m_s)) = scan.last_seen_speed() {
-        let (a, mut b) = (StateVector::zeros(), StateVector::zeros());
-        b[3] = 1.0;
-        let residual = current.velocity.x - speed_m_s;
-        cost += add_row(system, i, &a, &b, residual, sigma_m_s * sigma_m_s);
+    if let Some(seen) = scan.last_seen_speed() {
+        for (axis, (value, sigma)) in seen.value_m_s.iter().zip(seen.sigma_m_s).enumerate() {
+            let (a, mut b) = (StateVector::zeros(), StateVector::zeros());
+            b[3 + axis] = 1.0;
+            let residual = current.velocity[axis] - value;
+            cost += add_row(system, i, &a, &b, residual, sigma * sigma);
+        }
     }
     if scan.stands() {
         for axis in 0..2 {

@@ -26,6 +26,10 @@ const REMAINS_MIN: f64 = 1.0;
 /// cells that meet by chance do so once, and hold the pose where it is not.
 pub const SEEING_MIN: u32 = 2;
 
+/// Standard deviation of the heading of a scan that does not see every direction, beside what its
+/// cells say, rad.
+const UNSEEN_HEADING_SIGMA_RAD: f64 = 0.02;
+
 /// The term at the scan's present state and associations, not yet weighted.
 pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
     let submap_from_base = submap.odom_from_root.between(&scan.state.odom_from_base);
@@ -45,10 +49,12 @@ pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLo
     let mut information = scan.scan_information(config);
     if scan.cells.len() < CELLS_MIN {
         scan.localizability = Localizability::NONE;
+        scan.fixes_way = false;
         ignore_all(scan);
         return;
     }
     scan.localizability = Localizability::from_information(&information, scan.fit(), config);
+    scan.judge_way(&information, config);
     if !scan.is_carried() {
         scan.scans_seeing_all = SEEING_MIN;
         return;
@@ -79,6 +85,7 @@ pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLo
             seen: Seen::Partial,
             weak_direction_rad,
         };
+        scan.fixes_way = false;
     }
     let submap_from_base = problem
         .submap
@@ -130,6 +137,16 @@ pub fn add(
         information.fill_column(5, 0.0);
         gradient[5] = 0.0;
     }
-    system.add_unary(i, &(information * weight), &(gradient * weight));
+    let (mut information, mut gradient) = (information * weight, gradient * weight);
+    if scan.gyro.is_some() && scan.localizability.seen != Seen::Full {
+        // Few cells, or walls alone, turn a pose as they please: their heading has a noise of its
+        // own, and the gyro's counts.
+        let by_heading = information.column(2).into_owned();
+        let noise = UNSEEN_HEADING_SIGMA_RAD * UNSEEN_HEADING_SIGMA_RAD;
+        let share = 1.0 / (1.0 / noise + by_heading[2]);
+        gradient -= by_heading * (gradient[2] * share);
+        information -= by_heading * by_heading.transpose() * share;
+    }
+    system.add_unary(i, &information, &gradient);
     term.cost * weight
 }

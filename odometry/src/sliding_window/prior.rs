@@ -27,8 +27,9 @@ pub struct Prior {
 persist!(Prior { mean, information });
 
 impl Prior {
-    /// At the start of a frame the pose is known by definition and the speed not at all.
-    pub fn at_start(state: &State, config: &Config) -> Self {
+    /// At the start of a frame the pose is known by definition and the speed not at all; the
+    /// gyro's bias is as it was known before, to `bias_sigma_rad_s`.
+    pub fn at_start(state: &State, bias_sigma_rad_s: f64, config: &Config) -> Self {
         let odometry = &config.odometry;
         let speed = odometry.speed_max_m_s;
         let sigma = [
@@ -38,7 +39,7 @@ impl Prior {
             speed,
             START_SIDEWAYS_SIGMA,
             START_SIDEWAYS_SIGMA,
-            odometry.gyro_bias_sigma_rad_s,
+            bias_sigma_rad_s,
         ];
         let information = StateMatrix::from_diagonal(&SVector::from(sigma.map(|s| 1.0 / (s * s))));
         Self {

@@ -1,18 +1,18 @@
 //! One scan of the window: what was measured, and what is estimated from it.
 
-use super::state::State;
+use super::state::{State, StateMatrix};
 use crate::{
-    accelerometer::SpeedChange,
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
     gyro_integrator::{GyroIntegrator, GyroTerm},
-    localizability::Localizability,
+    inertial_speed::{RadarFix, Speed},
+    localizability::{Localizability, wall_information},
     scan::Scan,
     tilt::Tilt,
     tracking_status::TrackingStatus,
 };
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector3};
 use randt_config::Config;
-use randt_geometry::elementary::sin_cos;
+use randt_geometry::marginalize_yaw;
 use randt_messages::{Localizability as Seen, MAX_BEAMS, MAX_RETURNS};
 use randt_ndt::{Association, NormalEquations, ScanCell};
 use randt_persist::persist;
@@ -20,6 +20,11 @@ use randt_persist::persist;
 /// Cells of a scan that there is room for from the start: a Navtech's sweep of 30,000 returns has
 /// fewer than 2,000.
 pub const CELLS: usize = 8192;
+
+/// Share of the grid's own information in that along the forward axis above which it counts: a robot that drives seems slower by so much.
+const PULL_MAX: f64 = 1.0 / 12.0;
+/// For how long it pulls before a fix is its own again, s.
+const PULL_S: f64 = 1.0;
 
 /// A scan with its state. Its fields are what the steps that it goes through leave for each other.
 /// Reused, so that a step allocates nothing.
@@ -51,6 +56,11 @@ pub struct WindowScan {
     pub ndt: NormalEquations,
     /// Which directions its cells see, as of the last solve.
     pub localizability: Localizability,
+    /// Whether its cells fix the way forward, and those of the scan before did when this one came.
+    pub fixes_way: bool,
+    /// Share of the grid's own information in what they say of it.
+    pub pull: f64,
+    pub follows_fix: bool,
     /// How many scans up to it see every direction, in a row and up to those that must: with it,
     /// and before it.
     pub scans_seeing_all: u32,
@@ -75,6 +85,9 @@ persist!(WindowScan {
     cells,
     ndt,
     localizability,
+    fixes_way,
+    pull,
+    follows_fix,
     scans_seeing_all,
     scans_seeing_all_before,
     position_variance_m2,
@@ -126,34 +139,22 @@ impl WindowScan {
         self.deskew_velocity = self.state.velocity;
     }
 
-    /// Whether the cells hold the position in every direction.
-    fn is_held(&self) -> bool {
-        matches!(self.localizability.seen, Seen::Full | Seen::Unknown)
-    }
-
     /// Variance that its step adds where its cells do not hold the position, in its own frame,
     /// m^2: what the uncertain speed makes of it, which is the same from step to step.
     pub fn drift_covariance(&self) -> Matrix2<f64> {
-        let (sin, cos) = sin_cos(self.localizability.weak_direction_rad);
-        let along = Vector2::new(cos, sin);
-        match self.localizability.seen {
-            Seen::Partial => along * along.transpose() * self.drift_m2,
-            Seen::None => Matrix2::identity() * self.drift_m2,
-            Seen::Full | Seen::Unknown => Matrix2::zeros(),
-        }
+        self.localizability.unseen() * self.drift_m2
     }
 
-    /// The measured change of speed since the scan before.
-    pub fn speed_change(&self) -> Option<SpeedChange> {
-        let gyro = self.gyro.filter(|_| !self.is_held())?;
+    /// The measured change of speed since the scan before, where the cells do not fix the way.
+    pub fn speed_change(&self) -> Option<Speed> {
+        let gyro = self.gyro.filter(|_| !self.fixes_way)?;
         gyro.speed_change
     }
 
-    /// The forward speed and its standard deviation as radar and accelerometer knew it together
-    /// when the cells stopped to hold the position, m/s.
-    pub fn last_seen_speed(&self) -> Option<(f64, f64)> {
-        let gyro = self.gyro.filter(|_| !self.is_held())?;
-        gyro.last_seen_speed
+    /// The forward speed as radar and IMU knew it together when the cells stopped to fix the way.
+    pub fn last_seen_speed(&self) -> Option<Speed> {
+        let gyro = self.gyro.filter(|_| !self.fixes_way && self.follows_fix)?;
+        gyro.speed
     }
 
     /// Whether the accelerometer carries the speed on without the radar.
@@ -162,15 +163,30 @@ impl WindowScan {
         self.gyro.is_some_and(carries)
     }
 
-    /// Whether the IMU shows that the robot stands, where the cells do not hold the position.
+    /// Whether the IMU shows that the robot stands, where the cells do not fix the way.
     pub fn stands(&self) -> bool {
-        !self.is_held() && self.gyro.is_some_and(|gyro| gyro.stands)
+        !self.fixes_way && self.gyro.is_some_and(|gyro| gyro.stands)
     }
 
-    /// The forward speed, where something shows it that is not the accelerometer, m/s.
-    pub fn seen_speed_m_s(&self) -> Option<f64> {
-        let is_seen = self.localizability.seen == Seen::Full || self.stands();
-        is_seen.then_some(self.state.velocity.x)
+    /// Judges whether the cells fix the way forward: the grid's own information, which says that
+    /// the robot stands, must not count beside theirs.
+    pub fn judge_way(&mut self, information: &Matrix3<f64>, config: &Config) {
+        let wall = wall_information(self.fit(), config);
+        let inverse = marginalize_yaw(information).try_inverse();
+        self.pull = inverse.map_or(1.0, |covariance| (wall * covariance.m11).min(1.0));
+        self.fixes_way = self.localizability.seen == Seen::Full && self.pull < PULL_MAX;
+    }
+
+    /// Where the cells have the robot, with that covariance, where they fix its way.
+    pub fn radar_fix(&self, covariance: &StateMatrix) -> Option<RadarFix> {
+        let pull_m = self.pull * self.state.velocity.x * PULL_S;
+        self.fixes_way.then(|| RadarFix {
+            pose: self.state.odom_from_base,
+            sigma_m: [
+                (covariance[(0, 0)] + pull_m * pull_m).sqrt(),
+                covariance[(1, 1)].sqrt(),
+            ],
+        })
     }
 
     /// Mean robust weight of its correspondences, 0..1.

@@ -105,7 +105,7 @@ fn in_a_bare_corridor_the_grid_makes_the_information_and_trust_is_not_good() {
 }
 
 #[test]
-fn between_two_ends_out_of_sight_the_accelerometer_carries_the_pose() {
+fn between_two_ends_out_of_sight_the_imu_carries_the_pose() {
     // Forty metres: the middle eight show no end.
     let corridor = "wall concrete 0,-1.3 42,-1.3 42,1.3 0,1.3 0,-1.3\nroute 1,-0.3 5,-0.3 40,-0.3 40.3,0 40,0.3 1,0.3 0.7,0";
     let world = World::parse("corridor", corridor).unwrap();
@@ -334,7 +334,7 @@ fn what_is_doubted_has_its_reasons_and_what_is_good_has_none() {
     let few: Change = |solution, _| solution.fit = 0.0;
     let adrift: Change = |solution, _| {
         solution.fit = 0.0;
-        (solution.covariance[(0, 0)], solution.covariance[(1, 1)]) = (1.0, 9.1);
+        (solution.covariance[(0, 0)], solution.covariance[(1, 1)]) = (1.0, 57.0);
     };
     let contested: Change = |_, scan| scan.message.head.sweep.contested = 1;
     let fast: Change = |_, scan| scan.state.velocity.x = 100.0;
@@ -369,6 +369,40 @@ fn what_is_doubted_has_its_reasons_and_what_is_good_has_none() {
 }
 
 #[test]
+fn where_the_position_drifted_trust_comes_back_after_its_metres() {
+    let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
+    let mut judged = |number: i64, weakest: f64, variance_m2: f64| {
+        let mut scan = scan(number);
+        (scan.state.velocity.x, scan.dt_s) = (1.0, 0.2);
+        let mut solution = solution(0.8, weakest);
+        solution.covariance[(1, 1)] = variance_m2;
+        let trust = judge(&mut monitor, &solution, scan, &config).trust();
+        let position = solution.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+        (trust, monitor.widen(&position, &Pose2::IDENTITY))
+    };
+    // Ten scans drift by 0.4 m; then all directions are seen again.
+    for number in 0..10 {
+        judged(number, 100.0, 0.016 * (number + 1) as f64);
+    }
+    let after: Vec<_> = (10..60)
+        .map(|number| judged(number, 9000.0, 1e-4))
+        .collect();
+    let doubted = after
+        .iter()
+        .take_while(|(trust, _)| *trust == Trust::Degraded);
+    let doubted = doubted.count();
+    assert!((17..=25).contains(&doubted), "{doubted} scans of 0.2 m");
+    assert!(
+        after[doubted..]
+            .iter()
+            .all(|(trust, _)| *trust == Trust::Good)
+    );
+    // As long as it is within the metres, its covariance is published.
+    assert!((after[0].1.m22 - 0.16).abs() < 1e-9 && after[0].1.m11 < 1e-9);
+    assert!((after[49].1.m22 - 1e-4).abs() < 1e-12);
+}
+
+#[test]
 fn what_is_remembered_survives_its_process() {
     let config = Config::default();
     let fits = [
@@ -380,13 +414,13 @@ fn what_is_remembered_survives_its_process() {
             monitor.judge(&solution(fit, 9000.0), &scan(number), &config)
         };
         assert_eq!(judge(&mut whole), judge(&mut killed), "scan {number}");
-        let mut bytes = [0; 64];
+        let mut bytes = [0; 512];
         killed.save(&mut Writer::new(&mut bytes));
         killed = TrackingMonitor::default();
         killed.restore(&mut Reader::new(&bytes)).unwrap();
     }
     // More scans than are remembered cannot have been.
-    let mut bytes = [0xff; 64];
+    let mut bytes = [0xff; 512];
     TrackingMonitor::default().save(&mut Writer::new(&mut bytes));
     bytes[4..8].copy_from_slice(&(1_u32 << FIT_SCANS).to_le_bytes());
     assert!(killed.restore(&mut Reader::new(&bytes)).is_err());

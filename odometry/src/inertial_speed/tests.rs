@@ -1,0 +1,178 @@
+use super::*;
+
+const STEP_NS: i64 = 4_000_000;
+const STEP_S: f64 = 0.004;
+const SCAN: i64 = 50;
+
+/// A robot on a slope whose IMU has biases; the radar sees where it is.
+struct Robot {
+    filter: InertialSpeed,
+    step: i64,
+    speed_m_s: f64,
+    x_m: f64,
+    /// The vertical's x in the robot's frame: a slope that goes down ahead.
+    slope: f64,
+    rate_bias_rad_s: f64,
+}
+
+impl Robot {
+    fn new() -> Self {
+        Self {
+            filter: InertialSpeed::new(&Odometry::default()),
+            step: 0,
+            speed_m_s: 0.0,
+            x_m: 0.0,
+            slope: 0.03,
+            rate_bias_rad_s: 0.003,
+        }
+    }
+
+    fn stamp_ns(&self) -> i64 {
+        self.step * STEP_NS
+    }
+
+    fn gravity(&self) -> Vector3<f64> {
+        let up = Vector3::new(self.slope, 0.0, (1.0 - self.slope * self.slope).sqrt());
+        up * GRAVITY_M_S2 + Vector3::new(0.02, -0.01, 0.0)
+    }
+
+    /// Drives straight on; a scan every fifth of a second.
+    fn drive(&mut self, seconds: f64, acceleration_m_s2: f64, is_fixed: bool) {
+        for _ in 0..(seconds / STEP_S) as i64 {
+            self.step += 1;
+            self.x_m += (self.speed_m_s + 0.5 * acceleration_m_s2 * STEP_S) * STEP_S;
+            self.speed_m_s += acceleration_m_s2 * STEP_S;
+            let force = self.gravity() + Vector3::x() * acceleration_m_s2;
+            let rate = Vector3::new(0.0, self.rate_bias_rad_s, 0.0);
+            self.filter.push(self.stamp_ns(), rate, force);
+            if self.step % SCAN == 0 {
+                let level = (1.0 - self.slope * self.slope).sqrt();
+                let fix = RadarFix {
+                    pose: Pose2::new(5.0, self.x_m * level, std::f64::consts::FRAC_PI_2),
+                    sigma_m: [0.02, 0.02],
+                };
+                let fix = is_fixed.then_some(&fix);
+                self.filter.observe_scan(self.stamp_ns(), fix);
+            }
+        }
+    }
+
+    fn stand_still(&self) -> StandstillBias {
+        StandstillBias {
+            begin_ns: self.stamp_ns() - 1_000_000_000,
+            end_ns: self.stamp_ns(),
+            bias_rad_s: Vector3::new(0.0, self.rate_bias_rad_s, 0.0),
+            sigma_rad_s: Vector3::repeat(1e-4),
+            gravity_m_s2: self.gravity(),
+        }
+    }
+}
+
+#[test]
+fn it_proves_true_first_and_then_carries_the_speed_by_the_accelerometer() {
+    let mut robot = Robot::new();
+    robot.drive(4.0, 0.2, true);
+    assert_eq!(robot.filter.speed(), None);
+    robot.drive(20.0, 0.0, true);
+    let speed = robot.filter.speed().unwrap();
+    assert!((speed.value_m_s[0] - 0.8).abs() < 0.02, "{speed:?}");
+    assert!(speed.sigma_m_s[0] < 0.05, "{speed:?}");
+    // Blind, it brakes and stays slow for ten seconds.
+    robot.drive(2.0, -0.2, false);
+    robot.drive(8.0, 0.0, false);
+    let speed = robot.filter.speed().unwrap();
+    let off_m_s = (speed.value_m_s[0] - 0.4).abs();
+    assert!(
+        off_m_s < 0.1 && off_m_s < 3.0 * speed.sigma_m_s[0],
+        "{speed:?}"
+    );
+    let change = robot.filter.change();
+    assert!(change.is_some_and(|change| change.value_m_s[0].abs() < 0.01));
+    // What it does not know adds up.
+    robot.drive(60.0, 0.0, false);
+    assert_eq!(robot.filter.speed(), None);
+}
+
+#[test]
+fn an_imu_that_does_not_agree_with_the_radar_does_not_carry() {
+    let mut robot = Robot::new();
+    robot.drive(10.0, 0.0, true);
+    for _ in 0..10 {
+        // It measures changes of speed that the radar does not see.
+        for acceleration_m_s2 in [1.0, -1.0] {
+            let before_m = robot.x_m;
+            robot.drive(1.0, acceleration_m_s2, true);
+            (robot.x_m, robot.speed_m_s) = (before_m, 0.0);
+        }
+    }
+    assert_eq!(robot.filter.speed(), None);
+    assert_eq!(robot.filter.change(), None);
+}
+
+#[test]
+fn what_is_not_gravity_is_not_taken_out() {
+    for shown in [
+        Vector3::zeros(),
+        Vector3::z(),
+        -GRAVITY_M_S2 * Vector3::z(),
+        GRAVITY_M_S2 * Vector3::x(),
+    ] {
+        let mut robot = Robot::new();
+        for _ in 0..5000 {
+            robot.step += 1;
+            robot.filter.push(robot.stamp_ns(), Vector3::zeros(), shown);
+            if robot.step % SCAN == 0 {
+                robot.filter.observe_scan(robot.stamp_ns(), None);
+            }
+        }
+        assert_eq!(robot.filter.speed(), None);
+        // A standstill that shows it ends what was believed.
+        let mut robot = Robot::new();
+        robot.drive(20.0, 0.0, true);
+        let still = StandstillBias {
+            gravity_m_s2: shown,
+            ..robot.stand_still()
+        };
+        robot.filter.observe_still(&still);
+        assert_eq!(robot.filter.speed(), None);
+        assert!(!robot.filter.stands());
+    }
+}
+
+#[test]
+fn a_standstill_is_a_speed_of_zero_unless_the_robot_drives() {
+    let mut robot = Robot::new();
+    robot.drive(20.0, 0.0, true);
+    robot.filter.observe_still(&robot.stand_still());
+    assert!(robot.filter.stands());
+    robot.filter.observe_motion();
+    assert!(!robot.filter.stands());
+    // An even speed looks the same to the IMU, but the radar has shown it.
+    robot.drive(4.0, 0.2, true);
+    robot.drive(2.0, 0.0, true);
+    robot.filter.observe_still(&robot.stand_still());
+    assert!(!robot.filter.stands());
+    let speed = robot.filter.speed().unwrap();
+    assert!((speed.value_m_s[0] - 0.8).abs() < 0.05, "{speed:?}");
+}
+
+#[test]
+fn it_survives_its_process() {
+    use randt_persist::{Persist, Reader, Writer};
+    let mut robot = Robot::new();
+    robot.drive(20.0, 0.0, true);
+    let mut bytes = [0; 4096];
+    robot.filter.save(&mut Writer::new(&mut bytes));
+    let mut restored = InertialSpeed::new(&Odometry::default());
+    restored.restore(&mut Reader::new(&bytes)).unwrap();
+    assert_eq!(restored.speed(), robot.filter.speed());
+    robot.drive(1.0, 0.3, false);
+    let mut other = Robot {
+        filter: restored,
+        step: robot.step - 250,
+        speed_m_s: 0.0,
+        ..Robot::new()
+    };
+    other.drive(1.0, 0.3, false);
+    assert_eq!(other.filter.change(), robot.filter.change());
+}
