@@ -66,7 +66,8 @@ pub struct GyroTerm {
 }
 
 /// Integrates the gyro's yaw rate, tilt taken out; steps the attitude filter. It owns the gyro's
-/// bias: the attitude filter gets rates without it.
+/// bias: the attitude filter gets rates without it. Its fields are what one sample changes, turned
+/// into the robot's frame and checked once.
 #[derive(Debug)]
 pub struct GyroIntegrator {
     base_from_imu: Quaternion,
@@ -145,7 +146,7 @@ impl GyroIntegrator {
             newest: None,
             bias: GyroBias::new(odometry.gyro_bias_sigma_rad_s, odometry.gyro_bias_walk),
             yaw_bias_rad_s: 0.0,
-            yaw_bias_variance: odometry.gyro_bias_sigma_rad_s.powi(2),
+            yaw_bias_variance: odometry.gyro_bias_sigma_rad_s * odometry.gyro_bias_sigma_rad_s,
             bias_walk: odometry.gyro_bias_walk,
             standstill_bias: None,
             rejected: 0,

@@ -3,13 +3,13 @@
 mod counters;
 mod persistence;
 mod resume;
+mod waiting;
 
 use crate::{
     gyro_integrator::GyroIntegrator,
     gyro_measurement::GyroMeasurement,
     initializer::Initializer,
     keyframe_selector::{KeyframeSelector, step_covariance},
-    localizability::CELLS_MIN,
     odometry_frame::OdometryFrame,
     sliding_window::{SlidingWindow, Solution},
     state_publisher::{Estimate, StatePublisher},
@@ -19,10 +19,9 @@ use crate::{
     tracking_status::TrackingStatus,
 };
 use randt_config::Config;
-use randt_geometry::{Pose2, elementary::wrap};
+use randt_geometry::Pose2;
 use randt_messages::{
-    ImuSample, ImuUse, Keyframe, Localizability, Message, MessageRef, OdometryState, RadarPoints,
-    Trust,
+    ImuSample, ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust,
 };
 use randt_persist::StateIdentity;
 
@@ -230,36 +229,6 @@ impl Odometry {
         self.keyframes.restart();
         self.submaps
             .restart(self.keyframes.next_id(), self.frame.odom_from_first);
-    }
-
-    /// As long as the frame has not begun, a scan of too few cells to be set against another one
-    /// ends what was tried: the next scan is the first. Only the heading goes on, by the gyro.
-    fn begin_frame_or_wait(&mut self) {
-        let Some(newest) = self.window.newest() else {
-            return;
-        };
-        let seen = newest.localizability.seen;
-        self.frame.has_begun |= !self.window.holds_first_scan()
-            || !self.window.is_first_of_frame() && seen == Localizability::Full;
-        if !self.frame.has_begun && newest.cells.len() < CELLS_MIN {
-            self.frame.odom_from_first.yaw_rad = newest.state.odom_from_base.yaw_rad;
-            self.frame.waits_since_ns = Some(newest.message.head.sweep.end_ns);
-            self.frame.has_waited = true;
-        }
-    }
-
-    /// The heading at which a frame that waits for its first scan is at an instant.
-    fn turn_waiting_frame(&mut self, end_ns: i64) {
-        let Some((since_ns, gyro)) = self.frame.waits_since_ns.take().zip(self.gyro.as_ref())
-        else {
-            return;
-        };
-        if let Some(turn) = gyro.turn_between(since_ns, end_ns) {
-            let bias_rad = gyro.bias_rad_s().z * (end_ns - since_ns) as f64 * 1e-9;
-            let pose = &mut self.frame.odom_from_first;
-            pose.yaw_rad = wrap(pose.yaw_rad + turn.angle_rad - bias_rad);
-            self.submaps.move_root(*pose);
-        }
     }
 
     /// Integrates the oldest of the waiting samples.

@@ -4,7 +4,7 @@ use crate::{
     Sink,
     gyro_integrator::GyroIntegrator,
     localizability::{CELLS_MIN, position_information},
-    sliding_window::{Solution, StateMatrix, WindowScan},
+    sliding_window::{Solution, WindowScan},
     tracking_monitor::TrackingMonitor,
 };
 use nalgebra::{Matrix3, Vector3};
@@ -156,23 +156,19 @@ impl Persist for StatePublisher {
 /// Covariance of x, y, yaw against the submap, in the robot's frame, with the drift of the last
 /// metres.
 fn pose_covariance(estimate: &Estimate<'_>) -> Matrix3<f64> {
-    let covariance = match &estimate.solution {
-        _ if estimate.is_waiting => StateMatrix::identity() * UNKNOWN_VARIANCE,
-        Some(solution) => solution.covariance,
-        // The first scan defines the origin, as the window's prior has it; one of too few cells is
-        // not the first.
-        None if estimate.is_first_of_frame && estimate.scan.cells.len() >= CELLS_MIN => {
-            StateMatrix::identity() * ORIGIN_VARIANCE
-        }
-        None => StateMatrix::identity() * UNKNOWN_VARIANCE,
+    let scan = estimate.scan;
+    // The first scan defines the origin, as the window's prior has it; one of too few cells is not
+    // the first.
+    let is_origin = estimate.is_first_of_frame && scan.cells.len() >= CELLS_MIN;
+    let solution = match &estimate.solution {
+        Some(solution) if !estimate.is_waiting => solution,
+        None if is_origin && !estimate.is_waiting => return Matrix3::identity() * ORIGIN_VARIANCE,
+        _ => return Matrix3::identity() * UNKNOWN_VARIANCE,
     };
-    let mut covariance = covariance.fixed_view::<3, 3>(0, 0).into_owned();
-    let mut position = covariance.fixed_view_mut::<2, 2>(0, 0);
-    let odom_from_base = &estimate.scan.state.odom_from_base;
-    let widened = estimate
-        .tracking
-        .widen(&position.clone_owned(), odom_from_base);
-    position.copy_from(&widened);
+    let mut covariance = solution.covariance.fixed_view::<3, 3>(0, 0).into_owned();
+    let position = covariance.fixed_view::<2, 2>(0, 0).into_owned();
+    let widened = (estimate.tracking).widen(&position, &scan.state.odom_from_base);
+    covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&widened);
     covariance
 }
 

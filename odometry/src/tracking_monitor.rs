@@ -93,8 +93,8 @@ impl TrackingMonitor {
         self.is_frozen
     }
 
-    /// Notes by how much the position drifted with this scan, where its cells do not hold it.
-    fn note_drift(
+    /// Adds by how much the position drifted with this scan, where its cells do not hold it.
+    fn add_drift(
         &mut self,
         solution: &Solution,
         scan: &WindowScan,
@@ -136,7 +136,7 @@ impl TrackingMonitor {
             self.unsupported += 1;
             Localizability::NONE
         };
-        self.note_drift(solution, scan, localizability);
+        self.add_drift(solution, scan, localizability);
         let is_poor = solution.fit < fit_min(config);
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
 

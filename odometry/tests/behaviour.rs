@@ -2,8 +2,8 @@
 
 use crate::support::{Input, config, inputs, shift_scan};
 use randt_filter::ClusterFilter;
-use randt_geometry::{Pose2, elementary};
-use randt_messages::{ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust};
+use randt_geometry::Pose2;
+use randt_messages::{ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints};
 use randt_odometry::{Counters, Odometry, Sink};
 use randt_simulator::{Event, Robot, Simulation, World};
 use std::sync::LazyLock;
@@ -388,56 +388,4 @@ fn a_radar_whose_lateness_is_known_is_not_late() {
     let plain = outcome(0.0, 0);
     assert!(outcome(0.1, late_ns).bytes == plain.bytes);
     assert!(outcome(0.0, late_ns).bytes != plain.bytes);
-}
-
-/// Empty scans of a robot that already turns: no pose, but its heading, which the gyro gives.
-#[test]
-fn a_frame_waits_for_its_first_scan_and_only_its_heading_goes_on() {
-    let world = "wall concrete 0,0 9,0 9,7 0,7 0,0\nroute 2,2 6,2 6,5 2,5";
-    let world = World::parse("room", world).unwrap();
-    let mut events: Vec<Event> = Simulation::new(&world, Robot::default(), 120, 5).collect();
-    let mut empty = 0;
-    let mut truths = Vec::new();
-    for event in &mut events {
-        match event {
-            Event::Scan(scan) if empty < 60 => {
-                scan.items.clear();
-                for beam in &mut scan.head.sweep.beams {
-                    beam.first_return = 0;
-                }
-                empty += 1;
-            }
-            Event::Truth(truth) => truths.push((truth.header.stamp_ns, truth.pose)),
-            _ => (),
-        }
-    }
-    let outcome = run(&events, true);
-    let waiting = outcome.states.iter().filter(|s| s.trust() == Trust::Lost);
-    let waiting: Vec<&OdometryState> = waiting.collect();
-    assert_eq!(waiting.len(), 60);
-    let true_yaw = |state: &OdometryState| {
-        let stamp_ns = state.header.stamp_ns;
-        let found = truths.iter().find(|(then_ns, _)| *then_ns == stamp_ns);
-        found.unwrap().1[2]
-    };
-    let first = true_yaw(&outcome.states[0]);
-    let mut turned_most_rad = 0.0_f64;
-    for state in &waiting {
-        assert!(state.covariance[0] >= 1e6, "a pose that is none");
-        assert_eq!(state.pose[..2], [0.0, 0.0]);
-        let turned_rad = elementary::wrap(true_yaw(state) - first);
-        let off_rad = elementary::wrap(state.pose[2] - turned_rad);
-        assert!(off_rad.abs() < 1_f64.to_radians(), "{off_rad} rad off");
-        turned_most_rad = turned_most_rad.max(turned_rad.abs());
-    }
-    assert!(
-        turned_most_rad > 0.5,
-        "{turned_most_rad} rad: it does not turn"
-    );
-    // Then it begins, in the same frame and at that heading.
-    assert!(outcome.states.iter().all(|state| state.odom_frame_id == 0));
-    let last = outcome.states.last().unwrap();
-    assert_eq!(last.trust(), Trust::Good);
-    let off_rad = elementary::wrap(last.pose[2] - (true_yaw(last) - first));
-    assert!(off_rad.abs() < 1_f64.to_radians(), "{off_rad} rad off");
 }

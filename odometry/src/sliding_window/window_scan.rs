@@ -21,7 +21,8 @@ use randt_persist::persist;
 /// fewer than 2,000.
 pub const CELLS: usize = 8192;
 
-/// Share of the grid's own information in that along the forward axis above which it counts: a robot that drives seems slower by so much.
+/// Share of the grid's own information in that along the forward axis above which it counts: a
+/// robot that drives seems slower by that share.
 const PULL_MAX: f64 = 1.0 / 12.0;
 /// For how long it pulls before a fix is its own again, s.
 const PULL_S: f64 = 1.0;
@@ -58,7 +59,7 @@ pub struct WindowScan {
     pub localizability: Localizability,
     /// Whether its cells fix the way forward, and those of the scan before did when this one came.
     pub fixes_way: bool,
-    /// Share of the grid's own information in what they say of it.
+    /// Share of the grid's own information in what they say of the way.
     pub pull: f64,
     pub follows_fix: bool,
     /// How many scans up to it see every direction, in a row and up to those that must: with it,
