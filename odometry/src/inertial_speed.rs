@@ -23,6 +23,11 @@ const GATE_SIGMAS: f64 = 3.0;
 const DEPARTED_M_S: f64 = 0.05;
 /// Longest time between two scans whose way is compared, ns.
 const STEP_MAX_NS: i64 = 2_000_000_000;
+/// Standard deviations from which a comparison is off, how many of the last ones are remembered,
+/// and how many of them are not chance.
+const OFF_SIGMAS: f64 = 3.0;
+const OFF_SCANS: u32 = 10;
+const OFF_MIN: u32 = 3;
 /// Memory of the comparison with the radar, s: some changes of speed.
 const MEMORY_S: f64 = 10.0;
 /// The IMU does not carry the speed before it was compared for this long, s.
@@ -91,6 +96,9 @@ pub struct InertialSpeed {
     /// were compared, s.
     nis: f64,
     compared_s: f64,
+    /// The last [`OFF_SCANS`] comparisons, the newest one the lowest bit: 1 where radar and IMU
+    /// did not agree.
+    off: u32,
 }
 
 persist!(InertialSpeed {
@@ -102,6 +110,7 @@ persist!(InertialSpeed {
     at_scan,
     nis,
     compared_s,
+    off,
 });
 
 impl InertialSpeed {
@@ -116,6 +125,7 @@ impl InertialSpeed {
             at_scan: None,
             nis: 0.0,
             compared_s: 0.0,
+            off: 0,
         }
     }
 
@@ -123,6 +133,7 @@ impl InertialSpeed {
     pub fn restart(&mut self) {
         (self.last_ns, self.at_scan, self.stood_m_s) = (None, None, None);
         (self.is_still, self.compared_s, self.nis) = (false, 0.0, 0.0);
+        self.off = 0;
     }
 
     /// Takes a sample in the robot's frame; of the rate only that about z is without its bias.
@@ -180,6 +191,11 @@ impl InertialSpeed {
         self.stood_m_s = Some(self.integral_m_s.x);
     }
 
+    /// Whether radar and IMU do not agree on how fast the robot is.
+    pub fn disagrees(&self) -> bool {
+        self.off.count_ones() >= OFF_MIN
+    }
+
     /// The window has motion.
     pub fn observe_motion(&mut self) {
         self.is_still = false;
@@ -230,7 +246,11 @@ impl InertialSpeed {
                 let variance = state.variance(&by) + sigma_m * sigma_m;
                 self.compared_s += since_s;
                 let share = since_s / self.compared_s.min(MEMORY_S);
-                self.nis += share * (innovation * innovation / variance - self.nis);
+                let sigmas_2 = innovation * innovation / variance;
+                self.nis += share * (sigmas_2 - self.nis);
+                let is_off =
+                    self.compared_s >= COMPARED_MIN_S && sigmas_2 > OFF_SIGMAS * OFF_SIGMAS;
+                self.off = (self.off << 1 | u32::from(is_off)) & ((1 << OFF_SCANS) - 1);
             }
             state.update(&by, innovation, sigma_m);
         }

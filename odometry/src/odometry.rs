@@ -299,7 +299,11 @@ impl Odometry {
             return;
         };
         let mut status = match solution {
-            Some(solution) => self.tracking.judge(solution, scan, &self.config),
+            Some(solution) => {
+                let gyro = self.gyro.as_ref();
+                let disagrees = gyro.is_some_and(|gyro| gyro.inertial_speed().disagrees());
+                self.tracking.judge(solution, scan, disagrees, &self.config)
+            }
             None => TrackingStatus::without_solution(scan.cells.len()),
         };
         if self.frame.is_waiting() {

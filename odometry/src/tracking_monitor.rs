@@ -125,6 +125,7 @@ impl TrackingMonitor {
         &mut self,
         solution: &Solution,
         scan: &WindowScan,
+        imu_disagrees: bool,
         config: &Config,
     ) -> TrackingStatus {
         let stamp_ns = scan.message.head.sweep.end_ns;
@@ -149,6 +150,7 @@ impl TrackingMonitor {
             | TrustReason::Weak.bit_if(is_weak)
             | TrustReason::Fit.bit_if(fits_poorly)
             | TrustReason::Repeated.bit_if(self.is_frozen)
+            | TrustReason::Imu.bit_if(imu_disagrees)
             | TrustReason::Contested.bit_if(is_contested)
             | TrustReason::Rate.bit_if(is_fast);
         let is_adrift = self.unsupported >= LOST_AFTER

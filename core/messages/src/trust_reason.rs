@@ -18,11 +18,13 @@ pub enum TrustReason {
     Held = 1 << 5,
     /// The pose moves faster than the robot can.
     Rate = 1 << 6,
+    /// Radar and IMU do not agree on how fast the robot moves.
+    Imu = 1 << 7,
 }
 
 impl TrustReason {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Unsupported,
         Self::Weak,
         Self::Fit,
@@ -30,6 +32,7 @@ impl TrustReason {
         Self::Repeated,
         Self::Held,
         Self::Rate,
+        Self::Imu,
     ];
 
     /// Its name in reports.
@@ -42,6 +45,7 @@ impl TrustReason {
             Self::Repeated => "repeated",
             Self::Held => "held",
             Self::Rate => "rate",
+            Self::Imu => "imu",
         }
     }
 
@@ -69,7 +73,7 @@ mod tests {
         let reasons: Vec<_> = TrustReason::in_set(bits).collect();
         assert_eq!(reasons, [TrustReason::Weak, TrustReason::Held]);
         // A bit of a later build is none of these.
-        assert_eq!(TrustReason::in_set(1 << 31 | 127).count(), 7);
+        assert_eq!(TrustReason::in_set(1 << 31 | 255).count(), 8);
         assert_eq!(TrustReason::in_set(0).count(), 0);
     }
 }

@@ -30,6 +30,7 @@ impl<'a> TrustText<'a> {
             TrustReason::Repeated => "the radar repeats its scan",
             TrustReason::Held => "doubted a moment ago",
             TrustReason::Rate => "faster than the robot can move",
+            TrustReason::Imu => "radar and IMU do not agree on the speed",
         })
     }
 }

@@ -4,8 +4,8 @@ use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 use randt_config::Odometry;
 use randt_persist::persist;
 
-/// Speed along the robot's axes (x, y), the vertical's x and y, bias of the rates (x, y) and of the
-/// accelerations (x, y), and the way since the last scan, all in `base_link`.
+/// Speed along the robot's axes (x, y), the vertical's x and y, bias of the rates (x, y) and of
+/// the accelerations (x, y), and the way since the last scan, all in `base_link`.
 pub const STATES: usize = 10;
 pub const SPEED: usize = 0;
 pub const VERTICAL: usize = 2;

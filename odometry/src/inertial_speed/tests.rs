@@ -94,9 +94,18 @@ fn it_proves_true_first_and_then_carries_the_speed_by_the_accelerometer() {
 }
 
 #[test]
-fn an_imu_that_does_not_agree_with_the_radar_does_not_carry() {
+fn an_imu_that_does_not_agree_with_the_radar_is_said_and_does_not_carry() {
     let mut robot = Robot::new();
+    robot.drive(10.0, 0.2, true);
     robot.drive(10.0, 0.0, true);
+    assert!(!robot.filter.disagrees());
+    // The radar holds on to what drives along: the robot seems to stand.
+    let before_m = robot.x_m;
+    for _ in 0..10 {
+        robot.drive(0.2, 0.0, true);
+        robot.x_m = before_m;
+    }
+    assert!(robot.filter.disagrees());
     for _ in 0..10 {
         // It measures changes of speed that the radar does not see.
         for acceleration_m_s2 in [1.0, -1.0] {

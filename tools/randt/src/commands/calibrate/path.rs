@@ -8,7 +8,7 @@ use randt_calibration::{RadarPose, Span, YawRate};
 use randt_config::{Attitude, Config, Robot};
 use randt_filter::{AttitudeFilter, ClusterFilter, check_sweep};
 use randt_geometry::{Pose2, Quaternion, elementary::sin_cos};
-use randt_messages::{ImuSample, Message, OdometryState, RadarPoints, Trust};
+use randt_messages::{ImuSample, Localizability, Message, OdometryState, RadarPoints, TrustReason};
 use randt_odometry::Odometry;
 use randt_readers::Event;
 
@@ -194,12 +194,19 @@ impl YawRateEstimator {
     }
 }
 
+/// Whether the scan itself fixes the step to the next one: that the position has drifted some
+/// metres ago, which trust remembers, does not matter here.
+fn is_fixed(state: &OdometryState) -> bool {
+    let reasons = state.trust_reasons & !(TrustReason::Held as u32);
+    state.localizability() == Localizability::Full && reasons == 0
+}
+
 fn poses(states: &[OdometryState]) -> Vec<RadarPose> {
     let pose = |(state, pose): (&OdometryState, Pose2)| RadarPose {
         stamp_ns: state.header.stamp_ns,
         frame: state.odom_frame_id,
         pose,
-        fixed: state.trust() == Trust::Good,
+        fixed: is_fixed(state),
     };
     states
         .iter()
