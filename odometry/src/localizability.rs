@@ -56,9 +56,7 @@ impl Localizability {
             },
         }
     }
-}
 
-impl Localizability {
     /// Projection onto what is not seen, in the robot's frame.
     pub fn unseen(&self) -> Matrix2<f64> {
         match self.seen {

@@ -27,9 +27,6 @@ use randt_persist::StateIdentity;
 
 pub use counters::Counters;
 
-/// The gyro's bias in a state.
-const BIAS: usize = 6;
-
 /// Where the results go.
 pub trait Sink {
     /// The live state after a scan.
@@ -281,8 +278,7 @@ impl Odometry {
         }
         if let (Some(gyro), Some(newest)) = (&mut self.gyro, self.window.newest()) {
             if let Some(solution) = &solution {
-                let variance = solution.covariance[(BIAS, BIAS)];
-                gyro.set_yaw_bias(newest.state.bias_rad_s, variance);
+                gyro.set_yaw_bias(newest.state.bias_rad_s, solution.bias_variance());
             }
             let end_ns = newest.message.head.sweep.end_ns;
             let fix = solution

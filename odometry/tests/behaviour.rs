@@ -21,8 +21,8 @@ fn drive(scans: u64) -> Vec<Event> {
 
 /// Everything that comes out, in order.
 #[derive(Default)]
-struct Outcome {
-    states: Vec<OdometryState>,
+pub struct Outcome {
+    pub states: Vec<OdometryState>,
     keyframes: Vec<(u64, i64)>,
     bytes: Vec<u8>,
     counters: Counters,
@@ -86,7 +86,7 @@ fn watched(events: &[Event], use_imu: bool, mut after: impl FnMut(&Event, &Outco
     outcome
 }
 
-fn run(events: &[Event]) -> Outcome {
+pub fn run(events: &[Event]) -> Outcome {
     watched(events, true, |_, _| {})
 }
 

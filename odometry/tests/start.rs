@@ -1,43 +1,9 @@
 //! What is published before there is a pose.
 
-use crate::support::config;
-use randt_filter::ClusterFilter;
-use randt_geometry::elementary;
-use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust};
-use randt_odometry::{Odometry, Sink};
+use crate::behaviour::run;
+use randt_geometry::{Pose2, elementary};
+use randt_messages::{OdometryState, Trust};
 use randt_simulator::{Event, Robot, Simulation, World};
-
-#[derive(Default)]
-struct States(Vec<OdometryState>);
-
-impl Sink for States {
-    fn state(&mut self, state: &OdometryState) {
-        self.0.push(*state);
-    }
-    fn keyframe(&mut self, _: MessageRef<'_, Keyframe>) {}
-}
-
-impl States {
-    fn from_events(events: &[Event]) -> Self {
-        let config = config();
-        let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
-        let mut points = Message::<RadarPoints>::default();
-        let mut odometry = Odometry::new(&config, true);
-        let mut states = Self::default();
-        for event in events {
-            match event {
-                Event::Scan(scan) => {
-                    filter.process(scan.as_ref(), &mut points);
-                    odometry.push_points(points.as_ref(), &mut states);
-                }
-                Event::Imu(sample) => odometry.push_imu(sample, &mut states),
-                Event::Truth(_) => {}
-            }
-        }
-        odometry.finish(&mut states);
-        states
-    }
-}
 
 /// Empty scans of a robot that already turns: no pose, but its heading, which the gyro gives.
 #[test]
@@ -60,17 +26,18 @@ fn a_frame_waits_for_its_first_scan_and_only_its_heading_goes_on() {
             _ => (),
         }
     }
-    let states = States::from_events(&events);
-    let waiting = states.0.iter().filter(|s| s.trust() == Trust::Lost);
+    let outcome = run(&events);
+    let waiting = outcome.states.iter().filter(|s| s.trust() == Trust::Lost);
     let waiting: Vec<&OdometryState> = waiting.collect();
     // The first scan with returns shows nothing by itself.
     assert_eq!(waiting.len(), 61);
-    let true_yaw = |state: &OdometryState| {
+    let true_pose = |state: &OdometryState| {
         let stamp_ns = state.header.stamp_ns;
         let found = truths.iter().find(|(then_ns, _)| *then_ns == stamp_ns);
-        found.unwrap().1[2]
+        found.unwrap().1
     };
-    let first = true_yaw(&states.0[0]);
+    let true_yaw = |state: &OdometryState| true_pose(state)[2];
+    let first = true_yaw(&outcome.states[0]);
     let mut turned_most_rad = 0.0_f64;
     for state in &waiting {
         assert!(state.covariance[0] >= 1e6, "a pose that is none");
@@ -84,10 +51,20 @@ fn a_frame_waits_for_its_first_scan_and_only_its_heading_goes_on() {
         turned_most_rad > 0.5,
         "{turned_most_rad} rad: it does not turn"
     );
-    // Then it begins, in the same frame and at that heading.
-    assert!(states.0.iter().all(|state| state.odom_frame_id == 0));
-    let last = states.0.last().unwrap();
-    assert_ne!(last.trust(), Trust::Lost);
-    let off_rad = elementary::wrap(last.pose[2] - (true_yaw(last) - first));
-    assert!(off_rad.abs() < 1_f64.to_radians(), "{off_rad} rad off");
+    // Then it begins, in the same frame, at that heading, and moves as the robot does.
+    assert!(outcome.states.iter().all(|state| state.odom_frame_id == 0));
+    let begun = &outcome.states[61..];
+    assert!(begun.iter().all(|state| state.trust() == Trust::Good));
+    let [first, last] = [0, begun.len() - 1].map(|i| {
+        let pose = Pose2::from_array(begun[i].pose);
+        (pose, Pose2::from_array(true_pose(&begun[i])))
+    });
+    let (moved, truly) = (first.0.between(&last.0), first.1.between(&last.1));
+    let off = truly.between(&moved);
+    assert!(off.translation().norm() < 0.1, "{off:?} after {truly:?}");
+    assert!(off.yaw_rad.abs() < 1_f64.to_radians(), "{off:?}");
+    assert!(
+        truly.translation().norm() > 2.0,
+        "{truly:?}: it does not move"
+    );
 }

@@ -2,7 +2,7 @@
 
 use super::Odometry;
 use crate::localizability::CELLS_MIN;
-use randt_geometry::elementary::wrap;
+use randt_geometry::Pose2;
 use randt_messages::Localizability;
 
 impl Odometry {
@@ -16,7 +16,8 @@ impl Odometry {
         self.frame.has_begun |= !self.window.holds_first_scan()
             || !self.window.is_first_of_frame() && seen == Localizability::Full;
         if !self.frame.has_begun && newest.cells.len() < CELLS_MIN {
-            self.frame.odom_from_first.yaw_rad = newest.state.odom_from_base.yaw_rad;
+            let yaw_rad = newest.state.odom_from_base.yaw_rad;
+            self.frame.odom_from_first = at_heading(&self.frame.odom_from_first, yaw_rad);
             self.frame.waits_since_ns = Some(newest.message.head.sweep.end_ns);
             self.frame.has_waited = true;
         }
@@ -30,9 +31,15 @@ impl Odometry {
         };
         if let Some(turn) = gyro.turn_between(since_ns, end_ns) {
             let bias_rad = gyro.bias_rad_s().z * (end_ns - since_ns) as f64 * 1e-9;
-            let pose = &mut self.frame.odom_from_first;
-            pose.yaw_rad = wrap(pose.yaw_rad + turn.angle_rad - bias_rad);
-            self.submaps.move_root(*pose);
+            let pose = self.frame.odom_from_first;
+            let yaw_rad = pose.yaw_rad + turn.angle_rad - bias_rad;
+            self.frame.odom_from_first = at_heading(&pose, yaw_rad);
+            self.submaps.move_root(self.frame.odom_from_first);
         }
     }
+}
+
+/// The same position at another heading.
+fn at_heading(pose: &Pose2, yaw_rad: f64) -> Pose2 {
+    Pose2::new(pose.x_m, pose.y_m, yaw_rad)
 }

@@ -40,6 +40,11 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// Variance of the newest gyro bias, (rad/s)^2.
+    pub fn bias_variance(&self) -> f64 {
+        self.covariance[(6, 6)]
+    }
+
     /// Largest variance of the newest position in any direction, m^2.
     pub fn position_variance_m2(&self) -> f64 {
         let position = self.covariance.fixed_view::<2, 2>(0, 0).into_owned();
