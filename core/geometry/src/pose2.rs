@@ -18,8 +18,8 @@ pub struct Pose2 {
     pub x_m: f64,
     /// Position, m.
     pub y_m: f64,
-    /// Heading, rad, in [-pi, pi). To be read: its sine and cosine are kept with it, so that another
-    /// heading is another pose, by [`Self::new`].
+    /// Heading, rad, in [-pi, pi). To be read: its sine and cosine are kept with it, so that
+    /// another heading is another pose, by [`Self::new`].
     pub yaw_rad: f64,
     cos: f64,
     sin: f64,

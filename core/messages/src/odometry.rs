@@ -69,8 +69,8 @@ plain! {
         pub attitude: [f64; 4],
         /// Covariance of x, y, yaw against the submap that the scan is registered to, in the frame
         /// of `base_link` (perturbation on the right), row by row, with the drift of the last five
-        /// metres; m^2, m rad, rad^2. 1e6 where there is no pose. What submaps are off in `odom` is
-        /// in the keyframes' covariances.
+        /// metres; m^2, m rad, rad^2. 1e6 where there is no pose. What submaps are off in `odom`
+        /// is in the keyframes' covariances.
         pub covariance: [f64; 9],
         /// Eigenvalues of the scans' own position information, 1/m^2, smaller first.
         pub information_eigenvalues: [f64; 2],
