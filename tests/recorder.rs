@@ -51,10 +51,15 @@ fn logs(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Scans and samples of a file's whole chunks: epoch and number, with when they were published.
+///
+/// A file without a byte holds none: a kill may fall between its name and its first bytes.
 fn published(file: &Path) -> BTreeMap<(&'static str, u64, u64), i64> {
+    let mut found = BTreeMap::new();
+    if fs::metadata(file).unwrap().len() == 0 {
+        return found;
+    }
     let mut reader = LogReader::open(file).unwrap();
     reader.whole_chunks_only();
-    let mut found = BTreeMap::new();
     while let Some(entry) = reader.next_entry().unwrap() {
         let (topic, header) = if let Some(scan) = entry.decode::<RadarScan>().unwrap() {
             (RadarScan::NAME, scan.head.header)

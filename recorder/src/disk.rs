@@ -25,6 +25,8 @@ struct OpenFile {
     file: File,
     active: PathBuf,
     path: PathBuf,
+    /// Its name outlives a power cut.
+    is_named: bool,
 }
 
 impl Disk {
@@ -69,8 +71,15 @@ impl Sink for Disk {
         active.push(ACTIVE);
         let active = PathBuf::from(active);
         let file = File::options().write(true).create_new(true).open(&active)?;
-        self.sync_folder()?;
-        self.file = Some(OpenFile { file, active, path });
+        // The folder is synced with the first bytes, not before them: on a slow disk that would be
+        // a long time in which a kill leaves an empty file.
+        let is_named = false;
+        self.file = Some(OpenFile {
+            file,
+            active,
+            path,
+            is_named,
+        });
         Ok(())
     }
 
@@ -81,7 +90,12 @@ impl Sink for Disk {
     fn sync(&mut self) -> io::Result<()> {
         let open = self.open_file()?;
         open.file.sync_data()?;
-        open.is_there()
+        open.is_there()?;
+        if !open.is_named {
+            self.sync_folder()?;
+            self.open_file()?.is_named = true;
+        }
+        Ok(())
     }
 
     fn finish(&mut self) -> io::Result<()> {
