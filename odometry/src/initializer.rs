@@ -74,7 +74,7 @@ impl Initializer {
         for _ in 0..ROUNDS {
             for i in [0, newest] {
                 window.deskew(i, gyro, config);
-                window.build_cells(i);
+                window.build_cells(i, submaps.active());
             }
             let first = window.oldest()?;
             submaps.seed(&first.state.odom_from_base, &first.points);
@@ -139,7 +139,7 @@ impl Initializer {
         second.state.odom_from_base = odom_from_first.compose(&Pose2::exp(twist));
         for i in [0, 1] {
             window.deskew(i, gyro, config);
-            window.build_cells(i);
+            window.build_cells(i, submaps.active());
         }
         let Some((first, second)) = window.first_two_mut() else {
             return 0.0;
@@ -218,7 +218,7 @@ mod tests {
             let gyro = GyroMeasurement::default();
             window.predict(scan, &gyro, Pose2::IDENTITY, &config);
             window.deskew(i, None, &config);
-            window.build_cells(i);
+            window.build_cells(i, submaps.active());
             solution = initializer.estimate(&mut window, &mut submaps, None, &config);
         }
         (window, solution)

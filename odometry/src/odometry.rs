@@ -259,7 +259,7 @@ impl Odometry {
     fn deskew_and_build_cells(&mut self) {
         if let Some(newest) = self.window.len().checked_sub(1) {
             self.window.deskew(newest, self.gyro.as_ref(), &self.config);
-            self.window.build_cells(newest);
+            self.window.build_cells(newest, self.submaps.active());
         }
     }
 

@@ -210,10 +210,12 @@ impl SlidingWindow {
         }
     }
 
-    /// Builds the NDT cells of a scan's de-skewed points.
-    pub fn build_cells(&mut self, i: usize) {
+    /// Builds the NDT cells of a scan's de-skewed points, in the squares of a submap.
+    pub fn build_cells(&mut self, i: usize, submap: &Submap) {
         if let Some(scan) = self.scans.get_mut(i) {
-            self.builder.build(&scan.points, &mut scan.cells);
+            let submap_from_base = submap.odom_from_root.between(&scan.state.odom_from_base);
+            self.builder
+                .build(&scan.points, &submap_from_base, &mut scan.cells);
         }
     }
 

@@ -91,8 +91,7 @@ impl Cell {
 /// square.
 ///
 /// A wall that runs through a square is cut by it, so the middle of the piece shows where the
-/// square is, not where the wall is: squares of a scan move with the robot, and pull the estimate
-/// towards standing still.
+/// square is, not where the wall is.
 fn slacken(plane: [f64; 3], full: f64, slack: f64) -> [f64; 3] {
     let widened = |l: f64| l * (1.0 + slack * (l / full) * (l / full));
     map_eigenvalues(plane, |large, small| {

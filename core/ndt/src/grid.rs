@@ -91,10 +91,18 @@ impl Grid {
     /// or where it is not finite.
     #[inline]
     pub fn add(&mut self, point: [f64; 3]) -> Option<usize> {
+        let [x_m, y_m, _] = point;
+        self.add_in_square_at([x_m, y_m], point)
+    }
+
+    /// The same, in the square at another position than the point's own: cells of a scan in its own
+    /// frame that are cut by squares of another frame.
+    #[inline]
+    pub fn add_in_square_at(&mut self, position_m: [f64; 2], point: [f64; 3]) -> Option<usize> {
         if !(point[0].is_finite() && point[1].is_finite() && point[2].is_finite()) {
             return None;
         }
-        let (column, row) = self.square_of(point[0], point[1]);
+        let (column, row) = self.square_of(position_m[0], position_m[1]);
         let square = self.square_index(column, row)?;
         let entry = self.cell_of_square.get_mut(square)?;
         if *entry == NONE {

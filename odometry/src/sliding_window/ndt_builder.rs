@@ -2,7 +2,9 @@
 
 use super::window_scan::CELLS;
 use crate::deskew::Point;
+use nalgebra::Vector2;
 use randt_config::Config;
+use randt_geometry::Pose2;
 use randt_ndt::{Cell, Grid, ScanCell};
 
 /// Makes NDT cells of a scan's de-skewed points, with their derivatives by the velocity.
@@ -15,9 +17,10 @@ pub struct NdtBuilder {
 }
 
 impl NdtBuilder {
-    /// A grid around the robot.
+    /// A grid around the robot, a square larger: its squares are moved by up to one.
     pub fn new(config: &Config) -> Self {
-        let grid = Grid::new(config.scan_extent_m(), config.cell_rule());
+        let half_width_m = config.scan_extent_m() + config.cell_size_m();
+        let grid = Grid::new(half_width_m, config.cell_rule());
         Self {
             grid,
             velocity_jacobians_s: Vec::with_capacity(CELLS),
@@ -25,12 +28,20 @@ impl NdtBuilder {
         }
     }
 
-    /// The cells of `points`, in order of their first point.
-    pub fn build(&mut self, points: &[Point], cells: &mut Vec<ScanCell>) {
+    /// The cells of `points`, in the robot's frame and in order of their first point, cut by the
+    /// submap's squares as they lie for a robot at `submap_from_base`.
+    ///
+    /// A wall is cut to pieces, and the middle of a piece shows where its square is. Squares of the
+    /// robot's own frame move with it, and pull the pose towards standing still; the submap's stay.
+    pub fn build(&mut self, points: &[Point], submap_from_base: &Pose2, cells: &mut Vec<ScanCell>) {
+        let squares_from_base = self.within_a_square(submap_from_base);
         self.grid.clear();
         self.velocity_jacobians_s.clear();
         for point in points {
-            let Some(index) = self.grid.add([point.x_m, point.y_m, point.intensity]) else {
+            let position_m = squares_from_base.transform(Vector2::new(point.x_m, point.y_m));
+            let point_of_cell = [point.x_m, point.y_m, point.intensity];
+            let index = self.grid.add_in_square_at(position_m.into(), point_of_cell);
+            let Some(index) = index else {
                 continue;
             };
             if index == self.velocity_jacobians_s.len() {
@@ -55,6 +66,15 @@ impl NdtBuilder {
                     ))
                 }),
         );
+    }
+
+    /// The same pose but for whole squares.
+    fn within_a_square(&self, submap_from_base: &Pose2) -> Pose2 {
+        let cell_size_m = self.grid.cell_size_m();
+        let mut pose = *submap_from_base;
+        pose.x_m = pose.x_m.rem_euclid(cell_size_m);
+        pose.y_m = pose.y_m.rem_euclid(cell_size_m);
+        pose
     }
 }
 

@@ -21,11 +21,9 @@ use randt_persist::persist;
 /// fewer than 2,000.
 pub const CELLS: usize = 8192;
 
-/// Share of the grid's own information in that along the forward axis above which it counts: a
-/// robot that drives seems slower by that share.
-const PULL_MAX: f64 = 1.0 / 12.0;
-/// For how long it pulls before a fix is its own again, s.
-const PULL_S: f64 = 1.0;
+/// Share of the grid's own information in that along the forward axis above which it counts: by
+/// that share a fix repeats where the robot was predicted.
+const GRID_SHARE_MAX: f64 = 1.0 / 6.0;
 
 /// A scan with its state. Its fields are what the steps that it goes through leave for each other.
 /// Reused, so that a step allocates nothing.
@@ -59,8 +57,6 @@ pub struct WindowScan {
     pub localizability: Localizability,
     /// Whether its cells fix the way forward, and those of the scan before did when this one came.
     pub fixes_way: bool,
-    /// Share of the grid's own information in what they say of the way.
-    pub pull: f64,
     pub follows_fix: bool,
     /// How many scans up to it see every direction, in a row and up to those that must: with it,
     /// and before it.
@@ -87,7 +83,6 @@ persist!(WindowScan {
     ndt,
     localizability,
     fixes_way,
-    pull,
     follows_fix,
     scans_seeing_all,
     scans_seeing_all_before,
@@ -169,24 +164,20 @@ impl WindowScan {
         !self.fixes_way && self.gyro.is_some_and(|gyro| gyro.stands)
     }
 
-    /// Judges whether the cells fix the way forward: the grid's own information, which says that
-    /// the robot stands, must not count beside theirs.
+    /// Judges whether the cells fix the way forward: the grid's own information, which repeats what
+    /// was predicted, must not count beside theirs.
     pub fn judge_way(&mut self, information: &Matrix3<f64>, config: &Config) {
         let wall = wall_information(self.fit(), config);
         let inverse = marginalize_yaw(information).try_inverse();
-        self.pull = inverse.map_or(1.0, |covariance| (wall * covariance.m11).min(1.0));
-        self.fixes_way = self.localizability.seen == Seen::Full && self.pull < PULL_MAX;
+        let share = inverse.map_or(1.0, |covariance| wall * covariance.m11);
+        self.fixes_way = self.localizability.seen == Seen::Full && share < GRID_SHARE_MAX;
     }
 
     /// Where the cells have the robot, with that covariance, where they fix its way.
     pub fn radar_fix(&self, covariance: &StateMatrix) -> Option<RadarFix> {
-        let pull_m = self.pull * self.state.velocity.x * PULL_S;
         self.fixes_way.then(|| RadarFix {
             pose: self.state.odom_from_base,
-            sigma_m: [
-                (covariance[(0, 0)] + pull_m * pull_m).sqrt(),
-                covariance[(1, 1)].sqrt(),
-            ],
+            sigma_m: [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()],
         })
     }
 
