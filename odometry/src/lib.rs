@@ -7,6 +7,7 @@
 //! the state was saved and restored in between.
 
 mod deskew;
+mod earlier_cells;
 mod gyro_integrator;
 mod gyro_measurement;
 mod inertial_speed;
@@ -19,6 +20,7 @@ mod recent_drift;
 #[cfg(feature = "runtime")]
 pub mod runtime;
 mod scan;
+mod scan_overlap;
 mod sliding_window;
 mod stamps;
 mod state_publisher;

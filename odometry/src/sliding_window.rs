@@ -27,7 +27,7 @@ use solver::{Problem, Solver};
 
 pub use solver::Solution;
 pub use state::{State, StateMatrix};
-pub use window_scan::WindowScan;
+pub use window_scan::{CELLS, WindowScan};
 
 /// The window's scans with what is estimated from them.
 #[derive(Debug)]

@@ -38,6 +38,7 @@ impl Odometry {
             initializer: _,
             window,
             submaps,
+            overlap,
             tracking,
             keyframes,
             frame,
@@ -50,6 +51,7 @@ impl Odometry {
         }
         window.save(out);
         submaps.save(out);
+        overlap.save(out);
         tracking.save(out);
         keyframes.save(out);
         frame.save(out);
@@ -64,6 +66,7 @@ impl Odometry {
         }
         self.window.restore(from)?;
         self.submaps.restore(from)?;
+        self.overlap.restore(from)?;
         self.tracking.restore(from)?;
         self.keyframes.restore(from)?;
         self.frame.restore(from)?;
