@@ -61,6 +61,12 @@ impl EarlierCells {
         scalar::moved(&cell.cell, &way)
     }
 
+    /// Way from here to a scan, m.
+    pub fn way_m(&self, scan: &WindowScan) -> f64 {
+        let way = self.odom_from_base.between(&scan.state.odom_from_base);
+        way.translation().norm()
+    }
+
     /// Where a cell of a later scan was if it keeps its place at the robot: de-skewed as it was
     /// then.
     pub fn carried(&self, cell: &ScanCell, scan: &WindowScan) -> Cell {

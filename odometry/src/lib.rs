@@ -14,6 +14,7 @@ mod inertial_speed;
 mod initializer;
 mod keyframe_selector;
 mod localizability;
+mod moving_clutter;
 mod odometry;
 mod odometry_frame;
 mod recent_drift;

@@ -11,6 +11,7 @@ use crate::{
     gyro_measurement::GyroMeasurement,
     initializer::Initializer,
     keyframe_selector::{KeyframeSelector, step_covariance},
+    moving_clutter::MovingClutter,
     odometry_frame::OdometryFrame,
     scan_overlap::ScanOverlap,
     sliding_window::{SlidingWindow, Solution},
@@ -53,6 +54,7 @@ pub struct Odometry {
     initializer: Initializer,
     window: SlidingWindow,
     submaps: Submaps,
+    clutter: MovingClutter,
     overlap: ScanOverlap,
     tracking: TrackingMonitor,
     keyframes: KeyframeSelector,
@@ -72,6 +74,7 @@ impl Odometry {
             initializer: Initializer::new(config),
             window: SlidingWindow::new(config),
             submaps: Submaps::new(config),
+            clutter: MovingClutter::new(config),
             overlap: ScanOverlap::new(config),
             tracking: TrackingMonitor::default(),
             keyframes: KeyframeSelector::new(&config.keyframe),
@@ -232,6 +235,7 @@ impl Odometry {
         self.frame.is_lost = false;
         self.window.restart();
         self.publisher.set_retired_scan(None);
+        self.clutter.restart();
         self.overlap.restart();
         self.tracking = TrackingMonitor::default();
         self.keyframes.restart();
@@ -266,13 +270,15 @@ impl Odometry {
         gyro.count_imu_use(&mut self.counters)
     }
 
-    /// De-skews the newest scan by its predicted state and builds its NDT cells.
+    /// De-skews the newest scan by its predicted state and builds its NDT cells, without those of
+    /// what moves along.
     fn deskew_and_build_cells(&mut self) {
         if let Some(newest) = self.window.len().checked_sub(1) {
             self.window.deskew(newest, self.gyro.as_ref(), &self.config);
             self.window.build_cells(newest);
         }
-        if let Some(newest) = self.window.newest() {
+        if let Some(newest) = self.window.newest_mut() {
+            self.clutter.take_out(newest);
             self.overlap.observe(newest);
         }
     }

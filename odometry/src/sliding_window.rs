@@ -210,6 +210,11 @@ impl SlidingWindow {
         }
     }
 
+    /// The newest scan, to be changed.
+    pub fn newest_mut(&mut self) -> Option<&mut WindowScan> {
+        self.scans.get_mut(self.used.checked_sub(1)?)
+    }
+
     /// Builds the NDT cells of a scan's de-skewed points.
     pub fn build_cells(&mut self, i: usize) {
         if let Some(scan) = self.scans.get_mut(i) {

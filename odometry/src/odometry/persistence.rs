@@ -38,6 +38,7 @@ impl Odometry {
             initializer: _,
             window,
             submaps,
+            clutter,
             overlap,
             tracking,
             keyframes,
@@ -51,6 +52,7 @@ impl Odometry {
         }
         window.save(out);
         submaps.save(out);
+        clutter.save(out);
         overlap.save(out);
         tracking.save(out);
         keyframes.save(out);
@@ -66,6 +68,7 @@ impl Odometry {
         }
         self.window.restore(from)?;
         self.submaps.restore(from)?;
+        self.clutter.restore(from)?;
         self.overlap.restore(from)?;
         self.tracking.restore(from)?;
         self.keyframes.restore(from)?;

@@ -15,6 +15,7 @@ impl Odometry {
                 let gyro = self.gyro.as_ref();
                 let disagrees = gyro.is_some_and(|gyro| gyro.inertial_speed().disagrees());
                 let doubts = TrustReason::Imu.bit_if(disagrees)
+                    | TrustReason::Moving.bit_if(self.clutter.lasts())
                     | TrustReason::Fit.bit_if(self.overlap.is_strange());
                 self.tracking.judge(solution, scan, doubts, &self.config)
             }

@@ -207,7 +207,7 @@ fn where_the_position_drifted_trust_comes_back_after_its_metres() {
 #[test]
 fn what_else_was_found_against_a_pose_is_a_reason() {
     let config = Config::default();
-    for found in [TrustReason::Imu, TrustReason::Fit] {
+    for found in [TrustReason::Imu, TrustReason::Moving] {
         let (mut monitor, mut scan) = (TrackingMonitor::default(), scan(0));
         scan.localizability.seen = Seen::Full;
         let status = monitor.judge(&solution(0.8, 9000.0), &scan, found as u32, &config);
