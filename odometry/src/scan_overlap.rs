@@ -3,6 +3,7 @@
 
 use crate::{earlier_cells::EarlierCells, sliding_window::WindowScan};
 use randt_config::Config;
+use randt_ndt::Cell;
 use randt_persist::persist;
 
 /// Cells from which a scan can be compared.
@@ -15,6 +16,9 @@ const THERE_MAX: f64 = 9.0;
 const OVERLAP_MIN: f64 = 0.45;
 /// ... and below which the next ones still show the other one.
 const STILL_OVERLAP_MIN: f64 = 0.6;
+/// By how much more each of the next ones has to overlap with the one before it than with the world
+/// as it was: bursts of another radar agree with none.
+const AGREES_MIN: f64 = 0.2;
 /// Scans in a row that show another world from which it is no chance.
 const JUMPED_SCANS: u32 = 3;
 /// A scan is compared with one that is no older than this, ns: afterwards, where the robot is may
@@ -28,13 +32,16 @@ pub struct ScanOverlap {
     /// The last scan of the world as it was, and the end of its sweep, ns.
     last: EarlierCells,
     last_ns: i64,
-    /// Scans since then, in a row, that show another one.
+    /// The last scan of another one.
+    other: EarlierCells,
+    /// Scans up to it, in a row, that show another one and agree.
     strange: u32,
 }
 
 persist!(ScanOverlap {
     last,
     last_ns,
+    other,
     strange,
 } kept {
     cell_size_m,
@@ -47,6 +54,7 @@ impl ScanOverlap {
             cell_size_m: config.cell_size_m(),
             last: EarlierCells::with_room(),
             last_ns: 0,
+            other: EarlierCells::with_room(),
             strange: 0,
         }
     }
@@ -59,6 +67,7 @@ impl ScanOverlap {
     /// Forgets everything: the next scan is the first one of a world.
     pub fn restart(&mut self) {
         self.last.clear();
+        self.other.clear();
         self.strange = 0;
     }
 
@@ -67,27 +76,32 @@ impl ScanOverlap {
         let end_ns = scan.message.head.sweep.end_ns;
         let is_old = end_ns.saturating_sub(self.last_ns) > AGE_MAX_NS;
         let is_comparable = !is_old && self.last.len().min(scan.cells.len()) >= CELLS_MIN;
-        let (last, reach_m) = (&self.last, self.cell_size_m);
-        let is_there = |distance: f64| distance <= THERE_MAX;
-        let there = scan.cells.iter().filter(|cell| {
-            is_there(last.nearest(&last.standing(cell, scan), reach_m))
-                || is_there(last.nearest(&last.carried(cell, scan), reach_m))
-        });
-        // Bursts of another radar add cells, but take none away.
-        let most = scan.cells.len().min(last.len()).max(1);
-        let share = there.count() as f64 / most as f64;
+        let overlap = self.overlap(&self.last, scan);
         let least = if self.is_strange() {
             STILL_OVERLAP_MIN
         } else {
             OVERLAP_MIN
         };
-        if is_comparable && share < least {
-            self.strange += 1;
+        if is_comparable && overlap < least {
+            let agrees =
+                self.is_strange() && self.overlap(&self.other, scan) > overlap + AGREES_MIN;
+            self.strange = if agrees { self.strange + 1 } else { 1 };
+            self.other.set(scan, |_| true);
         } else {
             self.strange = 0;
             self.last.set(scan, |_| true);
             self.last_ns = end_ns;
         }
+    }
+
+    /// Share of the cells of the scan that has fewer that are where the other one has them: what
+    /// another radar adds does not count alone.
+    fn overlap(&self, earlier: &EarlierCells, scan: &WindowScan) -> f64 {
+        let is_there = |cell: &Cell| earlier.nearest(cell, self.cell_size_m) <= THERE_MAX;
+        let there = scan.cells.iter().filter(|cell| {
+            is_there(&earlier.standing(cell, scan)) || is_there(&earlier.carried(cell, scan))
+        });
+        there.count() as f64 / scan.cells.len().min(earlier.len()).max(1) as f64
     }
 
     /// Whether the newest scan shows another world.
@@ -106,7 +120,7 @@ mod tests {
     use super::*;
     use nalgebra::Vector3;
     use randt_geometry::Pose2;
-    use randt_ndt::{Cell, ScanCell};
+    use randt_ndt::ScanCell;
     use randt_persist::{Persist, Reader, Writer};
 
     const SWEEP_NS: i64 = 200_000_000;
@@ -149,11 +163,22 @@ mod tests {
             observed(&scans),
             [SAME, SAME, STRANGE, STRANGE, (true, true)]
         );
-        // A burst passes.
-        let scans = [(0, 0), (1, 1), (2, 2), (3, 0), (4, 1), (5, 0)];
+        // Bursts of another radar do not agree, and pass.
+        let scans = [
+            (0, 0),
+            (1, 1),
+            (2, 2),
+            (3, 3),
+            (4, 4),
+            (5, 0),
+            (6, 1),
+            (7, 0),
+        ];
         assert_eq!(
             observed(&scans),
-            [SAME, STRANGE, STRANGE, SAME, STRANGE, SAME]
+            [
+                SAME, STRANGE, STRANGE, STRANGE, STRANGE, SAME, STRANGE, SAME
+            ]
         );
         // Behind a gap the robot may be anywhere.
         assert_eq!(observed(&[(0, 0), (6, 1), (7, 1)]), [SAME; 3]);
