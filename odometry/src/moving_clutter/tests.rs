@@ -34,7 +34,7 @@ fn scan(x_m: f64, speed_m_s: f64, with_vehicles: bool) -> WindowScan {
         // De-skewed as if they stood.
         let shift_m = -0.1 * speed_m_s;
         let vehicle = |number: usize| {
-            let ahead = if number % 2 == 0 { 3.0 } else { -3.0 };
+            let ahead = if number.is_multiple_of(2) { 3.0 } else { -3.0 };
             cell(ahead + shift_m, (number / 2) as f64 - 1.0)
         };
         scan.cells.extend((0..VEHICLES).map(vehicle));
