@@ -7,18 +7,21 @@
 //! the state was saved and restored in between.
 
 mod deskew;
+mod earlier_cells;
 mod gyro_integrator;
 mod gyro_measurement;
 mod inertial_speed;
 mod initializer;
 mod keyframe_selector;
 mod localizability;
+mod moving_clutter;
 mod odometry;
 mod odometry_frame;
 mod recent_drift;
 #[cfg(feature = "runtime")]
 pub mod runtime;
 mod scan;
+mod scan_overlap;
 mod sliding_window;
 mod stamps;
 mod state_publisher;

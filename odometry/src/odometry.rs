@@ -3,6 +3,7 @@
 mod counters;
 mod persistence;
 mod resume;
+mod trust;
 mod waiting;
 
 use crate::{
@@ -10,18 +11,19 @@ use crate::{
     gyro_measurement::GyroMeasurement,
     initializer::Initializer,
     keyframe_selector::{KeyframeSelector, step_covariance},
+    moving_clutter::MovingClutter,
     odometry_frame::OdometryFrame,
+    scan_overlap::ScanOverlap,
     sliding_window::{SlidingWindow, Solution},
     state_publisher::{Estimate, StatePublisher},
     submaps::Submaps,
     synchronizer::{MessageId, ScanImuSynchronizer, SynchronizedScan},
     tracking_monitor::TrackingMonitor,
-    tracking_status::TrackingStatus,
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_messages::{
-    ImuSample, ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints, Trust,
+    ImuSample, ImuUse, Keyframe, Message, MessageRef, OdometryState, RadarPoints,
 };
 use randt_persist::StateIdentity;
 
@@ -37,6 +39,9 @@ pub trait Sink {
 
 /// The live estimate from filtered scans and IMU samples, each given in order of their stamps.
 ///
+/// Its fields are the steps that a scan goes through, in order, each with what it keeps for the
+/// next scan.
+///
 /// How scans and samples interleave does not change the result, as long as no scan's wait for the
 /// IMU runs out.
 #[derive(Debug)]
@@ -49,6 +54,8 @@ pub struct Odometry {
     initializer: Initializer,
     window: SlidingWindow,
     submaps: Submaps,
+    clutter: MovingClutter,
+    overlap: ScanOverlap,
     tracking: TrackingMonitor,
     keyframes: KeyframeSelector,
     frame: OdometryFrame,
@@ -67,6 +74,8 @@ impl Odometry {
             initializer: Initializer::new(config),
             window: SlidingWindow::new(config),
             submaps: Submaps::new(config),
+            clutter: MovingClutter::new(config),
+            overlap: ScanOverlap::new(config),
             tracking: TrackingMonitor::default(),
             keyframes: KeyframeSelector::new(&config.keyframe),
             frame: OdometryFrame::default(),
@@ -215,6 +224,10 @@ impl Odometry {
     /// A new odometry frame: of the old one only the gyro is carried over.
     fn open_frame(&mut self, sink: &mut impl Sink) {
         if self.synchronizer.last_end_ns().is_some() {
+            if self.overlap.has_jumped() {
+                // Where these are is unknown.
+                self.window.restart();
+            }
             self.retire_all(sink);
             self.counters.frames_reopened += 1;
             self.frame = OdometryFrame::after(self.frame.id, Pose2::IDENTITY);
@@ -222,6 +235,8 @@ impl Odometry {
         self.frame.is_lost = false;
         self.window.restart();
         self.publisher.set_retired_scan(None);
+        self.clutter.restart();
+        self.overlap.restart();
         self.tracking = TrackingMonitor::default();
         self.keyframes.restart();
         self.submaps
@@ -255,11 +270,16 @@ impl Odometry {
         gyro.count_imu_use(&mut self.counters)
     }
 
-    /// De-skews the newest scan by its predicted state and builds its NDT cells.
+    /// De-skews the newest scan by its predicted state and builds its NDT cells, without those of
+    /// what moves along.
     fn deskew_and_build_cells(&mut self) {
         if let Some(newest) = self.window.len().checked_sub(1) {
             self.window.deskew(newest, self.gyro.as_ref(), &self.config);
             self.window.build_cells(newest, self.submaps.active());
+        }
+        if let Some(newest) = self.window.newest_mut() {
+            self.clutter.take_out(newest);
+            self.overlap.observe(newest);
         }
     }
 
@@ -287,31 +307,6 @@ impl Odometry {
             gyro.observe_scan(end_ns, fix.as_ref());
         }
         solution
-    }
-
-    /// Judges how far the newest pose can be believed.
-    fn judge(&mut self, solution: Option<&Solution>) {
-        let Some(scan) = self.window.newest() else {
-            return;
-        };
-        let mut status = match solution {
-            Some(solution) => {
-                let gyro = self.gyro.as_ref();
-                let disagrees = gyro.is_some_and(|gyro| gyro.inertial_speed().disagrees());
-                self.tracking.judge(solution, scan, disagrees, &self.config)
-            }
-            None => TrackingStatus::without_solution(scan.cells.len()),
-        };
-        if self.frame.is_waiting() {
-            status.trust = Trust::Lost as u32;
-        }
-        let variance_m2 = solution.map(Solution::position_variance_m2);
-        self.window.set_status(status, variance_m2);
-        let trust = status.trust();
-        if trust != Trust::Good && !self.window.is_first_of_frame() {
-            self.counters.scans_unsupported += 1;
-        }
-        self.frame.is_lost = trust == Trust::Lost && self.frame.has_begun;
     }
 
     /// Publishes the newest state.

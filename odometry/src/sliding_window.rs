@@ -27,7 +27,7 @@ use solver::{Problem, Solver};
 
 pub use solver::Solution;
 pub use state::{State, StateMatrix};
-pub use window_scan::WindowScan;
+pub use window_scan::{CELLS, WindowScan};
 
 /// The window's scans with what is estimated from them.
 #[derive(Debug)]
@@ -208,6 +208,11 @@ impl SlidingWindow {
         if let Some(scan) = self.scans.get_mut(i) {
             scan.deskew(previous.as_ref(), gyro, config);
         }
+    }
+
+    /// The newest scan, to be changed.
+    pub fn newest_mut(&mut self) -> Option<&mut WindowScan> {
+        self.scans.get_mut(self.used.checked_sub(1)?)
     }
 
     /// Builds the NDT cells of a scan's de-skewed points, in the squares of a submap.

@@ -120,12 +120,13 @@ impl TrackingMonitor {
         turn.transpose() * self.drift.widen(&turned) * turn
     }
 
-    /// Judges how far the newest pose can be believed, by its solution.
+    /// Judges how far the newest pose can be believed, by its solution and by what else was found
+    /// against it, a set of [`TrustReason`].
     pub fn judge(
         &mut self,
         solution: &Solution,
         scan: &WindowScan,
-        imu_disagrees: bool,
+        found: u32,
         config: &Config,
     ) -> TrackingStatus {
         let stamp_ns = scan.message.head.sweep.end_ns;
@@ -146,11 +147,11 @@ impl TrackingMonitor {
         // Where two senders send beams, it is unknown whose beams these are.
         let is_contested = scan.message.head.sweep.is_contested();
         let is_fast = scan.state.velocity.xy().norm() > config.odometry.speed_max_m_s;
-        let mut reasons = TrustReason::Unsupported.bit_if(!is_supported)
+        let mut reasons = found
+            | TrustReason::Unsupported.bit_if(!is_supported)
             | TrustReason::Weak.bit_if(is_weak)
             | TrustReason::Fit.bit_if(fits_poorly)
             | TrustReason::Repeated.bit_if(self.is_frozen)
-            | TrustReason::Imu.bit_if(imu_disagrees)
             | TrustReason::Contested.bit_if(is_contested)
             | TrustReason::Rate.bit_if(is_fast);
         let is_adrift = self.unsupported >= LOST_AFTER

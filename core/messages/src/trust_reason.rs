@@ -8,7 +8,8 @@ pub enum TrustReason {
     Unsupported = 1,
     /// The scan does not see some direction.
     Weak = 1 << 1,
-    /// The last scans fit their submap poorly.
+    /// The last scans fit their submap poorly, or the newest one shows another world than the scan
+    /// before it.
     Fit = 1 << 2,
     /// Beams of two senders came in the sweep.
     Contested = 1 << 3,
@@ -20,11 +21,13 @@ pub enum TrustReason {
     Rate = 1 << 6,
     /// Radar and IMU do not agree on how fast the robot moves.
     Imu = 1 << 7,
+    /// Part of what the radar sees moves along with the robot.
+    Moving = 1 << 8,
 }
 
 impl TrustReason {
     /// All, in the order of their bits.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Unsupported,
         Self::Weak,
         Self::Fit,
@@ -33,6 +36,7 @@ impl TrustReason {
         Self::Held,
         Self::Rate,
         Self::Imu,
+        Self::Moving,
     ];
 
     /// Its name in reports.
@@ -46,6 +50,7 @@ impl TrustReason {
             Self::Held => "held",
             Self::Rate => "rate",
             Self::Imu => "imu",
+            Self::Moving => "moving",
         }
     }
 
@@ -73,7 +78,7 @@ mod tests {
         let reasons: Vec<_> = TrustReason::in_set(bits).collect();
         assert_eq!(reasons, [TrustReason::Weak, TrustReason::Held]);
         // A bit of a later build is none of these.
-        assert_eq!(TrustReason::in_set(1 << 31 | 255).count(), 8);
+        assert_eq!(TrustReason::in_set(1 << 31 | 511).count(), 9);
         assert_eq!(TrustReason::in_set(0).count(), 0);
     }
 }

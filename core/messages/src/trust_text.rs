@@ -31,6 +31,7 @@ impl<'a> TrustText<'a> {
             TrustReason::Held => "doubted a moment ago",
             TrustReason::Rate => "faster than the robot can move",
             TrustReason::Imu => "radar and IMU do not agree on the speed",
+            TrustReason::Moving => "what the radar sees moves along",
         })
     }
 }

@@ -38,6 +38,8 @@ impl Odometry {
             initializer: _,
             window,
             submaps,
+            clutter,
+            overlap,
             tracking,
             keyframes,
             frame,
@@ -50,6 +52,8 @@ impl Odometry {
         }
         window.save(out);
         submaps.save(out);
+        clutter.save(out);
+        overlap.save(out);
         tracking.save(out);
         keyframes.save(out);
         frame.save(out);
@@ -64,6 +68,8 @@ impl Odometry {
         }
         self.window.restore(from)?;
         self.submaps.restore(from)?;
+        self.clutter.restore(from)?;
+        self.overlap.restore(from)?;
         self.tracking.restore(from)?;
         self.keyframes.restore(from)?;
         self.frame.restore(from)?;

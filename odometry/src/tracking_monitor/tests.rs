@@ -38,7 +38,7 @@ fn judge(
 ) -> TrackingStatus {
     let (information, fit) = (&solution.scan_information, solution.fit);
     scan.localizability = Localizability::from_information(information, fit, config);
-    monitor.judge(solution, &scan, false, config)
+    monitor.judge(solution, &scan, 0, config)
 }
 
 /// Judges scans of these fits, the direction being strong.
@@ -205,13 +205,15 @@ fn where_the_position_drifted_trust_comes_back_after_its_metres() {
 }
 
 #[test]
-fn where_radar_and_imu_do_not_agree_trust_says_so() {
-    let (mut monitor, config) = (TrackingMonitor::default(), Config::default());
-    let mut scan = scan(0);
-    scan.localizability.seen = Seen::Full;
-    let status = monitor.judge(&solution(0.8, 9000.0), &scan, true, &config);
-    assert_eq!(status.trust(), Trust::Degraded);
-    assert_eq!(status.reasons, TrustReason::Imu as u32);
+fn what_else_was_found_against_a_pose_is_a_reason() {
+    let config = Config::default();
+    for found in [TrustReason::Imu, TrustReason::Moving] {
+        let (mut monitor, mut scan) = (TrackingMonitor::default(), scan(0));
+        scan.localizability.seen = Seen::Full;
+        let status = monitor.judge(&solution(0.8, 9000.0), &scan, found as u32, &config);
+        assert_eq!(status.trust(), Trust::Degraded);
+        assert_eq!(status.reasons, found as u32);
+    }
 }
 
 #[test]
@@ -223,7 +225,7 @@ fn what_is_remembered_survives_its_process() {
     let (mut whole, mut killed) = (TrackingMonitor::default(), TrackingMonitor::default());
     for (number, fit) in (0..).zip(fits) {
         let judge = |monitor: &mut TrackingMonitor| {
-            monitor.judge(&solution(fit, 9000.0), &scan(number), false, &config)
+            monitor.judge(&solution(fit, 9000.0), &scan(number), 0, &config)
         };
         assert_eq!(judge(&mut whole), judge(&mut killed), "scan {number}");
         let mut bytes = [0; 512];

@@ -160,7 +160,7 @@ fn a_frozen_radar_is_doubted_at_once_and_its_frame_goes_on() {
 }
 
 #[test]
-fn a_robot_that_was_carried_elsewhere_is_doubted_within_a_second() {
+fn the_frame_of_a_robot_that_was_carried_elsewhere_ends_within_a_second() {
     let world = World::building();
     let mut events = events(&world, 250);
     // Thirty seconds are cut out, and what follows is moved to their begin.
@@ -184,6 +184,12 @@ fn a_robot_that_was_carried_elsewhere_is_doubted_within_a_second() {
         after.iter().map(|s| s.trust).collect::<Vec<_>>()
     );
     assert!(good < 5, "{good} scans");
+    let frames: Vec<u64> = after.iter().map(|state| state.odom_frame_id).collect();
+    assert!(
+        frames[..3].iter().all(|frame| *frame == 0) && frames[5..].iter().all(|frame| *frame == 1),
+        "{frames:?}"
+    );
+    assert_eq!(after.last().unwrap().trust(), Trust::Good);
 }
 
 /// Moves an event in time, its beams included.
