@@ -16,8 +16,8 @@ const THERE_MAX: f64 = 9.0;
 const OVERLAP_MIN: f64 = 0.45;
 /// ... and below which the next ones still show the other one.
 const STILL_OVERLAP_MIN: f64 = 0.6;
-/// By how much more each of the next ones has to overlap with the one before it than with the world
-/// as it was: bursts of another radar agree with none.
+/// By how much more each of the next ones has to overlap with the one before it than with the
+/// world as it was: bursts of another radar agree with none.
 const AGREES_MIN: f64 = 0.2;
 /// Scans in a row that show another world from which it is no chance.
 const JUMPED_SCANS: u32 = 3;

@@ -164,6 +164,7 @@ impl SlidingWindow {
         (scan.fixes_way, scan.follows_fix) = (fixes_way, fixes_way);
         scan.scans_seeing_all = scans_seeing_all;
         scan.scans_seeing_all_before = scans_seeing_all;
+        scan.leaps = false;
         match last {
             Some((last, last_ns)) => {
                 scan.dt_s = (end_ns - last_ns) as f64 * 1e-9;
@@ -215,7 +216,7 @@ impl SlidingWindow {
         self.scans.get_mut(self.used.checked_sub(1)?)
     }
 
-    /// Builds the NDT cells of a scan's de-skewed points, in the squares of a submap.
+    /// Builds the NDT cells of a scan's de-skewed points, cut as it lies in a submap.
     pub fn build_cells(&mut self, i: usize, submap: &Submap) {
         if let Some(scan) = self.scans.get_mut(i) {
             let submap_from_base = submap.odom_from_root.between(&scan.state.odom_from_base);

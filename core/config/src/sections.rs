@@ -95,9 +95,9 @@ section! {
         /// each.
         pub graduation: Vec<f64> = vec![1.21, 1.1, 1.0] => Graduation,
         /// Information of the NDT term per scan, shared among its cells and neighbours. The
-        /// paper's 50000 over the window claims half a millimetre; 300 gives the centimetre that
-        /// recordings show (NEES 1.4 to 3), and a calm velocity.
-        pub ndt_weight: f64 = 300.0 => within(0.01, 1e7, "10 m and a third of a millimetre a scan"),
+        /// paper's 50000 over the window claims half a millimetre; 200 gives the centimetre that
+        /// recordings show, and a calm velocity.
+        pub ndt_weight: f64 = 200.0 => within(0.01, 1e7, "10 m and a third of a millimetre a scan"),
         /// Standard deviation of the acceleration that the motion model allows, m/s^2.
         pub acceleration_sigma_m_s2: f64 = 1.0
             => within(0.001, 1000.0, "a robot that cannot change its speed; a hundred times gravity"),

@@ -95,8 +95,8 @@ impl Grid {
         self.add_in_square_at([x_m, y_m], point)
     }
 
-    /// The same, in the square at another position than the point's own: cells of a scan in its own
-    /// frame that are cut by squares of another frame.
+    /// The same, in the square at another position than the point's own: cells of a scan in its
+    /// own frame that are cut by squares of another frame.
     #[inline]
     pub fn add_in_square_at(&mut self, position_m: [f64; 2], point: [f64; 3]) -> Option<usize> {
         if !(point[0].is_finite() && point[1].is_finite() && point[2].is_finite()) {

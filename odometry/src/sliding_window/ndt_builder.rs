@@ -28,17 +28,17 @@ impl NdtBuilder {
         }
     }
 
-    /// The cells of `points`, in the robot's frame and in order of their first point, cut by the
-    /// submap's squares as they lie for a robot at `submap_from_base`.
+    /// The cells of `points`, in the robot's frame and in order of their first point, cut by
+    /// squares along the robot's axes that stay in place while it drives straight on.
     ///
-    /// A wall is cut to pieces, and the middle of a piece shows where its square is. Squares of the
-    /// robot's own frame move with it, and pull the pose towards standing still; the submap's stay.
+    /// A wall is cut to pieces, and the middle of a piece shows where its square is: squares that
+    /// move with the robot pull its pose towards standing still.
     pub fn build(&mut self, points: &[Point], submap_from_base: &Pose2, cells: &mut Vec<ScanCell>) {
-        let squares_from_base = self.within_a_square(submap_from_base);
+        let offset_m = self.within_a_square(submap_from_base);
         self.grid.clear();
         self.velocity_jacobians_s.clear();
         for point in points {
-            let position_m = squares_from_base.transform(Vector2::new(point.x_m, point.y_m));
+            let position_m = Vector2::new(point.x_m, point.y_m) + offset_m;
             let point_of_cell = [point.x_m, point.y_m, point.intensity];
             let index = self.grid.add_in_square_at(position_m.into(), point_of_cell);
             let Some(index) = index else {
@@ -68,13 +68,10 @@ impl NdtBuilder {
         );
     }
 
-    /// The same pose but for whole squares.
-    fn within_a_square(&self, submap_from_base: &Pose2) -> Pose2 {
-        let cell_size_m = self.grid.cell_size_m();
-        let mut pose = *submap_from_base;
-        pose.x_m = pose.x_m.rem_euclid(cell_size_m);
-        pose.y_m = pose.y_m.rem_euclid(cell_size_m);
-        pose
+    /// Where the robot is in the submap, along the robot's axes and without whole squares, m.
+    fn within_a_square(&self, submap_from_base: &Pose2) -> Vector2<f64> {
+        let along_axes = submap_from_base.rotation().transpose() * submap_from_base.translation();
+        along_axes.map(|position_m| position_m.rem_euclid(self.grid.cell_size_m()))
     }
 }
 
@@ -96,6 +93,36 @@ fn blurred(cell: &Cell, azimuth_sigma_rad: f64) -> Cell {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_wall_along_the_way_is_cut_where_it_was_before() {
+        let config = Config::default();
+        let mut builder = NdtBuilder::new(&config);
+        // Points of a wall, and the squares' edges, lie where the robot's way does not move them.
+        let mut middles = |x_m: f64, yaw_rad: f64| {
+            let along = Pose2::new(0.0, 0.0, yaw_rad).transform(Vector2::new(x_m, 0.0));
+            let submap_from_base = Pose2::new(along.x, along.y, yaw_rad);
+            let wall = (0..400).map(|number| Point {
+                x_m: 0.01 * f64::from(number) - x_m,
+                y_m: 2.3,
+                intensity: 20.0,
+                ..Point::default()
+            });
+            let mut cells = Vec::new();
+            builder.build(&wall.collect::<Vec<_>>(), &submap_from_base, &mut cells);
+            let middles = cells.iter().map(|scan| scan.cell.mean[0] + x_m);
+            middles.collect::<Vec<_>>()
+        };
+        for yaw_rad in [0.0, 0.7, 3.0] {
+            let before = middles(0.0, yaw_rad);
+            assert!(before.len() >= 4);
+            for x_m in [0.13, 0.5, 1.9] {
+                let after = middles(x_m, yaw_rad);
+                let close = |(a, b): (&f64, &f64)| (a - b).abs() < 0.02;
+                assert!(before.iter().zip(&after).all(close), "{before:?} {after:?}");
+            }
+        }
+    }
 
     #[test]
     fn a_cell_is_blurred_across_the_line_of_sight_alone() {

@@ -4,7 +4,7 @@
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,
     solver::Problem,
-    state::{StateMatrix, StateVector},
+    state::{State, StateMatrix, StateVector},
     window_scan::WindowScan,
 };
 use crate::{
@@ -30,6 +30,9 @@ pub const SEEING_MIN: u32 = 2;
 /// cells say, rad.
 const UNSEEN_HEADING_SIGMA_RAD: f64 = 0.02;
 
+/// Direction along the way, in the robot's frame, rad.
+const FORWARD_RAD: f64 = 0.0;
+
 /// The term at the scan's present state and associations, not yet weighted.
 pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) -> NormalEquations {
     let submap_from_base = submap.odom_from_root.between(&scan.state.odom_from_base);
@@ -44,7 +47,12 @@ pub fn evaluate_scan(scan: &WindowScan, submap: &Submap, loss: &AdaptiveLoss) ->
 
 /// Judges by the term as it is which directions the scan sees, and takes what it does not see out
 /// of its associations and the term, where the accelerometer can carry the pose instead.
-pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLoss) {
+pub fn ignore_unseen(
+    scan: &mut WindowScan,
+    previous: Option<&State>,
+    problem: &Problem,
+    loss: &AdaptiveLoss,
+) {
     let config = problem.config;
     let mut information = scan.scan_information(config);
     if scan.cells.len() < CELLS_MIN {
@@ -67,6 +75,10 @@ pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLo
         let [remains, _] = position_information(&information);
         sees_all = remains >= REMAINS_MIN * wall_information(scan.fit(), config);
     }
+    if let Some(previous) = previous {
+        scan.judge_leap(previous);
+    }
+    sees_all &= !scan.leaps;
     if sees_all {
         scan.scans_seeing_all = SEEING_MIN.min(scan.scans_seeing_all_before + 1);
         if scan.scans_seeing_all >= SEEING_MIN {
@@ -79,7 +91,11 @@ pub fn ignore_unseen(scan: &mut WindowScan, problem: &Problem, loss: &AdaptiveLo
         ignore_all(scan);
         return;
     }
-    let weak_direction_rad = weaker_direction(&information);
+    let weak_direction_rad = if scan.leaps {
+        FORWARD_RAD
+    } else {
+        weaker_direction(&information)
+    };
     if scan.localizability.seen == Seen::Full {
         scan.localizability = Localizability {
             seen: Seen::Partial,

@@ -197,7 +197,7 @@ impl Solver {
             if i > 0 || !problem.first_is_map {
                 scan.ndt = ndt_term::evaluate_scan(scan, problem.submap, loss);
                 if are_associations_new {
-                    ndt_term::ignore_unseen(scan, problem, loss);
+                    ndt_term::ignore_unseen(scan, previous.as_ref(), problem, loss);
                 }
                 cost += ndt_term::add(system, i, scan, problem.config);
             }

@@ -24,6 +24,10 @@ pub const CELLS: usize = 8192;
 /// Share of the grid's own information in that along the forward axis above which it counts: by
 /// that share a fix repeats where the robot was predicted.
 const GRID_SHARE_MAX: f64 = 1.0 / 6.0;
+/// Standard deviation of the way between two scans that cells fix, m (sound drives: 0.02 to 0.03).
+const WAY_SIGMA_M: f64 = 0.03;
+/// A way that differs from the IMU's by more standard deviations is a leap.
+const LEAP_SIGMAS: f64 = 4.0;
 
 /// A scan with its state. Its fields are what the steps that it goes through leave for each other.
 /// Reused, so that a step allocates nothing.
@@ -62,6 +66,9 @@ pub struct WindowScan {
     /// and before it.
     pub scans_seeing_all: u32,
     pub scans_seeing_all_before: u32,
+    /// Whether its cells, as far as they were followed, made it leap away from where the IMU has
+    /// it.
+    pub leaps: bool,
     /// Largest variance of its position when it was the newest one, m^2, and how much of it came
     /// with it.
     pub position_variance_m2: f64,
@@ -86,6 +93,7 @@ persist!(WindowScan {
     follows_fix,
     scans_seeing_all,
     scans_seeing_all_before,
+    leaps,
     position_variance_m2,
     drift_m2,
     status,
@@ -164,13 +172,27 @@ impl WindowScan {
         !self.fixes_way && self.gyro.is_some_and(|gyro| gyro.stands)
     }
 
-    /// Judges whether the cells fix the way forward: the grid's own information, which repeats what
-    /// was predicted, must not count beside theirs.
+    /// Judges whether the cells fix the way forward: the grid's own information, which repeats
+    /// what was predicted, must not count beside theirs.
     pub fn judge_way(&mut self, information: &Matrix3<f64>, config: &Config) {
         let wall = wall_information(self.fit(), config);
         let inverse = marginalize_yaw(information).try_inverse();
         let share = inverse.map_or(1.0, |covariance| wall * covariance.m11);
         self.fixes_way = self.localizability.seen == Seen::Full && share < GRID_SHARE_MAX;
+    }
+
+    /// Whether its cells lead it, along the way, to where the IMU says that it cannot be.
+    pub fn judge_leap(&mut self, previous: &State) {
+        let measured = self.gyro.and_then(|gyro| gyro.speed.zip(gyro.speed_change));
+        let Some((speed, change)) = measured else {
+            return;
+        };
+        let ([speed_m_s, _], [change_m_s, _]) = (speed.value_m_s, change.value_m_s);
+        let [speed_sigma_m_s, _] = speed.sigma_m_s;
+        let moved = previous.odom_from_base.between(&self.state.odom_from_base);
+        let leap_m = moved.x_m - (speed_m_s - 0.5 * change_m_s) * self.dt_s;
+        let sigma_m = WAY_SIGMA_M.hypot(speed_sigma_m_s * self.dt_s);
+        self.leaps |= leap_m.abs() > LEAP_SIGMAS * sigma_m;
     }
 
     /// Where the cells have the robot, with that covariance, where they fix its way.

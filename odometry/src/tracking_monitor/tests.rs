@@ -95,14 +95,14 @@ fn a_weak_direction_is_known_by_cell_weight_and_slack() {
         let status = judge(&mut monitor, &solution(0.8, weakest), scan(0), &config);
         status.trust()
     };
-    // 4.5 x 6 x 300 x 0.8 / 6 = 1080.
-    assert_eq!(trust(1090.0, |_| ()), Trust::Good);
-    assert_eq!(trust(1070.0, |_| ()), Trust::Degraded);
+    // 5.6 x 6 x 200 x 0.8 / 6 = 896.
+    assert_eq!(trust(905.0, |_| ()), Trust::Good);
+    assert_eq!(trust(885.0, |_| ()), Trust::Degraded);
     for (limit, change) in [
-        (4320.0, (|c| c.ndt.cell_size_m = 0.5) as fn(&mut Config)),
-        (360.0, |c| c.odometry.ndt_weight = 100.0),
-        (6480.0, |c| c.ndt.slack = 0.0),
-        (270.0, |c| c.sensor.cell_size_min_m = 2.0),
+        (3584.0, (|c| c.ndt.cell_size_m = 0.5) as fn(&mut Config)),
+        (448.0, |c| c.odometry.ndt_weight = 100.0),
+        (5376.0, |c| c.ndt.slack = 0.0),
+        (224.0, |c| c.sensor.cell_size_min_m = 2.0),
     ] {
         assert_eq!(trust(1.01 * limit, change), Trust::Good, "{limit}");
         assert_eq!(trust(0.99 * limit, change), Trust::Degraded, "{limit}");
