@@ -27,6 +27,8 @@ pub struct Counters {
     pub keyframes_rejected: u64,
     /// Optimisations without a result; the estimate stayed where it was.
     pub solver_failures: u64,
+    /// How often the graph's equations were factorised since the mapper began or came back.
+    pub factorisations: u64,
 }
 
 /// The global map.
@@ -180,6 +182,7 @@ impl Mapper {
         Counters {
             keyframes_rejected: self.keyframes.rejected,
             solver_failures: self.graph.failures,
+            factorisations: self.graph.factorisations(),
         }
     }
 }

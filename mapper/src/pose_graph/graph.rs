@@ -1,12 +1,13 @@
 //! Nodes, odometry, loops, and the estimate.
 
+use super::Error;
 use super::components::components;
 use super::consensus::{self, Recheck};
 use super::edge::{Edge, check_pose};
 use super::loss::Loss;
 use super::solver::{Effort, Report, Term, factorised, solve};
 use super::system::System;
-use super::{Error, covariance};
+use super::tail::Tail;
 use crate::index::{ComponentIdx, KeyframeIdx};
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
@@ -15,6 +16,10 @@ use randt_geometry::Pose2;
 /// a loop has its full weight, so that good loops give the plain least squares.
 const LOOP_PHI: f64 = 21.1;
 const LOOP_LOSS: Loss = Loss::Scaled { phi: LOOP_PHI };
+
+/// Nodes behind the factorised ones: every covariance costs the square of them, and a factor that
+/// is made anew the whole map.
+const TAIL_MAX: usize = 16;
 
 /// The name of a loop, never given again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -63,6 +68,9 @@ pub struct PoseGraph {
     /// For every node the lowest one of its component.
     component: Vec<ComponentIdx>,
     system: Option<System>,
+    /// What odometry has added to the equations since they were factorised at the poses as they
+    /// are; `None` where they are to be factorised first.
+    tail: Option<Tail>,
 }
 
 impl PoseGraph {
@@ -96,6 +104,7 @@ impl PoseGraph {
     pub fn add_node(&mut self, pose: Pose2) -> Result<KeyframeIdx, Error> {
         check_pose(&pose)?;
         let node = KeyframeIdx(self.poses.len());
+        self.tail = None;
         self.poses.push(pose);
         self.component.push(ComponentIdx(node.0));
         Ok(node)
@@ -104,6 +113,7 @@ impl PoseGraph {
     /// Adds an odometry edge between nodes that are there.
     pub fn add_odometry(&mut self, edge: Edge) -> Result<(), Error> {
         edge.check(self.poses.len())?;
+        self.tail = None;
         self.odometry.push(edge);
         self.update_components();
         Ok(())
@@ -123,6 +133,7 @@ impl PoseGraph {
     /// Adds a loop between nodes that are there.
     pub fn add_loop(&mut self, edge: Edge) -> Result<LoopId, Error> {
         edge.check(self.poses.len())?;
+        self.moved();
         let id = LoopId(self.next_loop);
         self.next_loop += 1;
         let chi2 = edge.chi2(&self.poses);
@@ -141,6 +152,7 @@ impl PoseGraph {
     pub fn remove_loop(&mut self, id: LoopId) -> Option<Edge> {
         // Names rise, so the list is sorted.
         let at = self.loops.binary_search_by_key(&id, |l| l.id).ok()?;
+        self.moved();
         let removed = self.loops.remove(at);
         self.label();
         Some(removed.edge)
@@ -148,6 +160,7 @@ impl PoseGraph {
 
     /// Moves all nodes of a component as one body: a point p of it comes to stand at `by` p.
     pub fn move_component(&mut self, component: ComponentIdx, by: &Pose2) {
+        self.moved();
         for (pose, own) in self.poses.iter_mut().zip(&self.component) {
             if *own == component {
                 *pose = by.compose(pose);
@@ -179,18 +192,25 @@ impl PoseGraph {
     /// Moves the poses to the optimum over odometry and the loops that are on, starting where they
     /// are.
     pub fn optimise(&mut self) -> Result<Report, Error> {
-        self.descend(LOOP_LOSS)
+        self.descend(LOOP_LOSS, Effort::FULL)
+    }
+
+    /// The same as far as it matters while loops still come.
+    pub fn follow(&mut self) -> Result<Report, Error> {
+        self.descend(LOOP_LOSS, Effort::WARM)
     }
 
     /// The same with every loop that is on believed in full: the plain least squares, from however
     /// far away.
     pub fn optimise_trusting(&mut self) -> Result<Report, Error> {
-        self.descend(Loss::QUADRATIC)
+        self.descend(Loss::QUADRATIC, Effort::FULL)
     }
 
-    fn descend(&mut self, loss: Loss) -> Result<Report, Error> {
-        let terms = terms(&self.odometry, &self.loops, loss);
-        let report = solve(&mut self.system, &mut self.poses, &terms, Effort::FULL)?;
+    fn descend(&mut self, loss: Loss, effort: Effort) -> Result<Report, Error> {
+        let terms: Vec<Term<'_>> = terms(&self.odometry, &self.loops, loss).collect();
+        let report = solve(&mut self.system, &mut self.poses, &terms, effort);
+        self.moved();
+        let report = report?;
         for l in &mut self.loops {
             l.weigh(&self.poses, loss);
         }
@@ -201,6 +221,7 @@ impl PoseGraph {
     pub fn recheck(&mut self) -> Result<Recheck, Error> {
         let edges: Vec<&Edge> = self.loops.iter().map(|l| &l.edge).collect();
         let judged = consensus::judge(&self.poses, &self.odometry, &edges)?;
+        self.moved();
         self.poses = judged.poses;
         for (l, on) in self.loops.iter_mut().zip(&judged.on) {
             l.on = *on;
@@ -226,9 +247,62 @@ impl PoseGraph {
         if let Some(node) = [i.0, j.0].into_iter().find(|node| *node >= count) {
             return Err(Error::NoNode { node, count });
         }
-        let terms = terms(&self.odometry, &self.loops, LOOP_LOSS);
-        let system = factorised(&mut self.system, &self.poses, &terms)?;
-        covariance::relative(system, &self.poses, i, j)
+        let (from, to) = (i.0, j.0);
+        if self.component[from] != self.component[to] {
+            return Err(Error::NotConnected { from, to });
+        }
+        let tail = match self.tail.take() {
+            Some(tail) => tail,
+            None => self.new_tail()?,
+        };
+        let tail = self.tail.insert(tail);
+        let system = self.system.as_ref();
+        let covariance = system.map(|system| tail.relative(system, &self.poses, i, j));
+        Ok(covariance.unwrap_or_default())
+    }
+
+    /// How often the equations were factorised.
+    pub fn factorisations(&self) -> u64 {
+        self.system
+            .as_ref()
+            .map_or(0, |system| system.factorisations)
+    }
+
+    /// Factorises where that is due, and adds what came since.
+    fn new_tail(&mut self) -> Result<Tail, Error> {
+        let count = self.poses.len();
+        for first in [self.factorised_nodes(), count] {
+            let is_old = |edge: &Edge| edge.from.0.max(edge.to.0) < first;
+            let terms = terms(&self.odometry, &self.loops, LOOP_LOSS);
+            let terms: Vec<Term<'_>> = terms.filter(|(edge, _)| is_old(edge)).collect();
+            let system = factorised(&mut self.system, &self.poses[..first], &terms)?;
+            let new: Vec<&Edge> = self.odometry.iter().filter(|edge| !is_old(edge)).collect();
+            if let Some(tail) = Tail::new(system, first, &self.poses, &new) {
+                return Ok(tail);
+            }
+        }
+        Err(Error::Singular {
+            unknowns: count,
+            damping: 0.0,
+        })
+    }
+
+    /// How many nodes are to be factorised: those that loops lead to and first ones of components,
+    /// and the others from time to time. It follows from the graph alone, so that one that comes
+    /// back computes the same bits.
+    fn factorised_nodes(&self) -> usize {
+        let loops = self.loops.iter().map(|l| l.edge.from.max(l.edge.to).0);
+        let held = loops.chain(self.component.iter().map(|component| component.0));
+        let held = held.max().map_or(0, |node| node + 1);
+        held + (self.poses.len() - held) / TAIL_MAX * TAIL_MAX
+    }
+
+    /// The equations are no longer those that were factorised.
+    fn moved(&mut self) {
+        self.tail = None;
+        if let Some(system) = &mut self.system {
+            system.factorised = false;
+        }
     }
 
     /// Labels the components anew where the newest edge connects two.
@@ -250,11 +324,14 @@ impl PoseGraph {
 }
 
 /// Odometry, believed in full, and the loops that are on.
-fn terms<'a>(odometry: &'a [Edge], loops: &'a [Loop], loss: Loss) -> Vec<Term<'a>> {
+fn terms<'a>(
+    odometry: &'a [Edge],
+    loops: &'a [Loop],
+    loss: Loss,
+) -> impl Iterator<Item = Term<'a>> {
     let loops = loops.iter().filter(|l| l.on);
-    (odometry.iter().map(|edge| (edge, Loss::QUADRATIC)))
-        .chain(loops.map(|l| (&l.edge, loss)))
-        .collect()
+    let odometry = odometry.iter().map(|edge| (edge, Loss::QUADRATIC));
+    odometry.chain(loops.map(move |l| (&l.edge, loss)))
 }
 
 #[cfg(test)]
