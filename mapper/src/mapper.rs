@@ -155,6 +155,11 @@ impl Mapper {
         closures.filter(|closure| closure.status == LoopStatus::Accepted)
     }
 
+    /// Closures of keyframes that show one place: loops of the graph, and those that confirm it.
+    pub fn found(&self) -> impl Iterator<Item = &LoopClosure> {
+        self.closures().iter().filter(|it| it.status.is_loop())
+    }
+
     /// Brings the occupancy grid of the largest component up to the keyframes and where they are
     /// now. Not part of every step: whichever stage needs the grid decides how often.
     pub fn update_grid(&mut self) -> GridUpdate {
