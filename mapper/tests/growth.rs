@@ -1,7 +1,7 @@
 //! Laps of one hall: known ground costs few edges and few factorisations.
 
 use randt_drives::{Drive, config};
-use randt_geometry::Pose2;
+use randt_geometry::{Pose2, elementary::atan2};
 use randt_mapper::Mapper;
 use randt_simulator::World;
 use std::time::Duration;
@@ -88,7 +88,7 @@ fn off_m(mapper: &Mapper, drive: &Drive) -> f64 {
         dot += a.dot(&b);
         cross += a.x * b.y - a.y * b.x;
     }
-    let turn = Pose2::new(0.0, 0.0, f64::atan2(cross, dot));
+    let turn = Pose2::new(0.0, 0.0, atan2(cross, dot));
     let square = pairs.iter().map(|(a, b)| {
         let a = turn.transform(a.translation() - own);
         (a - (b.translation() - other)).norm_squared()

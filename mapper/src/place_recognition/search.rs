@@ -71,8 +71,8 @@ impl PlaceRecognition {
     /// `away_m(keyframe)`: how far away the estimate has a keyframe, where it is known.
     ///
     /// Where more laps lie within a keyframe distance than are tried, all of them are as near, and
-    /// the oldest come first: later laps then hold to the first ones, and the graph stays as sparse
-    /// as those.
+    /// the oldest come first: later laps then hold to the first ones, and the graph stays as
+    /// sparse as those.
     pub fn by_proximity(
         &self,
         keyframes: &[MapKeyframe],

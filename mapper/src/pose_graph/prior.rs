@@ -35,8 +35,8 @@ impl Prior {
         off.dot(&cholesky.solve(&off))
     }
 
-    /// What a measurement of this covariance would tell, nats: half the logarithm of how many
-    /// times it shrinks the volume of the prior's covariance.
+    /// The information that a measurement of this covariance would add, nats: half the logarithm
+    /// of how many times it shrinks the volume of the prior's covariance.
     pub fn information_gain(&self, covariance: &Matrix3<f64>) -> f64 {
         let [both, own] = [self.covariance + covariance, *covariance].map(|c| c.determinant());
         match own > 0.0 && both > own {
@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn a_measurement_as_good_as_the_estimate_tells_half_a_doubling_an_axis() {
+    fn a_measurement_as_good_as_the_estimate_gains_half_a_doubling_an_axis() {
         let covariance = Matrix3::from_diagonal(&Vector3::new(0.03, 0.01, 0.0005));
         let prior = Prior {
             older_from_newer: Pose2::IDENTITY,
@@ -88,7 +88,7 @@ mod tests {
         let half = 0.5 * core::f64::consts::LN_2;
         assert!((prior.information_gain(&covariance) - 3.0 * half).abs() < 1e-12);
         assert!(prior.information_gain(&(covariance * 100.0)) < 0.02);
-        // What is known exactly is told nothing.
+        // What is known exactly gains nothing.
         let exact = Prior {
             covariance: Matrix3::zeros(),
             ..prior

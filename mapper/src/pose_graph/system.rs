@@ -37,7 +37,8 @@ struct EdgeBlocks {
 /// H step = -g, with H in 3 x 3 blocks.
 ///
 /// The lowest node of every component is its anchor and no unknown. Sparsity, ordering and
-/// symbolic factorisation are made once and serve as long as the same nodes are connected.
+/// symbolic factorisation are made once and serve as long as the same nodes are connected. Its
+/// fields are those, the sums, and the factor.
 pub(super) struct System {
     component: Vec<usize>,
     pairs: Vec<(usize, usize)>,

@@ -1,8 +1,8 @@
 //! Which of the closures that passed their gates enter the graph, within one component of the map.
 //!
 //! Where the estimate is sharp, a loop within its gate cannot be false and is taken alone. Where
-//! it is not, two of one passage must agree. One that tells the graph nothing confirms it and costs
-//! no edge: on known ground edges would grow with the way driven.
+//! it is not, two of one passage must agree. One that tells the graph nothing confirms it and
+//! costs no edge: on known ground edges would grow with the way driven.
 
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};

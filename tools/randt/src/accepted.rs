@@ -7,7 +7,7 @@ use randt_geometry::Pose2;
 use randt_mapper::{KeyframeIdx, LoopClosure, Mapper};
 use std::path::Path;
 
-/// The statuses of a candidate that is in the graph, or would be if it told the graph anything.
+/// The statuses of a candidate that is in the graph, or confirms it without news.
 const FOUND: [&str; 2] = ["accepted", "confirmed"];
 
 /// The loops in a mapper's graph and those that confirm it, in the order in which they were found.

@@ -31,8 +31,8 @@ impl Whitened {
 }
 
 impl System {
-    /// What nodes' perturbations add up to, each by its matrix, whitened by the last factorisation;
-    /// an anchor has none.
+    /// What nodes' perturbations add up to, each by its matrix, whitened by the last
+    /// factorisation; an anchor has none.
     pub fn whitened(&self, terms: &[(KeyframeIdx, &Matrix3<f64>)]) -> Whitened {
         // `symbolic` asks for this one.
         let SymbolicCholeskyRaw::Simplicial(shape) = self.symbolic.raw() else {
