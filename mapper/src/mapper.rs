@@ -27,6 +27,8 @@ pub struct Counters {
     pub keyframes_rejected: u64,
     /// Optimisations without a result; the estimate stayed where it was.
     pub solver_failures: u64,
+    /// How often the graph's equations were factorised since the mapper began or came back.
+    pub factorisations: u64,
 }
 
 /// The global map.
@@ -153,6 +155,11 @@ impl Mapper {
         closures.filter(|closure| closure.status == LoopStatus::Accepted)
     }
 
+    /// Closures of keyframes that show one place: loops of the graph, and those that confirm it.
+    pub fn found(&self) -> impl Iterator<Item = &LoopClosure> {
+        self.closures().iter().filter(|it| it.status.is_loop())
+    }
+
     /// Brings the occupancy grid of the largest component up to the keyframes and where they are
     /// now. Not part of every step: whichever stage needs the grid decides how often.
     pub fn update_grid(&mut self) -> GridUpdate {
@@ -180,6 +187,7 @@ impl Mapper {
         Counters {
             keyframes_rejected: self.keyframes.rejected,
             solver_failures: self.graph.failures,
+            factorisations: self.graph.factorisations(),
         }
     }
 }

@@ -71,6 +71,8 @@ pub struct PlaceRecognition {
     /// Path at which loops were last searched for, m.
     searched_m: f64,
     every_m: f64,
+    /// Distance between keyframes, m.
+    step_m: f64,
     apart_m: f64,
     /// The ring keys of all keyframes.
     pub(crate) keys: Vec<RingKey>,
@@ -78,7 +80,7 @@ pub struct PlaceRecognition {
     contexts: Vec<OnceCell<ScanContext>>,
 }
 // The keys are in a snapshot's increment.
-persist!(PlaceRecognition { searched_m } kept { config, every_m, apart_m, keys, contexts });
+persist!(PlaceRecognition { searched_m } kept { config, every_m, step_m, apart_m, keys, contexts });
 
 impl PlaceRecognition {
     /// Nothing seen yet.
@@ -87,6 +89,7 @@ impl PlaceRecognition {
             config: config.loops.clone(),
             searched_m: f64::NEG_INFINITY,
             every_m: SEARCH_KEYFRAMES * config.keyframe.distance_m,
+            step_m: config.keyframe.distance_m,
             apart_m: config.map_reach_m(),
             keys: Vec::new(),
             contexts: Vec::new(),

@@ -34,6 +34,7 @@
 mod components;
 mod consensus;
 mod covariance;
+mod dense;
 mod edge;
 mod error;
 mod graph;
@@ -43,6 +44,7 @@ mod prior;
 mod saved;
 mod solver;
 mod system;
+mod tail;
 #[cfg(test)]
 mod testing;
 

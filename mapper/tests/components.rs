@@ -9,7 +9,7 @@ use randt_messages::{Keyframe, Message};
 use randt_simulator::World;
 use std::collections::BTreeSet;
 
-/// Gives the mapper a drive and says how far every accepted loop is off the truth at most (m,
+/// Gives the mapper a drive and says how far every loop that it found is off the truth at most (m,
 /// degrees).
 fn map(world: &World, drive: &Drive) -> (Mapper, f64, f64) {
     let mut mapper = Mapper::new(&config(world));
@@ -19,7 +19,7 @@ fn map(world: &World, drive: &Drive) -> (Mapper, f64, f64) {
     mapper.finish();
     let truth = |keyframe: usize| drive.truth(mapper.keyframes()[keyframe].stamp_ns);
     let (mut worst_m, mut worst_deg) = (0.0_f64, 0.0_f64);
-    for closure in mapper.accepted() {
+    for closure in mapper.found() {
         let off = truth(closure.older.0)
             .between(&truth(closure.newer.0))
             .between(&closure.older_from_newer);
@@ -61,7 +61,7 @@ fn components_are_merged_where_the_robot_comes_back_and_nowhere_else() {
             let end_off_m = end_off_m(&mapper, &drive);
             println!(
                 "{name} seed {seed}, twice {dark_s} s in the dark: {} loops, worst {worst_m:.3} m {worst_deg:.2} deg; components begin at {components:?}; end off by {end_off_m:.3} m",
-                mapper.accepted().count(),
+                mapper.found().count(),
             );
             assert!(worst_m < 0.5 && worst_deg < 5.0, "a false loop");
             // After 40 s a component may be too short to say where it is: then it stays separate.

@@ -8,6 +8,7 @@
 
 mod components;
 mod grid;
+mod growth;
 mod journal;
 mod journal_file;
 mod publication;

@@ -3,7 +3,9 @@
 use randt_config::Config;
 use randt_drives::{Drive, config};
 use randt_mapper::occupancy::CellCount;
-use randt_mapper::{ComponentIdx, KeyframeIdx, Known, LoopClosure, Mapper, Restored, journal};
+use randt_mapper::{
+    ComponentIdx, KeyframeIdx, Known, LoopClosure, LoopStatus, Mapper, Restored, journal,
+};
 use randt_messages::{Keyframe, Message};
 use randt_simulator::World;
 use std::sync::LazyLock;
@@ -121,7 +123,16 @@ impl Undisturbed {
 pub static LAP: LazyLock<Undisturbed> = LazyLock::new(|| {
     let world = World::building();
     let lap = Undisturbed::new(&world, Drive::new(&world, 1300, 1, &[]));
-    assert!(lap.keyframes.len() > 280 && lap.map.accepted.len() > 30);
+    let has = |status| {
+        lap.map
+            .closures
+            .iter()
+            .any(|closure| closure.status == status)
+    };
+    let found = lap.map.closures.iter().filter(|it| it.status.is_loop());
+    assert!(lap.keyframes.len() > 280 && found.count() > 30);
+    // Edges of the graph, and loops that cost none.
+    assert!(lap.map.accepted.len() > 10 && has(LoopStatus::Confirmed));
     lap
 });
 

@@ -61,11 +61,18 @@ impl PlaceRecognition {
             let origin = CandidateOrigin::Appearance { distance, yaw_rad };
             Some((distance, LoopCandidate { keyframe, origin }))
         });
-        self.best(keyframes, alike.collect())
+        let best = self.apart(keyframes, alike.collect()).into_iter();
+        best.take(CANDIDATES_MAX)
+            .map(|(_, candidate)| candidate)
+            .collect()
     }
 
     /// The old keyframes nearest to the newest one, within `radius_m`, one of each neighbourhood.
     /// `away_m(keyframe)`: how far away the estimate has a keyframe, where it is known.
+    ///
+    /// Where more laps lie within a keyframe distance than are tried, all of them are as near, and
+    /// the oldest come first: later laps then hold to the first ones, and the graph stays as
+    /// sparse as those.
     pub fn by_proximity(
         &self,
         keyframes: &[MapKeyframe],
@@ -78,15 +85,22 @@ impl PlaceRecognition {
             Some((away_m(keyframe)?, LoopCandidate { keyframe, origin }))
         });
         let near = old.filter(|(away_m, _)| *away_m <= radius_m);
-        self.best(keyframes, near.collect())
+        let mut laps = self.apart(keyframes, near.collect());
+        let here = laps.partition_point(|(away_m, _)| *away_m < self.step_m);
+        if here > CANDIDATES_MAX {
+            laps.truncate(here);
+            laps.sort_by_key(|(_, candidate)| candidate.keyframe);
+        }
+        laps.truncate(CANDIDATES_MAX);
+        laps.into_iter().map(|(_, candidate)| candidate).collect()
     }
 
-    /// The best candidates, no two of them of one neighbourhood of the path.
-    fn best(
+    /// The best candidates, best first, no two of them of one neighbourhood of the path.
+    fn apart(
         &self,
         keyframes: &[MapKeyframe],
         mut candidates: Vec<(f64, LoopCandidate)>,
-    ) -> Vec<LoopCandidate> {
+    ) -> Vec<(f64, LoopCandidate)> {
         candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.keyframe.cmp(&b.1.keyframe)));
         let at = |candidate: &LoopCandidate| keyframes.get(candidate.keyframe.0);
         let near = |a: &LoopCandidate, b: &LoopCandidate| match (at(a), at(b)) {
@@ -95,9 +109,9 @@ impl PlaceRecognition {
             }
             _ => true,
         };
-        let mut best: Vec<LoopCandidate> = Vec::new();
-        for (_, candidate) in candidates {
-            if best.len() < CANDIDATES_MAX && !best.iter().any(|other| near(other, &candidate)) {
+        let mut best: Vec<(f64, LoopCandidate)> = Vec::new();
+        for candidate in candidates {
+            if !best.iter().any(|other| near(&other.1, &candidate.1)) {
                 best.push(candidate);
             }
         }

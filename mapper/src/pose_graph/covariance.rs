@@ -8,7 +8,7 @@ use randt_geometry::Pose2;
 
 /// Covariance of `j` seen from `i`, perturbations on the right, by equations that are factorised.
 pub(super) fn relative(
-    system: &mut System,
+    system: &System,
     poses: &[Pose2],
     i: KeyframeIdx,
     j: KeyframeIdx,
@@ -18,7 +18,8 @@ pub(super) fn relative(
     }
     // d_j - Ad(T_ij^-1) d_i is the perturbation of T_ij.
     let by_i = -poses[i.0].between(&poses[j.0]).inverse().adjoint();
-    Ok(system.covariance([(i, &by_i), (j, &Matrix3::identity())]))
+    let whitened = system.whitened(&[(i, &by_i), (j, &Matrix3::identity())]);
+    Ok(whitened.covariance(&whitened))
 }
 
 #[cfg(test)]

@@ -1,14 +1,16 @@
 //! Nodes, odometry, loops, and the estimate.
 
+mod covariances;
+
+use super::Error;
 use super::components::components;
 use super::consensus::{self, Recheck};
 use super::edge::{Edge, check_pose};
 use super::loss::Loss;
-use super::solver::{Effort, Report, Term, factorised, solve};
+use super::solver::{Effort, Report, Term, solve};
 use super::system::System;
-use super::{Error, covariance};
+use super::tail::Tail;
 use crate::index::{ComponentIdx, KeyframeIdx};
-use nalgebra::Matrix3;
 use randt_geometry::Pose2;
 
 /// chi2 from which a loop is doubted: of three degrees of freedom, 1 in 10,000 is beyond. Below it
@@ -63,6 +65,9 @@ pub struct PoseGraph {
     /// For every node the lowest one of its component.
     component: Vec<ComponentIdx>,
     system: Option<System>,
+    /// What odometry has added to the equations since they were factorised at the poses as they
+    /// are; `None` where they are to be factorised first.
+    tail: Option<Tail>,
 }
 
 impl PoseGraph {
@@ -96,6 +101,7 @@ impl PoseGraph {
     pub fn add_node(&mut self, pose: Pose2) -> Result<KeyframeIdx, Error> {
         check_pose(&pose)?;
         let node = KeyframeIdx(self.poses.len());
+        self.tail = None;
         self.poses.push(pose);
         self.component.push(ComponentIdx(node.0));
         Ok(node)
@@ -104,6 +110,7 @@ impl PoseGraph {
     /// Adds an odometry edge between nodes that are there.
     pub fn add_odometry(&mut self, edge: Edge) -> Result<(), Error> {
         edge.check(self.poses.len())?;
+        self.tail = None;
         self.odometry.push(edge);
         self.update_components();
         Ok(())
@@ -123,6 +130,7 @@ impl PoseGraph {
     /// Adds a loop between nodes that are there.
     pub fn add_loop(&mut self, edge: Edge) -> Result<LoopId, Error> {
         edge.check(self.poses.len())?;
+        self.moved();
         let id = LoopId(self.next_loop);
         self.next_loop += 1;
         let chi2 = edge.chi2(&self.poses);
@@ -141,6 +149,7 @@ impl PoseGraph {
     pub fn remove_loop(&mut self, id: LoopId) -> Option<Edge> {
         // Names rise, so the list is sorted.
         let at = self.loops.binary_search_by_key(&id, |l| l.id).ok()?;
+        self.moved();
         let removed = self.loops.remove(at);
         self.label();
         Some(removed.edge)
@@ -148,6 +157,7 @@ impl PoseGraph {
 
     /// Moves all nodes of a component as one body: a point p of it comes to stand at `by` p.
     pub fn move_component(&mut self, component: ComponentIdx, by: &Pose2) {
+        self.moved();
         for (pose, own) in self.poses.iter_mut().zip(&self.component) {
             if *own == component {
                 *pose = by.compose(pose);
@@ -179,18 +189,25 @@ impl PoseGraph {
     /// Moves the poses to the optimum over odometry and the loops that are on, starting where they
     /// are.
     pub fn optimise(&mut self) -> Result<Report, Error> {
-        self.descend(LOOP_LOSS)
+        self.descend(LOOP_LOSS, Effort::FULL)
+    }
+
+    /// The same as far as it matters while loops still come.
+    pub fn follow(&mut self) -> Result<Report, Error> {
+        self.descend(LOOP_LOSS, Effort::WARM)
     }
 
     /// The same with every loop that is on believed in full: the plain least squares, from however
     /// far away.
     pub fn optimise_trusting(&mut self) -> Result<Report, Error> {
-        self.descend(Loss::QUADRATIC)
+        self.descend(Loss::QUADRATIC, Effort::FULL)
     }
 
-    fn descend(&mut self, loss: Loss) -> Result<Report, Error> {
-        let terms = terms(&self.odometry, &self.loops, loss);
-        let report = solve(&mut self.system, &mut self.poses, &terms, Effort::FULL)?;
+    fn descend(&mut self, loss: Loss, effort: Effort) -> Result<Report, Error> {
+        let terms: Vec<Term<'_>> = terms(&self.odometry, &self.loops, loss).collect();
+        let report = solve(&mut self.system, &mut self.poses, &terms, effort);
+        self.moved();
+        let report = report?;
         for l in &mut self.loops {
             l.weigh(&self.poses, loss);
         }
@@ -201,6 +218,7 @@ impl PoseGraph {
     pub fn recheck(&mut self) -> Result<Recheck, Error> {
         let edges: Vec<&Edge> = self.loops.iter().map(|l| &l.edge).collect();
         let judged = consensus::judge(&self.poses, &self.odometry, &edges)?;
+        self.moved();
         self.poses = judged.poses;
         for (l, on) in self.loops.iter_mut().zip(&judged.on) {
             l.on = *on;
@@ -215,20 +233,12 @@ impl PoseGraph {
         })
     }
 
-    /// Covariance of the pose of `j` seen from `i`, with perturbations on the right (in the frame
-    /// of `j`); m^2, m rad, rad^2. By odometry and the loops that are on, at the estimate.
-    pub fn relative_covariance(
-        &mut self,
-        i: KeyframeIdx,
-        j: KeyframeIdx,
-    ) -> Result<Matrix3<f64>, Error> {
-        let count = self.poses.len();
-        if let Some(node) = [i.0, j.0].into_iter().find(|node| *node >= count) {
-            return Err(Error::NoNode { node, count });
+    /// The equations are no longer those that were factorised.
+    fn moved(&mut self) {
+        self.tail = None;
+        if let Some(system) = &mut self.system {
+            system.factorised = false;
         }
-        let terms = terms(&self.odometry, &self.loops, LOOP_LOSS);
-        let system = factorised(&mut self.system, &self.poses, &terms)?;
-        covariance::relative(system, &self.poses, i, j)
     }
 
     /// Labels the components anew where the newest edge connects two.
@@ -250,11 +260,14 @@ impl PoseGraph {
 }
 
 /// Odometry, believed in full, and the loops that are on.
-fn terms<'a>(odometry: &'a [Edge], loops: &'a [Loop], loss: Loss) -> Vec<Term<'a>> {
+fn terms<'a>(
+    odometry: &'a [Edge],
+    loops: &'a [Loop],
+    loss: Loss,
+) -> impl Iterator<Item = Term<'a>> {
     let loops = loops.iter().filter(|l| l.on);
-    (odometry.iter().map(|edge| (edge, Loss::QUADRATIC)))
-        .chain(loops.map(|l| (&l.edge, loss)))
-        .collect()
+    let odometry = odometry.iter().map(|edge| (edge, Loss::QUADRATIC));
+    odometry.chain(loops.map(move |l| (&l.edge, loss)))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The pose graph of the map: a node for every keyframe, constraints of odometry, loop closures.
 
 use super::saved::{SavedGraph, SavedLoop, SavedPose};
-use super::{Edge, Error, Loop, LoopId, PoseGraph, Prior, position_sigma_m};
+use super::{Edge, Error, Loop, LoopId, PoseGraph, Prior, Report, position_sigma_m};
 use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::verification::LoopClosure;
@@ -101,9 +101,16 @@ impl KeyframeGraph {
     /// Optimises; takes out loops that proved wrong and optimises again. Gives the closures of
     /// those.
     pub fn optimize_and_prune(&mut self) -> Vec<ClosureIdx> {
+        self.prune_until_good(PoseGraph::follow)
+    }
+
+    fn prune_until_good(
+        &mut self,
+        optimise: fn(&mut PoseGraph) -> Result<Report, Error>,
+    ) -> Vec<ClosureIdx> {
         let mut pruned = Vec::new();
         loop {
-            if self.graph.optimise().is_err() {
+            if optimise(&mut self.graph).is_err() {
                 self.failures += 1;
                 return pruned;
             }
@@ -127,7 +134,7 @@ impl KeyframeGraph {
             }
             self.prune(&mut pruned);
         }
-        pruned.extend(self.optimize_and_prune());
+        pruned.extend(self.prune_until_good(PoseGraph::optimise));
         pruned
     }
 
@@ -208,6 +215,11 @@ impl KeyframeGraph {
     /// The loops of the graph, in order of their names.
     pub fn loops(&self) -> &[Loop] {
         self.graph.loops()
+    }
+
+    /// How often the equations were factorised.
+    pub fn factorisations(&self) -> u64 {
+        self.graph.factorisations()
     }
 
     /// What a snapshot has of the graph.

@@ -1,7 +1,10 @@
 //! The estimate of one keyframe seen from another.
 
 use nalgebra::{Matrix3, Vector3};
-use randt_geometry::{Pose2, elementary::wrap};
+use randt_geometry::{
+    Pose2,
+    elementary::{ln, wrap},
+};
 
 /// Where the estimate has the newer keyframe, seen from the older one.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +33,16 @@ impl Prior {
             return f64::INFINITY;
         };
         off.dot(&cholesky.solve(&off))
+    }
+
+    /// The information that a measurement of this covariance would add, nats: half the logarithm
+    /// of how many times it shrinks the volume of the prior's covariance.
+    pub fn information_gain(&self, covariance: &Matrix3<f64>) -> f64 {
+        let [both, own] = [self.covariance + covariance, *covariance].map(|c| c.determinant());
+        match own > 0.0 && both > own {
+            true => 0.5 * ln(both / own),
+            false => 0.0,
+        }
     }
 }
 
@@ -63,5 +76,23 @@ mod tests {
         assert!((prior.chi2(&ahead, &own) - 1.0).abs() < 1e-9);
         let turned = expected.compose(&Pose2::new(0.0, 0.0, -0.1));
         assert!((prior.chi2(&turned, &own) - 10.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_measurement_as_good_as_the_estimate_gains_half_a_doubling_an_axis() {
+        let covariance = Matrix3::from_diagonal(&Vector3::new(0.03, 0.01, 0.0005));
+        let prior = Prior {
+            older_from_newer: Pose2::IDENTITY,
+            covariance,
+        };
+        let half = 0.5 * core::f64::consts::LN_2;
+        assert!((prior.information_gain(&covariance) - 3.0 * half).abs() < 1e-12);
+        assert!(prior.information_gain(&(covariance * 100.0)) < 0.02);
+        // What is known exactly gains nothing.
+        let exact = Prior {
+            covariance: Matrix3::zeros(),
+            ..prior
+        };
+        assert_eq!(exact.information_gain(&covariance), 0.0);
     }
 }

@@ -32,6 +32,13 @@ impl Effort {
         step: 1e-9,
         factorisations_max: 100,
     };
+
+    /// While loops still come, a millimetre at a time: Gauss-Newton leaves less than a hundredth
+    /// of its last step, and a loop is good for centimetres.
+    pub const WARM: Self = Self {
+        step: 1e-3,
+        ..Self::FULL
+    };
 }
 
 /// How a solution was found.
@@ -150,9 +157,15 @@ fn fitting<'a>(
     terms: &[Term<'_>],
 ) -> Result<&'a mut System, Error> {
     let pairs = || terms.iter().map(|(edge, _)| (edge.from.0, edge.to.0));
-    Ok(match system.take() {
+    let old = system.take();
+    let factorisations = old.as_ref().map_or(0, |old| old.factorisations);
+    Ok(match old {
         Some(fits) if fits.fits(nodes, pairs()) => system.insert(fits),
-        _ => system.insert(System::new(nodes, pairs().collect())?),
+        _ => {
+            let new = system.insert(System::new(nodes, pairs().collect())?);
+            new.factorisations = factorisations;
+            new
+        }
     })
 }
 

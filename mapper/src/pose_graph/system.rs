@@ -2,6 +2,10 @@
 //!
 //! Responsible for the only numbers that faer computes. Not responsible for what the edges mean.
 
+mod whitened;
+
+pub(super) use whitened::Whitened;
+
 use super::Error;
 use super::components::components;
 use crate::index::KeyframeIdx;
@@ -18,7 +22,7 @@ use faer::{Conj, MatMut, Par, Side, Spec};
 use nalgebra::{Matrix3, Vector3};
 
 /// Unknowns of one pose.
-const DOF: usize = 3;
+pub(super) const DOF: usize = 3;
 
 /// Where an edge adds to the lower triangle.
 #[derive(Clone, Copy)]
@@ -33,7 +37,8 @@ struct EdgeBlocks {
 /// H step = -g, with H in 3 x 3 blocks.
 ///
 /// The lowest node of every component is its anchor and no unknown. Sparsity, ordering and
-/// symbolic factorisation are made once and serve as long as the same nodes are connected.
+/// symbolic factorisation are made once and serve as long as the same nodes are connected. Its
+/// fields are those, the sums, and the factor.
 pub(super) struct System {
     component: Vec<usize>,
     pairs: Vec<(usize, usize)>,
@@ -44,10 +49,14 @@ pub(super) struct System {
     hessian: Vec<f64>,
     gradient: Vec<f64>,
     symbolic: SymbolicCholesky<usize>,
+    /// For every unknown when it is eliminated.
+    position: Vec<usize>,
     factor: Vec<f64>,
     memory: MemBuffer,
     /// Whether `factor` is that of H as it is, not damped.
     pub factorised: bool,
+    /// How often this system and those before it were factorised.
+    pub factorisations: u64,
 }
 
 impl System {
@@ -79,8 +88,9 @@ impl System {
         let symbolic = symbolic(&below, &columns, &rows).map_err(fail)?;
         let request = StackReq::any_of(&[
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()),
-            symbolic.solve_in_place_scratch::<f64>(DOF, Par::Seq),
+            symbolic.solve_in_place_scratch::<f64>(1, Par::Seq),
         ]);
+        let order = symbolic.perm().map(|perm| perm.arrays().1.to_vec());
         let memory = MemBuffer::try_new(request).map_err(|_| fail(FaerError::OutOfMemory))?;
         Ok(Self {
             component,
@@ -92,9 +102,11 @@ impl System {
             edges,
             columns,
             rows,
+            position: order.unwrap_or_else(|| (0..DOF * blocks).collect()),
             symbolic,
             memory,
             factorised: false,
+            factorisations: 0,
         })
     }
 
@@ -106,6 +118,11 @@ impl System {
     /// Poses that are unknown.
     pub fn unknowns(&self) -> usize {
         self.gradient.len() / DOF
+    }
+
+    /// The lowest node of a node's component.
+    pub fn component_of(&self, node: KeyframeIdx) -> usize {
+        self.component[node.0]
     }
 
     /// Whether a chain of edges connects two of its nodes.
@@ -162,6 +179,7 @@ impl System {
         if self.factorised {
             return true;
         }
+        self.factorisations += 1;
         let mut damped;
         let mut hessian = &self.hessian;
         if damping > 0.0 {
@@ -189,7 +207,16 @@ impl System {
     /// The step of every unknown pose by the last factorisation.
     pub fn step(&mut self) -> Vec<f64> {
         let mut step: Vec<f64> = self.gradient.iter().map(|value| -value).collect();
-        self.solve(&mut step, 1);
+        if !step.is_empty() {
+            let size = step.len();
+            let right = MatMut::from_column_major_slice_mut(&mut step, size, 1);
+            LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+                Conj::No,
+                right,
+                Par::Seq,
+                MemStack::new(&mut self.memory),
+            );
+        }
         step
     }
 
@@ -197,49 +224,6 @@ impl System {
     pub fn node_step(&self, step: &[f64], node: usize) -> Option<[f64; 3]> {
         let first = DOF * self.block_of[node]?;
         Some([step[first], step[first + 1], step[first + 2]])
-    }
-
-    /// Covariance of what two nodes' perturbations add up to, each by its matrix; an anchor has
-    /// none.
-    pub fn covariance(&mut self, terms: [(KeyframeIdx, &Matrix3<f64>); 2]) -> Matrix3<f64> {
-        let size = self.gradient.len();
-        // The columns of J^T: H^-1 J^T of one solution instead of the columns of the inverse of
-        // both nodes.
-        let mut columns = vec![0.0; size * DOF];
-        let mut entries = Vec::with_capacity(2 * DOF * DOF);
-        for (node, by) in terms {
-            let Some(block) = self.block_of[node.0] else {
-                continue;
-            };
-            for column in 0..DOF {
-                for row in 0..DOF {
-                    let at = column * size + DOF * block + row;
-                    columns[at] += by[(column, row)];
-                    entries.push((at % size, column, by[(column, row)]));
-                }
-            }
-        }
-        self.solve(&mut columns, DOF);
-        let mut covariance = Matrix3::zeros();
-        for (at, row, value) in entries {
-            for column in 0..DOF {
-                covariance[(row, column)] += value * columns[column * size + at];
-            }
-        }
-        (covariance + covariance.transpose()) * 0.5
-    }
-
-    fn solve(&mut self, right: &mut [f64], columns: usize) {
-        if self.unknowns() == 0 {
-            return;
-        }
-        let right = MatMut::from_column_major_slice_mut(right, self.gradient.len(), columns);
-        LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
-            Conj::No,
-            right,
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-        );
     }
 }
 

@@ -13,6 +13,8 @@ use randt_persist::{persist, persist_enum};
 pub enum LoopStatus {
     /// In the graph.
     Accepted,
+    /// As good, and the graph knew as much: it costs no edge.
+    Confirmed,
     /// Good by itself, but the estimate is too uncertain to believe one loop alone and no other
     /// has agreed.
     Unconfirmed,
@@ -35,6 +37,7 @@ pub enum LoopStatus {
 
 persist_enum!(LoopStatus {
     Accepted,
+    Confirmed,
     Unconfirmed,
     Withdrawn,
     AgainstOdometry,
@@ -46,10 +49,16 @@ persist_enum!(LoopStatus {
 });
 
 impl LoopStatus {
+    /// Whether the keyframes show one place: in the graph, or known to it without.
+    pub fn is_loop(self) -> bool {
+        matches!(self, Self::Accepted | Self::Confirmed)
+    }
+
     /// Its name in the report.
     pub fn name(self) -> &'static str {
         match self {
             Self::Accepted => "accepted",
+            Self::Confirmed => "confirmed",
             Self::Unconfirmed => "unconfirmed",
             Self::Withdrawn => "withdrawn",
             Self::AgainstOdometry => "against_odometry",

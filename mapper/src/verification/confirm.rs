@@ -1,7 +1,8 @@
 //! Which of the closures that passed their gates enter the graph, within one component of the map.
 //!
 //! Where the estimate is sharp, a loop within its gate cannot be false and is taken alone. Where
-//! it is not, two of one passage must agree.
+//! it is not, two of one passage must agree. One that tells the graph nothing confirms it and
+//! costs no edge: on known ground edges would grow with the way driven.
 
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};
@@ -18,6 +19,14 @@ const APART_KEYFRAMES: f64 = 2.0;
 /// ... and at most this many: beyond it the drive between is no sharper than the estimate.
 const TOGETHER_KEYFRAMES: f64 = 40.0;
 
+/// A loop that tells less, nats, is no news: the graph knows as well as the loop how its keyframes
+/// lie, the two covariances being of one volume (three halves of the logarithm of two). At 2.0 the
+/// building's map is 0.060 m off instead of 0.044, at 1.04 0.049.
+const NEWS_MIN: f64 = 1.04;
+/// chi2 of three degrees of freedom that one true loop in twenty exceeds: beyond it a loop says
+/// something else than the estimate, however sure that is.
+const EXPECTED_CHI2_MAX: f64 = 7.8;
+
 impl LoopVerification {
     /// Takes the unconfirmed closures from one on, and older ones that they support.
     pub(super) fn confirm(
@@ -26,22 +35,47 @@ impl LoopVerification {
         keyframes: &KeyframeStore,
         graph: &mut KeyframeGraph,
     ) {
-        let mut accepted = Vec::new();
+        let mut holding = Vec::new();
         for (index, closure) in self.unconfirmed(first) {
             let prior = graph.prior(closure.older, closure.newer);
             if !self.config.loops.verify || prior.is_some_and(|prior| is_tight(&prior)) {
-                accepted.push(index);
+                holding.push(index);
             } else if prior.is_some() {
                 let support = self.support(closure, keyframes, graph);
                 if !support.is_empty() {
-                    accepted.extend(support);
-                    accepted.push(index);
+                    holding.extend(support);
+                    holding.push(index);
                 }
             }
         }
-        accepted.sort_unstable();
-        accepted.dedup();
-        self.accept(&accepted, graph);
+        if !self.config.loops.verify {
+            self.accept(&holding, graph);
+            return;
+        }
+        // To the oldest keyframes first: laps that hold to the first one leave the graph as sparse
+        // as that.
+        holding
+            .sort_unstable_by_key(|index| (self.closures.get(index.0).map(|it| it.older), *index));
+        holding.dedup();
+        for index in holding {
+            if self.has_news(index, graph) {
+                self.accept(&[index], graph);
+            } else if let Some(closure) = self.closures.get_mut(index.0) {
+                closure.status = LoopStatus::Confirmed;
+            }
+        }
+    }
+
+    /// Whether a closure that holds says more than the graph knows by now.
+    fn has_news(&self, index: ClosureIdx, graph: &mut KeyframeGraph) -> bool {
+        let closure = self.closures.get(index.0);
+        let prior = closure.and_then(|it| graph.prior(it.older, it.newer));
+        let covariance = closure.and_then(|it| it.information.try_inverse());
+        let (Some(closure), Some(prior), Some(covariance)) = (closure, prior, covariance) else {
+            return true;
+        };
+        prior.information_gain(&covariance) >= NEWS_MIN
+            || prior.chi2(&closure.older_from_newer, &covariance) > EXPECTED_CHI2_MAX
     }
 
     /// Unconfirmed closures of the last metres that agree with this one.

@@ -1,4 +1,4 @@
-//! The accepted loops of a run, out of its mapper or its `report.json`.
+//! The loops that a run has found, out of its mapper or its `report.json`.
 
 use crate::report::Report;
 use anyhow::Context;
@@ -7,10 +7,10 @@ use randt_geometry::Pose2;
 use randt_mapper::{KeyframeIdx, LoopClosure, Mapper};
 use std::path::Path;
 
-/// The status of a candidate that is in the graph.
-const ACCEPTED: &str = "accepted";
+/// The statuses of a candidate that is in the graph, or confirms it without news.
+const FOUND: [&str; 2] = ["accepted", "confirmed"];
 
-/// The loops in a mapper's graph, in the order in which they were found.
+/// The loops in a mapper's graph and those that confirm it, in the order in which they were found.
 pub fn accepted_loops(mapper: &Mapper) -> Vec<LoopEdge> {
     let keyframe = |index: KeyframeIdx| mapper.keyframes().get(index.0);
     let edge = |closure: &LoopClosure| {
@@ -20,10 +20,10 @@ pub fn accepted_loops(mapper: &Mapper) -> Vec<LoopEdge> {
             relative: closure.older_from_newer,
         })
     };
-    mapper.accepted().filter_map(edge).collect()
+    mapper.found().filter_map(edge).collect()
 }
 
-/// Reads the loops of a report that were accepted, in its order.
+/// Reads the loops of a report that were found, in its order.
 pub fn read(path: &Path) -> anyhow::Result<Vec<LoopEdge>> {
     let why = "no report of a run that says what became of its loops";
     accepted(Report::read(path)?).with_context(|| format!("{}: {why}", path.display()))
@@ -32,7 +32,7 @@ pub fn read(path: &Path) -> anyhow::Result<Vec<LoopEdge>> {
 fn accepted(report: Report) -> anyhow::Result<Vec<LoopEdge>> {
     let loops = report.loops.context("missing field `loops`")?;
     let candidates = loops.candidates.into_iter();
-    let accepted = candidates.filter(|candidate| candidate.status == ACCEPTED);
+    let accepted = candidates.filter(|candidate| FOUND.contains(&&*candidate.status));
     let edges = accepted.map(|candidate| LoopEdge {
         from_ns: candidate.from_ns,
         to_ns: candidate.to_ns,
@@ -53,9 +53,10 @@ mod tests {
     fn only_what_was_accepted_counts_and_other_fields_do_not_matter() {
         let json = br#"{"randt": "0.1.0", "loops": {"enabled": true, "candidates": [
             {"from_ns": 1, "to_ns": 2, "relative": [1, 2.5, -0.5], "status": "accepted", "score": 3.1},
+            {"from_ns": 2, "to_ns": 5, "relative": [1, 0, 0], "status": "confirmed"},
             {"from_ns": 3, "to_ns": 4, "relative": [0, 0, 0], "status": "inconsistent"}]}}"#;
         let loops = parse(json).unwrap();
-        assert_eq!(loops.len(), 1);
+        assert_eq!(loops.len(), 2);
         assert_eq!((loops[0].from_ns, loops[0].to_ns), (1, 2));
         assert_eq!(loops[0].relative.to_array(), [1.0, 2.5, -0.5]);
     }

@@ -122,7 +122,7 @@ pub(super) fn grow(
 }
 
 /// chi2 of a loop by what is known of its two nodes; `None` where that is nothing.
-fn innovation(edge: &Edge, grown: &[Pose2], system: &mut System) -> Result<Option<f64>, Error> {
+fn innovation(edge: &Edge, grown: &[Pose2], system: &System) -> Result<Option<f64>, Error> {
     match covariance::relative(system, grown, edge.from, edge.to) {
         Ok(covariance) => {
             let pose = grown[edge.from.0].between(&grown[edge.to.0]);

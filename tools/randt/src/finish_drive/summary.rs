@@ -73,9 +73,12 @@ pub fn text(report: &Report, out: &Path) -> String {
     let configuration = report.configuration.as_ref();
     if configuration.is_some_and(|it| it.loops.enabled) {
         let candidates = loops.map_or(0, |loops| loops.candidates.len());
-        let closed = loops.and_then(|loops| loops.statuses.get("accepted"));
-        let closed = closed.copied().unwrap_or(0);
-        let _ = writeln!(text, "loops: {closed} closed, of {candidates} candidates");
+        let count = |status| loops.and_then(|loops| loops.statuses.get(status).copied());
+        let [closed, confirmed] = ["accepted", "confirmed"].map(|it| count(it).unwrap_or(0));
+        let _ = writeln!(
+            text,
+            "loops: {closed} closed and {confirmed} without news, of {candidates} candidates"
+        );
     }
     let trust = &report.trust;
     let (good, degraded, lost) = (trust.good, trust.degraded, trust.lost);

@@ -1,0 +1,130 @@
+//! Laps of one hall: known ground costs few edges and few factorisations.
+
+use randt_drives::{Drive, config};
+use randt_geometry::{Pose2, elementary::atan2};
+use randt_mapper::Mapper;
+use randt_simulator::World;
+use std::time::Duration;
+
+/// 14 x 9 m of rooms and furniture, a lap of 50 m again and again.
+const HALL: &str = "\
+wall concrete 0,0 14,0 14,9 0,9 0,0 doors 4..5
+wall plaster 7,0 7,3.4
+wall plaster 7,5.6 7,9
+block metal 2.4,6.6 1.2x0.8
+block wood 10,1 1.4x0.6
+block wood 12.2,6.5 0.8x1.5
+post metal 4.2,1.4 0.15
+speed 0.8
+route 2,2 5,2.2 7,4.5 10,3 12,3 12,5.5 10,6.5 7,4.5 5,6.2 2,5
+";
+
+/// Processor time that this thread has used.
+fn processor_time() -> Duration {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    let nanoseconds = text.split(' ').next().and_then(|time| time.parse().ok());
+    Duration::from_nanos(nanoseconds.unwrap_or(0))
+}
+
+/// What a stretch of keyframes cost.
+#[derive(Default)]
+struct Stretch {
+    keyframes: usize,
+    total: Duration,
+    slowest: Duration,
+}
+
+/// Gives a mapper a drive and prints what each stretch of it cost.
+fn drive(world: &World, scans: u64, stretch: usize) -> (Mapper, Drive) {
+    let drive = Drive::new(world, scans, 1, &[]);
+    let mut mapper = Mapper::new(&config(world));
+    println!("keyframes   ms each  slowest ms  factorised   loops   found  registered");
+    let mut cost = Stretch::default();
+    for keyframe in &drive.keyframes {
+        let before = processor_time();
+        mapper.push(keyframe.as_ref());
+        let took = processor_time() - before;
+        cost.keyframes += 1;
+        cost.total += took;
+        cost.slowest = cost.slowest.max(took);
+        if cost.keyframes == stretch {
+            println!(
+                "{:9} {:9.3} {:11.3} {:11} {:7} {:7} {:11}",
+                mapper.keyframes().len(),
+                cost.total.as_secs_f64() * 1e3 / stretch as f64,
+                cost.slowest.as_secs_f64() * 1e3,
+                mapper.counters().factorisations,
+                mapper.graph_loops().len(),
+                mapper.found().count(),
+                mapper.closures().len(),
+            );
+            cost = Stretch::default();
+        }
+    }
+    let before = processor_time();
+    mapper.finish();
+    println!("finish: {:.3} s", (processor_time() - before).as_secs_f64());
+    println!("off by {:.4} m", off_m(&mapper, &drive));
+    (mapper, drive)
+}
+
+/// Root mean square of the keyframes' distances from the truth, after the best rigid alignment, m.
+fn off_m(mapper: &Mapper, drive: &Drive) -> f64 {
+    let truth = |keyframe: usize| drive.truth(mapper.keyframes()[keyframe].stamp_ns);
+    let pairs: Vec<(Pose2, Pose2)> = mapper
+        .poses()
+        .iter()
+        .enumerate()
+        .map(|(index, pose)| (*pose, truth(index)))
+        .collect();
+    let count = pairs.len() as f64;
+    let mean = |of: fn(&(Pose2, Pose2)) -> nalgebra::Vector2<f64>| {
+        pairs.iter().map(of).sum::<nalgebra::Vector2<f64>>() / count
+    };
+    let (own, other) = (mean(|p| p.0.translation()), mean(|p| p.1.translation()));
+    let (mut dot, mut cross) = (0.0, 0.0);
+    for (a, b) in &pairs {
+        let (a, b) = (a.translation() - own, b.translation() - other);
+        dot += a.dot(&b);
+        cross += a.x * b.y - a.y * b.x;
+    }
+    let turn = Pose2::new(0.0, 0.0, atan2(cross, dot));
+    let square = pairs.iter().map(|(a, b)| {
+        let a = turn.transform(a.translation() - own);
+        (a - (b.translation() - other)).norm_squared()
+    });
+    (square.sum::<f64>() / count).sqrt()
+}
+
+/// Five laps. What counts is counted, so that a busy machine changes nothing.
+#[test]
+fn known_ground_costs_few_edges_and_few_factorisations() {
+    /// Keyframes that odometry may add until the equations are factorised anew.
+    const TAIL_MAX: usize = 16;
+    let (mapper, _) = drive(&World::parse("hall", HALL).unwrap(), 1600, 50);
+    let (keyframes, edges) = (mapper.keyframes().len(), mapper.accepted().count());
+    let (found, factorisations) = (mapper.found().count(), mapper.counters().factorisations);
+    println!("{keyframes} keyframes, {found} loops, {edges} of them edges");
+    // Without the end of the drive, at which all loops are judged anew.
+    let whole = 3 * edges + keyframes / TAIL_MAX + 20;
+    assert!(
+        factorisations as usize <= whole,
+        "{factorisations} for {edges}"
+    );
+    assert!(found > keyframes && 3 * edges < found, "{edges} of {found}");
+}
+
+/// `cargo test -p randt-mapper --test integration growth -- --ignored --nocapture`
+#[test]
+#[ignore = "minutes: the long form"]
+fn many_laps_of_a_hall() {
+    let scans = std::env::var("SCANS").map_or(8000, |scans| scans.parse().unwrap());
+    drive(&World::parse("hall", HALL).unwrap(), scans, 200);
+}
+
+#[test]
+#[ignore = "minutes: the long form"]
+fn many_laps_of_the_building() {
+    let world = World::building();
+    drive(&world, 3 * world.sweeps(), 400);
+}
