@@ -84,7 +84,10 @@ fn a_drive_with_loops_ends_in_the_same_map() {
     let report = |name: &str| crate::support::report(&at(name))["loops"]["statuses"].take();
     let statuses = report("here");
     println!("loops: {statuses}");
-    assert!(statuses["accepted"].as_u64().unwrap() >= 5, "{statuses}");
+    // Most loops of a small room confirm its map.
+    let count = |status: &str| statuses[status].as_u64().unwrap_or(0);
+    assert!(count("accepted") >= 1, "{statuses}");
+    assert!(count("accepted") + count("confirmed") >= 5, "{statuses}");
     assert_eq!(report("old"), statuses);
     let text = |name: &str| fs::read_to_string(at(name)).unwrap();
     assert_eq!(text("old/odometry.tum"), text("here/odometry.tum"));
