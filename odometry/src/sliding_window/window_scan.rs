@@ -191,8 +191,9 @@ impl WindowScan {
         let [speed_sigma_m_s, _] = speed.sigma_m_s;
         let moved = previous.odom_from_base.between(&self.state.odom_from_base);
         let leap_m = moved.x_m - (speed_m_s - 0.5 * change_m_s) * self.dt_s;
-        let sigma_m = WAY_SIGMA_M.hypot(speed_sigma_m_s * self.dt_s);
-        self.leaps |= leap_m.abs() > LEAP_SIGMAS * sigma_m;
+        let carried_sigma_m = speed_sigma_m_s * self.dt_s;
+        let variance_m2 = WAY_SIGMA_M * WAY_SIGMA_M + carried_sigma_m * carried_sigma_m;
+        self.leaps |= leap_m * leap_m > LEAP_SIGMAS * LEAP_SIGMAS * variance_m2;
     }
 
     /// Where the cells have the robot, with that covariance, where they fix its way.
