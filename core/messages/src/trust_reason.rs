@@ -15,7 +15,7 @@ pub enum TrustReason {
     Contested = 1 << 3,
     /// The radar repeats its scan.
     Repeated = 1 << 4,
-    /// One of the others was there a moment ago.
+    /// One of the others was there a moment ago, or the position drifted over the last metres.
     Held = 1 << 5,
     /// The pose moves faster than the robot can.
     Rate = 1 << 6,

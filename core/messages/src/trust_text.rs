@@ -28,7 +28,7 @@ impl<'a> TrustText<'a> {
             TrustReason::Fit => "scans fit the map poorly",
             TrustReason::Contested => "beams of two senders",
             TrustReason::Repeated => "the radar repeats its scan",
-            TrustReason::Held => "doubted a moment ago",
+            TrustReason::Held => "doubted in the last second or metres",
             TrustReason::Rate => "faster than the robot can move",
             TrustReason::Imu => "radar and IMU do not agree on the speed",
             TrustReason::Moving => "what the radar sees moves along",

@@ -17,10 +17,9 @@ pub struct NdtBuilder {
 }
 
 impl NdtBuilder {
-    /// A grid around the robot, a square larger: its squares are moved by up to one.
+    /// A grid around the robot.
     pub fn new(config: &Config) -> Self {
-        let half_width_m = config.scan_extent_m() + config.cell_size_m();
-        let grid = Grid::new(half_width_m, config.cell_rule());
+        let grid = Grid::new(config.scan_extent_m(), config.cell_rule());
         Self {
             grid,
             velocity_jacobians_s: Vec::with_capacity(CELLS),

@@ -26,9 +26,10 @@ const REMAINS_MIN: f64 = 1.0;
 /// cells that meet by chance do so once, and hold the pose where it is not.
 pub const SEEING_MIN: u32 = 2;
 
-/// Standard deviation of the heading of a scan that does not see every direction, beside what its
-/// cells say, rad.
-const UNSEEN_HEADING_SIGMA_RAD: f64 = 0.02;
+/// Standard deviation of the heading that a cell of a scan gives which does not see every
+/// direction, beside what its cells say, rad: 0.02 rad for the 25 cells of a scan in a bare
+/// corridor. Five cells of a hall would else turn the gyro's bias by a degree a second.
+const UNSEEN_HEADING_SIGMA_RAD: f64 = 0.1;
 
 /// Direction along the way, in the robot's frame, rad.
 const FORWARD_RAD: f64 = 0.0;
@@ -158,7 +159,8 @@ pub fn add(
         // Few cells, or walls alone, turn a pose as they please: their heading has a noise of its
         // own, and the gyro's counts.
         let by_heading = information.column(2).into_owned();
-        let noise = UNSEEN_HEADING_SIGMA_RAD * UNSEEN_HEADING_SIGMA_RAD;
+        let by_cell = UNSEEN_HEADING_SIGMA_RAD * UNSEEN_HEADING_SIGMA_RAD;
+        let noise = by_cell / scan.cells.len().max(1) as f64;
         let share = 1.0 / (1.0 / noise + by_heading[2]);
         gradient -= by_heading * (gradient[2] * share);
         information -= by_heading * by_heading.transpose() * share;
