@@ -1,6 +1,6 @@
 //! How good a trajectory and its loops are, all figures together.
 
-use crate::{accepted, final_poses::final_poses, job::Done};
+use crate::{final_poses::final_poses, found_loops, job::Done};
 use randt_evaluation::{
     Error, Evaluation, LoopEdge, LoopEvaluation, LoopLimits, Track, Trajectory, evaluate,
     evaluate_loops, track,
@@ -40,7 +40,7 @@ impl Judgement {
         Self::new(
             &trajectory,
             done.results.truth(),
-            Some(&accepted::accepted_loops(mapper)),
+            Some(&found_loops::from_mapper(mapper)),
             &LoopLimits::default(),
         )
     }

@@ -4,7 +4,6 @@
 //! Responsible for commands, options, progress, files and reports. Not responsible for any
 //! algorithm.
 
-pub mod accepted;
 pub mod commands;
 pub mod compare;
 pub mod date;
@@ -15,6 +14,7 @@ pub mod exit;
 pub mod extents;
 pub mod final_poses;
 pub mod finish_drive;
+pub mod found_loops;
 pub mod help;
 pub mod identity;
 pub mod input;

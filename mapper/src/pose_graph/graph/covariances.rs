@@ -34,7 +34,10 @@ impl PoseGraph {
         let tail = self.tail.insert(tail);
         let system = self.system.as_ref();
         let covariance = system.map(|system| tail.relative(system, &self.poses, i, j));
-        Ok(covariance.unwrap_or_default())
+        covariance.ok_or(Error::Singular {
+            unknowns: count,
+            damping: 0.0,
+        })
     }
 
     /// How often the equations were factorised.

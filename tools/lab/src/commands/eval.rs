@@ -1,7 +1,7 @@
 //! `randt-lab eval`: how exact a trajectory is.
 
-use randt::accepted;
 use randt::exit::Outcome;
+use randt::found_loops;
 use randt::judgement::Judgement;
 use randt::output::print_value;
 use randt::trust_spans;
@@ -102,7 +102,11 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         translation_m: arguments.false_loop_m,
         ..LoopLimits::default()
     };
-    let loops = arguments.loops.as_deref().map(accepted::read).transpose()?;
+    let loops = arguments
+        .loops
+        .as_deref()
+        .map(found_loops::read)
+        .transpose()?;
     let found = Judgement::new(&estimate, &truth, loops.as_deref(), &limits)?;
     let trust = arguments.trust.as_deref();
     let trust = trust.map(trust_spans::read).transpose()?;

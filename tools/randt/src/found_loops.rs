@@ -11,7 +11,7 @@ use std::path::Path;
 const FOUND: [&str; 2] = ["accepted", "confirmed"];
 
 /// The loops in a mapper's graph and those that confirm it, in the order in which they were found.
-pub fn accepted_loops(mapper: &Mapper) -> Vec<LoopEdge> {
+pub fn from_mapper(mapper: &Mapper) -> Vec<LoopEdge> {
     let keyframe = |index: KeyframeIdx| mapper.keyframes().get(index.0);
     let edge = |closure: &LoopClosure| {
         Some(LoopEdge {
@@ -26,14 +26,14 @@ pub fn accepted_loops(mapper: &Mapper) -> Vec<LoopEdge> {
 /// Reads the loops of a report that were found, in its order.
 pub fn read(path: &Path) -> anyhow::Result<Vec<LoopEdge>> {
     let why = "no report of a run that says what became of its loops";
-    accepted(Report::read(path)?).with_context(|| format!("{}: {why}", path.display()))
+    found(Report::read(path)?).with_context(|| format!("{}: {why}", path.display()))
 }
 
-fn accepted(report: Report) -> anyhow::Result<Vec<LoopEdge>> {
+fn found(report: Report) -> anyhow::Result<Vec<LoopEdge>> {
     let loops = report.loops.context("missing field `loops`")?;
     let candidates = loops.candidates.into_iter();
-    let accepted = candidates.filter(|candidate| FOUND.contains(&&*candidate.status));
-    let edges = accepted.map(|candidate| LoopEdge {
+    let found = candidates.filter(|candidate| FOUND.contains(&&*candidate.status));
+    let edges = found.map(|candidate| LoopEdge {
         from_ns: candidate.from_ns,
         to_ns: candidate.to_ns,
         relative: Pose2::from_array(candidate.relative),
@@ -46,11 +46,11 @@ mod tests {
     use super::*;
 
     fn parse(json: &[u8]) -> anyhow::Result<Vec<LoopEdge>> {
-        accepted(serde_json::from_slice(json)?)
+        found(serde_json::from_slice(json)?)
     }
 
     #[test]
-    fn only_what_was_accepted_counts_and_other_fields_do_not_matter() {
+    fn only_what_was_found_counts_and_other_fields_do_not_matter() {
         let json = br#"{"randt": "0.1.0", "loops": {"enabled": true, "candidates": [
             {"from_ns": 1, "to_ns": 2, "relative": [1, 2.5, -0.5], "status": "accepted", "score": 3.1},
             {"from_ns": 2, "to_ns": 5, "relative": [1, 0, 0], "status": "confirmed"},
