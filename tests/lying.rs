@@ -6,10 +6,11 @@ use randt::{drive::Drive, job, trust_spans};
 use randt_config::{Config, Selection};
 use randt_evaluation::{SilentlyWrong, silently_wrong};
 use randt_lab::faults::{Fault, FaultInjector};
+use randt_odometry::Counters;
 use randt_simulator::World;
 
-/// What a drive reports under a fault, as a row.
-fn judged(drive: &Drive, fault: Fault) -> SilentlyWrong {
+/// What a drive reports under a fault, as a row, and what it says of the IMU.
+fn judged(drive: &Drive, fault: Fault) -> (SilentlyWrong, Counters) {
     let mut source = FaultInjector::new(drive.source(), fault.injection(1));
     let loaded = Config::load(&Selection::default()).unwrap();
     let mut config = job::with_mounting(loaded, &source).config;
@@ -19,25 +20,58 @@ fn judged(drive: &Drive, fault: Fault) -> SilentlyWrong {
     let trust = trust_spans::for_evaluation(&spans);
     let results = &done.results;
     let found = silently_wrong(&results.odometry(), results.truth(), &trust);
+    let counters = done.pipeline.counters();
     println!(
-        "{fault}: {:.1} % good, silent {} of {} m wrong of {}, worst 10 s of good ones {:.2} m",
+        "{fault}: {:.1} % good, silent {} of {} m wrong of {}, worst 10 s of good ones {:.2} m; {}, {} spikes",
         100.0 * found.good_share.unwrap(),
         found.silent_m,
         found.wrong_m,
         found.windows,
-        found.worst_good_10s_m
+        found.worst_good_10s_m,
+        counters.gyro_fault,
+        counters.gyro_spikes,
     );
-    found
+    (found, counters)
 }
 
 #[test]
-fn turned_and_mirrored_sensors_are_not_believed() {
-    let drive = Drive::new(&World::building(), 300, 1, &ProgressBar::hidden()).unwrap();
-    let share = |fault| judged(&drive, fault).good_share.unwrap();
-    assert!(share(Fault::None) > 0.99);
-    assert!(share(Fault::ImuUpsideDown) < 0.6);
-    assert!(share(Fault::YawSign) < 0.6);
-    assert!(share(Fault::RadarMirrored) < 0.6);
+fn a_gyro_that_lies_is_named_and_not_believed() {
+    let drive = Drive::new(&World::building(), 450, 1, &ProgressBar::hidden()).unwrap();
+    let (clean, counters) = judged(&drive, Fault::None);
+    assert!(clean.good_share.unwrap() > 0.99 && !counters.has_imu_fault());
+    // The radar is right, and good by itself.
+    for (fault, words, good_min) in [
+        (Fault::ImuUpsideDown, "upside down", 0.98),
+        (Fault::GyroDegrees, "degrees instead of radians", 0.9),
+        (Fault::GyroSaturated, "end at 0.350 rad/s", 0.9),
+        (Fault::GyroFrozen, "repeats", 0.9),
+        (Fault::BiasStep, "bias", 0.9),
+    ] {
+        let (found, counters) = judged(&drive, fault);
+        let text = counters.imu_text();
+        assert!(text.contains(words), "{fault}: {text}");
+        assert!(
+            found.silent_m == 0 && found.good_share.unwrap() > good_min,
+            "{fault}"
+        );
+    }
+    // Either may be.
+    for fault in [Fault::YawSign, Fault::RadarMirrored] {
+        let (found, counters) = judged(&drive, fault);
+        assert!(counters.imu_text().contains("opposite ways"), "{fault}");
+        assert!(found.good_share.unwrap() < 0.1, "{fault}");
+    }
+    let (found, counters) = judged(&drive, Fault::NoGravity);
+    assert!(
+        counters.imu_text().contains("no gravity (0."),
+        "{}",
+        counters.imu_text()
+    );
+    assert_eq!((found.silent_m, counters.scans_gyro_refused), (0, 0));
+    // Harmless once the spikes are gone.
+    let (found, counters) = judged(&drive, Fault::GyroSpikes);
+    assert!(counters.gyro_spikes > 30 && !counters.has_imu_fault());
+    assert_eq!(found.good_share, clean.good_share);
 }
 
 #[test]

@@ -97,7 +97,9 @@ impl AttitudeFilter {
             Pace::Start => {
                 self.averaged_s = 0.0;
                 let level = self.attitude.unwrap_or_default();
-                self.attitude = Some(corrected(level, acceleration_m_s2, 1.0));
+                // What is not gravity shows no tilt.
+                let share = self.trust_in(acceleration_m_s2);
+                self.attitude = Some(corrected(level, acceleration_m_s2, share));
             }
             Pace::Step(dt_s) => {
                 let before = self.last_rate_rad_s;

@@ -1,6 +1,8 @@
 //! The gyro's heading as a function of time, from IMU samples as they come.
 
 use crate::{
+    gravity_check::GravityCheck,
+    gyro_rates::GyroRates,
     inertial_speed::{InertialSpeed, RadarFix, Speed},
     stamps::{STAMPS_NS, is_set_back},
     tilt::Tilt,
@@ -75,6 +77,8 @@ pub struct GyroIntegrator {
     attitude: AttitudeFilter,
     inertial_speed: InertialSpeed,
     standstill: Standstill,
+    gravity: GravityCheck,
+    rates: GyroRates,
     states: VecDeque<GyroState>,
     newest: Option<NewestSample>,
     /// Of all three axes, from standstills; the window estimates that of the yaw better.
@@ -117,6 +121,8 @@ persist!(GyroIntegrator {
     attitude,
     inertial_speed,
     standstill,
+    gravity,
+    rates,
     states,
     newest,
     bias,
@@ -142,6 +148,8 @@ impl GyroIntegrator {
             attitude: AttitudeFilter::new(attitude),
             inertial_speed: InertialSpeed::new(odometry),
             standstill: Standstill::new(attitude),
+            gravity: GravityCheck::default(),
+            rates: GyroRates::default(),
             states: VecDeque::with_capacity(CAPACITY),
             newest: None,
             bias: GyroBias::new(odometry.gyro_bias_sigma_rad_s, odometry.gyro_bias_walk),
@@ -182,7 +190,7 @@ impl GyroIntegrator {
     /// [`Self::take_standstill_bias`].
     pub fn push(&mut self, sample: &ImuSample) {
         let stamp_ns = sample.header.stamp_ns;
-        let rate = self.base_from_imu.rotate(Vector3::from(sample.rate_rad_s));
+        let mut rate = self.base_from_imu.rotate(Vector3::from(sample.rate_rad_s));
         let acceleration = self
             .base_from_imu
             .rotate(Vector3::from(sample.acceleration_m_s2));
@@ -200,6 +208,8 @@ impl GyroIntegrator {
             self.rejected += 1;
             return;
         }
+        let shows_gravity = self.gravity.push(stamp_ns, acceleration);
+        rate.z = self.rates.push(stamp_ns, rate.z);
         self.newest = Some(NewestSample {
             sequence: sample.header.sequence,
             epoch: sample.header.epoch,
@@ -227,7 +237,10 @@ impl GyroIntegrator {
         let without_yaw_bias = rate - Vector3::new(0.0, 0.0, bias.z);
         self.inertial_speed
             .push(stamp_ns, without_yaw_bias, acceleration);
-        let tilt = Tilt::from_up(self.attitude.up_in_body());
+        let tilt = match shows_gravity {
+            true => Tilt::from_up(self.attitude.up_in_body()),
+            false => Tilt::LEVEL,
+        };
         // The heading's own bias stays in: it is estimated with the window.
         let rate_rad_s = tilt.yaw_rate_rad_s(rate - Vector3::new(bias.x, bias.y, 0.0));
         let heading_rad = last.map_or(0.0, |last| {
@@ -254,6 +267,16 @@ impl GyroIntegrator {
     /// The yaw bias that the last standstill showed, with its standard deviation, rad/s; once.
     pub fn take_standstill_bias(&mut self) -> Option<(f64, f64)> {
         self.standstill_bias.take()
+    }
+
+    /// What the accelerometer shows of gravity.
+    pub fn gravity(&self) -> &GravityCheck {
+        &self.gravity
+    }
+
+    /// What the rates show sample by sample.
+    pub fn rates(&self) -> &GyroRates {
+        &self.rates
     }
 
     /// Stamp of the newest sample.

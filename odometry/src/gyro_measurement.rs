@@ -2,6 +2,7 @@
 
 use crate::{
     Counters,
+    gyro_check::BiasChange,
     gyro_integrator::{GyroIntegrator, GyroTerm, Turn},
     tilt::Tilt,
 };
@@ -28,6 +29,8 @@ pub struct GyroMeasurement {
     /// The yaw bias known before, and its standard deviation, rad/s.
     pub bias_rad_s: f64,
     pub bias_sigma_rad_s: f64,
+    /// How the bias has changed since the scan before, beside its walk.
+    pub bias_change: BiasChange,
     /// The factor between the scan before and this one.
     pub term: Option<GyroTerm>,
 }
@@ -44,6 +47,7 @@ impl Default for GyroMeasurement {
             rate_rad_s: None,
             bias_rad_s: 0.0,
             bias_sigma_rad_s: 1.0,
+            bias_change: BiasChange::default(),
             term: None,
         }
     }
@@ -93,7 +97,18 @@ impl GyroMeasurement {
             rate_rad_s,
             bias_rad_s: gyro.bias_rad_s().z,
             bias_sigma_rad_s: gyro.yaw_bias_sigma_rad_s(),
+            bias_change: BiasChange::default(),
             term,
+        }
+    }
+
+    /// Of a gyro that is not used: as without an IMU.
+    pub fn unused(self) -> Self {
+        Self {
+            span_ns: self.span_ns,
+            bias_rad_s: self.bias_rad_s,
+            bias_sigma_rad_s: self.bias_sigma_rad_s,
+            ..Self::default()
         }
     }
 

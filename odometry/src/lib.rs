@@ -8,8 +8,11 @@
 
 mod deskew;
 mod earlier_cells;
+mod gravity_check;
+mod gyro_check;
 mod gyro_integrator;
 mod gyro_measurement;
+mod gyro_rates;
 mod inertial_speed;
 mod initializer;
 mod keyframe_selector;
@@ -31,6 +34,7 @@ mod tilt;
 mod tracking_monitor;
 mod tracking_status;
 
+pub use gyro_check::GyroFault;
 pub use odometry::{Counters, Odometry, Sink};
 pub use randt_persist::Error;
 pub use synchronizer::MessageId;

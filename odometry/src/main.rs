@@ -5,6 +5,7 @@ use clap::Parser;
 use randt_messages::{
     ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, TrustText,
 };
+use randt_odometry::GyroFault;
 use randt_odometry::runtime::{CheckpointStore, Feed};
 use randt_stage::{Publisher, Stage, StageArguments, Subscriber, WakeReason, ended, parse};
 use std::error::Error;
@@ -58,7 +59,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut feed = Feed::new(odometry, store, samples, points, stage.clock());
     stage.running()?;
     out.publish(&mut feed.store)?;
-    let mut late_logged = 0;
+    let mut logged = Logged::default();
     let give_up = Instant::now() + HEAR_MAX;
     while !has_predecessor && Instant::now() < give_up {
         // Numbers go on after those of a map from before; the first scans stay in the buffer
@@ -74,7 +75,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             out.publish(&mut feed.store)?;
         }
         has_predecessor |= answer(&mut graph, &mut feed, &mut out, has_predecessor)?;
-        set_status(&mut stage, &feed, &mut late_logged);
+        set_status(&mut stage, &feed, &mut logged);
         stage.set_status_note(&out.trust);
         let pause = Some(feed.pause());
         if stage.wait(&[feed.waitable(), &graph], pause)? == WakeReason::Stop {
@@ -119,24 +120,45 @@ fn answer(
     Ok(heard)
 }
 
-/// Sets the status: scans that never came, and scans for which IMU samples came too late.
-fn set_status(stage: &mut Stage, feed: &Feed, late_logged: &mut u64) {
+/// Sets the status: scans that never came, scans for which IMU samples came too late, and what is
+/// wrong with the IMU.
+fn set_status(stage: &mut Stage, feed: &Feed, logged: &mut Logged) {
     let lost = feed.scans_missed;
     let text = match lost {
         0 => String::new(),
         lost => format!("{lost} scans never came"),
     };
     stage.set_status(&text, lost);
-    let late = feed.odometry.counters().scans_imu_late;
+    let counters = feed.odometry.counters();
+    let late = counters.scans_imu_late;
+    let mut remark = String::new();
     if late > 0 {
-        let text = format!("{late} scans without their last IMU samples");
+        remark = format!("{late} scans without their last IMU samples");
         // A line in the journal for the first of them, and for as many again.
-        if late >= *late_logged * 2 {
-            *late_logged = late.max(1);
-            stage.log_info(&text);
+        if late >= logged.late * 2 {
+            logged.late = late.max(1);
+            stage.log_info(&remark);
         }
-        stage.set_remark(&text);
     }
+    if counters.has_imu_fault() {
+        remark = counters.imu_text();
+        // Another fault is another line.
+        if logged.gyro_fault != counters.gyro_fault {
+            logged.gyro_fault = counters.gyro_fault;
+            stage.log_info(&remark);
+        }
+    }
+    if !remark.is_empty() {
+        stage.set_remark(&remark);
+    }
+}
+
+/// What of the IMU the journal has.
+#[derive(Default)]
+struct Logged {
+    /// Scans whose samples came too late.
+    late: u64,
+    gyro_fault: GyroFault,
 }
 
 /// The topics that it writes.

@@ -1,12 +1,14 @@
 //! Odometry: the paper's motion estimation, scan by scan.
 
 mod counters;
+mod gyro;
 mod persistence;
 mod resume;
 mod trust;
 mod waiting;
 
 use crate::{
+    gyro_check::GyroCheck,
     gyro_integrator::GyroIntegrator,
     gyro_measurement::GyroMeasurement,
     initializer::Initializer,
@@ -51,6 +53,7 @@ pub struct Odometry {
     synchronizer: ScanImuSynchronizer,
     /// `None` where no IMU is used.
     gyro: Option<GyroIntegrator>,
+    gyro_check: GyroCheck,
     initializer: Initializer,
     window: SlidingWindow,
     submaps: Submaps,
@@ -71,6 +74,7 @@ impl Odometry {
             synchronizer: ScanImuSynchronizer::new(&config.odometry),
             gyro: use_imu
                 .then(|| GyroIntegrator::new(&config.attitude, &config.robot, &config.odometry)),
+            gyro_check: GyroCheck::new(),
             initializer: Initializer::new(config),
             window: SlidingWindow::new(config),
             submaps: Submaps::new(config),
@@ -161,6 +165,10 @@ impl Odometry {
         if let Some(gyro) = &self.gyro {
             counters.imu_rejected += gyro.rejected;
             counters.imu_holes = gyro.holes;
+            counters.imu_without_gravity = gyro.gravity().missing;
+            counters.imu_gravity_mm_s2 = (gyro.gravity().shown_m_s2 * 1e3) as i64;
+            counters.gyro_spikes = gyro.rates().spikes;
+            counters.gyro_fault = self.gyro_check.fault();
         }
         counters
     }
@@ -203,6 +211,7 @@ impl Odometry {
         }
         self.deskew_and_build_cells();
         let solution = self.estimate();
+        let solution = self.check_gyro(solution);
         self.begin_frame_or_wait();
         self.judge(solution.as_ref());
         self.publish(solution, imu_use, sink);
@@ -235,6 +244,7 @@ impl Odometry {
         self.frame.is_lost = false;
         self.window.restart();
         self.publisher.set_retired_scan(None);
+        self.gyro_check.restart();
         self.clutter.restart();
         self.overlap.restart();
         self.tracking = TrackingMonitor::default();
@@ -258,11 +268,16 @@ impl Odometry {
 
     /// Predicts the scan's state by motion model and gyro.
     fn predict(&mut self, scan: &Message<RadarPoints>) -> ImuUse {
-        let gyro = GyroMeasurement::during_sweep(
+        let measured = GyroMeasurement::during_sweep(
             self.gyro.as_mut(),
             &scan.head.sweep,
             self.window.last_end_ns(),
         );
+        let gyro = match &self.gyro {
+            Some(gyro) => self.gyro_check.admit(measured, gyro.gravity()),
+            None => measured,
+        };
+        self.counters.scans_gyro_refused += u64::from(self.gyro_check.is_refused());
         self.turn_waiting_frame(scan.head.sweep.end_ns);
         let odom_from_first = self.frame.odom_from_first;
         self.window

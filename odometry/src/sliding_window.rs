@@ -9,6 +9,7 @@ mod prior;
 mod solver;
 mod state;
 mod window_scan;
+mod without_gyro;
 
 use crate::{
     gyro_integrator::GyroIntegrator, gyro_measurement::GyroMeasurement, submaps::Submap,
@@ -157,6 +158,7 @@ impl SlidingWindow {
         scan.gyro_covers_sweep = gyro.covers_sweep;
         scan.tilt = gyro.tilt;
         scan.gyro = gyro.term;
+        scan.bias_change = gyro.bias_change;
         scan.associations.clear();
         scan.ndt = NormalEquations::default();
         // Until its cells are compared, it sees what the scan before saw.
@@ -176,14 +178,15 @@ impl SlidingWindow {
                         twist[axis] += 0.5 * change_m_s * scan.dt_s;
                     }
                 }
+                let bias_rad_s = last.bias_rad_s + scan.bias_change.mean_rad_s;
                 if let Some(gyro) = &scan.gyro {
-                    twist.z = wrap(gyro.turn.angle_rad - last.bias_rad_s * scan.dt_s);
-                    velocity.z = gyro.rate_rad_s - last.bias_rad_s;
+                    twist.z = wrap(gyro.turn.angle_rad - bias_rad_s * scan.dt_s);
+                    velocity.z = gyro.rate_rad_s - bias_rad_s;
                 }
                 scan.state = State {
                     odom_from_base: last.odom_from_base.compose(&Pose2::exp(twist)),
                     velocity,
-                    bias_rad_s: last.bias_rad_s,
+                    bias_rad_s,
                 };
             }
             None => {

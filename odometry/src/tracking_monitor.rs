@@ -73,7 +73,7 @@ fn hash(returns: &[Return]) -> u64 {
 }
 
 /// Mean robust weight of a scan below which it fits poorly.
-fn fit_min(config: &Config) -> f64 {
+pub fn fit_min(config: &Config) -> f64 {
     let odometry = &config.odometry;
     let loss = AdaptiveLoss::new(odometry.loss_alpha, odometry.loss_scale, 1.0);
     loss.weight(POOR_SQUARED_DISTANCE)

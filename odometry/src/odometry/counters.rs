@@ -1,5 +1,6 @@
 //! What went wrong, counted.
 
+use crate::gyro_check::GyroFault;
 use randt_persist::persist;
 
 /// What was dropped, repaired or lacked support. As many fields as there are counters in the
@@ -26,6 +27,12 @@ pub struct Counters {
     pub scans_imu_overtaken: u64,
     /// Scans without IMU although there had been one.
     pub scans_without_imu: u64,
+    /// Scans without the gyro, because it did not turn as the radar did ...
+    pub scans_gyro_refused: u64,
+    /// ... and how, as last found.
+    pub gyro_fault: GyroFault,
+    /// Spikes of the gyro's rate, left out.
+    pub gyro_spikes: u64,
     /// Odometry frames opened after the first.
     pub frames_reopened: u64,
     /// Solves without a result.
@@ -34,6 +41,10 @@ pub struct Counters {
     pub imu_rejected: u64,
     /// Holes in the IMU's samples above 0.1 s.
     pub imu_holes: u64,
+    /// Samples of the IMU whose acceleration showed no gravity: their tilt is not used ...
+    pub imu_without_gravity: u64,
+    /// ... and what the last one showed, mm/s^2.
+    pub imu_gravity_mm_s2: i64,
     /// Points outside of the submap's grid.
     pub points_outside: u64,
 }
@@ -48,10 +59,15 @@ persist!(Counters {
     imu_late_short_ns,
     scans_imu_overtaken,
     scans_without_imu,
+    scans_gyro_refused,
+    gyro_fault,
+    gyro_spikes,
     frames_reopened,
     solver_failures,
     imu_rejected,
     imu_holes,
+    imu_without_gravity,
+    imu_gravity_mm_s2,
     points_outside,
 } sound has_room);
 
@@ -66,11 +82,37 @@ impl Counters {
             self.scans_imu_late,
             self.scans_imu_overtaken,
             self.scans_without_imu,
+            self.scans_gyro_refused,
             self.frames_reopened,
             self.solver_failures,
             self.imu_rejected,
+            self.imu_without_gravity,
+            self.gyro_spikes,
         ]
         .iter()
         .all(|count| *count <= u64::MAX / 2)
+    }
+}
+
+impl Counters {
+    /// Whether something is wrong with the IMU.
+    pub fn has_imu_fault(&self) -> bool {
+        self.scans_gyro_refused > 0 || self.imu_without_gravity > 0
+    }
+
+    /// What that is, in words and with what to set.
+    pub fn imu_text(&self) -> String {
+        if self.scans_gyro_refused > 0 {
+            let scans = self.scans_gyro_refused;
+            format!("{}; {scans} scans without it", self.gyro_fault)
+        } else {
+            self.gravity_text()
+        }
+    }
+
+    /// That the acceleration shows no gravity.
+    pub fn gravity_text(&self) -> String {
+        let shown_m_s2 = self.imu_gravity_mm_s2 as f64 * 1e-3;
+        format!("acceleration shows no gravity ({shown_m_s2:.1} m/s2): tilt not used")
     }
 }

@@ -14,7 +14,9 @@ impl Odometry {
             Some(solution) => {
                 let gyro = self.gyro.as_ref();
                 let disagrees = gyro.is_some_and(|gyro| gyro.inertial_speed().disagrees());
-                let doubts = TrustReason::Imu.bit_if(disagrees)
+                let stamp_ns = scan.message.head.sweep.end_ns;
+                let is_undecided = self.gyro_check.is_undecided(stamp_ns);
+                let doubts = TrustReason::Imu.bit_if(disagrees || is_undecided)
                     | TrustReason::Moving.bit_if(self.clutter.lasts())
                     | TrustReason::Fit.bit_if(self.overlap.is_strange());
                 self.tracking.judge(solution, scan, doubts, &self.config)

@@ -25,8 +25,8 @@ impl Odometry {
 
     /// The heading at which a frame that waits for its first scan is at an instant.
     pub(super) fn turn_waiting_frame(&mut self, end_ns: i64) {
-        let Some((since_ns, gyro)) = self.frame.waits_since_ns.take().zip(self.gyro.as_ref())
-        else {
+        let gyro = self.gyro.as_ref().filter(|_| !self.gyro_check.is_refused());
+        let Some((since_ns, gyro)) = self.frame.waits_since_ns.take().zip(gyro) else {
             return;
         };
         if let Some(turn) = gyro.turn_between(since_ns, end_ns) {

@@ -37,7 +37,8 @@ pub fn add(
     let gyro = scan.gyro.as_ref().map_or(0.0, |gyro| {
         gyro_term(system, i, previous, current, dt_s, gyro, config)
     });
-    let bias_sigma2 = config.gyro_bias_walk * config.gyro_bias_walk * dt_s;
+    let change = &scan.bias_change;
+    let bias_sigma2 = config.gyro_bias_walk * config.gyro_bias_walk * dt_s + change.variance;
     let (mut a, mut b) = (StateVector::zeros(), StateVector::zeros());
     (a[6], b[6]) = (-1.0, 1.0);
     motion
@@ -47,7 +48,7 @@ pub fn add(
             i,
             &a,
             &b,
-            current.bias_rad_s - previous.bias_rad_s,
+            current.bias_rad_s - previous.bias_rad_s - change.mean_rad_s,
             bias_sigma2,
         )
 }

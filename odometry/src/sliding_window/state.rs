@@ -29,6 +29,16 @@ persist!(State {
 });
 
 impl State {
+    /// The state that it leads to at constant velocity.
+    pub fn after(&self, dt_s: f64) -> Self {
+        Self {
+            odom_from_base: self
+                .odom_from_base
+                .compose(&Pose2::exp(self.velocity * dt_s)),
+            ..*self
+        }
+    }
+
     /// This state, moved by a perturbation.
     pub fn plus(&self, step: &StateVector) -> Self {
         Self {

@@ -3,6 +3,7 @@
 use super::state::{State, StateMatrix};
 use crate::{
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
+    gyro_check::BiasChange,
     gyro_integrator::{GyroIntegrator, GyroTerm},
     inertial_speed::{RadarFix, Speed},
     localizability::{Localizability, wall_information},
@@ -41,6 +42,8 @@ pub struct WindowScan {
     pub dt_s: f64,
     /// What the gyro measured since the scan before.
     pub gyro: Option<GyroTerm>,
+    /// How the gyro's bias has changed since then, beside its walk.
+    pub bias_change: BiasChange,
     /// Whether the gyro covers the sweep.
     pub gyro_covers_sweep: bool,
     /// Roll and pitch.
@@ -83,6 +86,7 @@ persist!(WindowScan {
     state,
     dt_s,
     gyro,
+    bias_change,
     gyro_covers_sweep,
     tilt,
     deskew_velocity,
@@ -141,6 +145,12 @@ impl WindowScan {
         );
         deskew(&self.message, &self.beams, &mut self.points);
         self.deskew_velocity = self.state.velocity;
+    }
+
+    /// Forgets what the gyro measured.
+    pub fn drop_gyro(&mut self) {
+        (self.gyro, self.gyro_covers_sweep) = (None, false);
+        self.tilt = Tilt::LEVEL;
     }
 
     /// Variance that its step adds where its cells do not hold the position, in its own frame,

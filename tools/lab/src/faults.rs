@@ -61,6 +61,10 @@ pub enum Fault {
     YawSign,
     /// The radar turns the other way round.
     RadarMirrored,
+    /// The gyro's rates are in degrees/s.
+    GyroDegrees,
+    /// The acceleration comes without gravity.
+    NoGravity,
     /// The gyro saturates at 0.35 rad/s.
     GyroSaturated,
     /// The gyro repeats one rate for 20 s.
@@ -102,6 +106,8 @@ impl Fault {
             Self::ImuUpsideDown => always(imu::upside_down()),
             Self::YawSign => always(imu::gyro(|rate, _| -rate)),
             Self::RadarMirrored => always(radar::mirrored()),
+            Self::GyroDegrees => always(imu::gyro(|rate, _| rate.to_degrees())),
+            Self::NoGravity => always(imu::no_gravity()),
             Self::GyroSaturated => always(imu::gyro(|rate, _| rate.clamp(-0.35, 0.35))),
             Self::GyroFrozen => lasts(imu::frozen(onset_s, 20.0), 20.0),
             Self::GyroSpikes => always(imu::spikes()),

@@ -219,6 +219,10 @@ pub fn reader_counters(path: &Path, input: &[Counter]) -> Counters {
     counters
 }
 
+/// Counters whose text says what is wrong.
+const GYRO_REFUSED: &str = "odometry_scans_gyro_refused";
+const WITHOUT_GRAVITY: &str = "odometry_imu_without_gravity";
+
 /// All counters of odometry and mapper that are not zero.
 pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
     let (odometry, mapper) = (pipeline.counters(), pipeline.mapper().counters());
@@ -228,6 +232,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_scans_repeated", odometry.scans_repeated),
         ("odometry_imu_rejected", odometry.imu_rejected),
         ("odometry_imu_holes", odometry.imu_holes),
+        (GYRO_REFUSED, odometry.scans_gyro_refused),
         ("mapper_keyframes_rejected", mapper.keyframes_rejected),
         ("keyframes_of_another_drive", pipeline.keyframes_refused()),
     ];
@@ -238,6 +243,8 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_scans_imu_late", odometry.scans_imu_late),
         ("odometry_scans_imu_overtaken", odometry.scans_imu_overtaken),
         ("odometry_scans_without_imu", odometry.scans_without_imu),
+        (WITHOUT_GRAVITY, odometry.imu_without_gravity),
+        ("odometry_gyro_spikes", odometry.gyro_spikes),
         ("odometry_frames_reopened", odometry.frames_reopened),
         ("odometry_solver_failures", odometry.solver_failures),
         ("odometry_points_outside", odometry.points_outside),
@@ -245,12 +252,17 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
     ];
     let mut counters = Counters::default();
     for (name, count) in lost {
-        counters.add_lost(name, count, "");
+        let first = match name {
+            GYRO_REFUSED => odometry.gyro_fault.to_string(),
+            _ => String::new(),
+        };
+        counters.add_lost(name, count, &first);
     }
     for (name, count) in others {
         let loss = false;
         let first = match name {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
+            WITHOUT_GRAVITY => odometry.gravity_text(),
             _ => String::new(),
         };
         counters.add(name, Count { count, loss, first });

@@ -6,6 +6,8 @@ use randt_readers::Event;
 /// One rate in that many is a spike, and how large it is, rad/s.
 const SPIKE_EVERY: u32 = 500;
 const SPIKE_RAD_S: f64 = 5.0;
+/// Standard gravity, m/s^2.
+const GRAVITY_M_S2: f64 = 9.806_65;
 /// How far its clock steps, ns.
 const CLOCK_STEP_NS: i64 = 300_000_000;
 
@@ -27,6 +29,17 @@ pub(super) fn upside_down() -> Change {
             for [_, y, z] in [&mut sample.rate_rad_s, &mut sample.acceleration_m_s2] {
                 (*y, *z) = (-*y, -*z);
             }
+        }
+        true
+    })
+}
+
+/// Without gravity, as some drivers send it.
+pub(super) fn no_gravity() -> Change {
+    Box::new(|event, _| {
+        if let Event::Imu(sample) = event {
+            let [_, _, up] = &mut sample.acceleration_m_s2;
+            *up -= GRAVITY_M_S2;
         }
         true
     })

@@ -1,0 +1,352 @@
+//! Whether the gyro turns as the radar does: it loses its trust where it does not, and may earn it
+//! again.
+
+mod fault;
+mod turns;
+
+pub use fault::GyroFault;
+
+use crate::{
+    gravity_check::GravityCheck, gyro_integrator::Turn, gyro_measurement::GyroMeasurement,
+    gyro_rates::GyroRates, sliding_window::WindowScan,
+};
+use nalgebra::Matrix2;
+use randt_messages::Localizability as Seen;
+use randt_persist::persist;
+use std::collections::VecDeque;
+use turns::{TurnPair, Turns};
+
+/// Mean of what that many scans in a row still want to turn, degrees: from the first on the bias
+/// is another one, from the second on it is no bias. Sound drives show at most 0.56, 0.33, 0.21
+/// and 0.15; where all rooms look alike 0.53, 0.46 and 0.30. A bias that steps by 1 degree/s
+/// shows 1.6, a turned sign 3 and more.
+const WANTED: [(usize, f64, f64); 5] = [
+    (3, 1.2, 3.0),
+    (10, 0.8, 2.0),
+    (25, 0.45, 1.5),
+    (50, 0.36, 1.3),
+    (100, 0.28, 1.0),
+];
+const WANTED_SCANS: usize = 100;
+/// A window of two seconds shows a wrong gyro where the mean over this many scans is more, degrees.
+const WANTED_BRIEF: usize = 5;
+const WANTED_BRIEF_DEG: f64 = 0.6;
+/// The bias is then unknown by this much, rad/s (1 degree/s) ...
+const BIAS_JUMP_SIGMA_RAD_S: f64 = 0.0175;
+/// ... and walks by this for a while, rad/s per square root of s: one that creeps by a degree/s in
+/// 100 s is followed.
+const UNSTEADY_WALK: f64 = 0.003;
+const UNSTEADY_NS: i64 = 60_000_000_000;
+/// A bias that a gyro is believed with again, rad/s: to a fifth of a degree/s.
+const EARNED_SIGMA_RAD_S: f64 = 0.0035;
+/// Scans of the last ten that do not fit where the gyro has them, from which it is tried whether
+/// they fit without it.
+const POOR_FITS: u32 = 2;
+const FIT_SCANS: u32 = 10;
+/// Scans in which gyro and radar have to agree until the gyro is used again; twice as many each
+/// further time, at most [`Turns::ROOM`].
+const AGREE_SCANS: usize = 25;
+/// Turning on average faster than this is no robot, whose radar would show nothing, rad/s (460
+/// degrees/s).
+const RATE_MAX_RAD_S: f64 = 8.0;
+/// How long a gyro that has lost its trust keeps the pose's away, ns: until the radar has shown by
+/// itself that it fits.
+const DOUBT_NS: i64 = 2_000_000_000;
+
+/// A rate that was repeated this long before a gyro was refused is why, ns.
+const REPEATED_NS: i64 = 5_000_000_000;
+
+/// What follows from a scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// Nothing changes.
+    Keep,
+    /// It is to be tried whether the scans fit without the gyro.
+    Try,
+    /// The gyro is wrong.
+    Refuse,
+}
+
+/// Follows radar and gyro scan by scan.
+///
+/// What a scan alone still wants to turn, at the solution that radar and gyro have in common, is
+/// noise where both are right: its mean over some seconds is next to nothing. Its fields are what
+/// is compared, what was found, and what follows for the next scan.
+#[derive(Clone, Debug)]
+pub struct GyroCheck {
+    /// What the last scans wanted to turn, the newest last, degrees.
+    wanted_deg: VecDeque<f64>,
+    turns: Turns,
+    /// Heading of the scan before, where the radar saw it.
+    last_yaw_rad: Option<f64>,
+    /// The last [`FIT_SCANS`] scans, the newest one the lowest bit: 1 where it did not fit.
+    poor_fits: u32,
+    /// Scans since it was last tried.
+    since_tried: u32,
+    /// Whether the scans want to turn by more than the bias allows.
+    is_unsteady: bool,
+    /// Since when the gyro is not used.
+    refused_ns: Option<i64>,
+    /// What is wrong with it, as last found.
+    fault: GyroFault,
+    /// How often it was refused.
+    refusals: u32,
+    /// Until when its bias may walk, ns.
+    unsteady_until_ns: i64,
+    /// The bias that it is used with again; the next scan takes it.
+    earned_bias_rad_s: Option<f64>,
+    /// Whether the bias is unknown from the next scan on.
+    loosens: bool,
+    /// The gyro's turn since the scan before.
+    turn: Option<Turn>,
+}
+
+persist!(GyroCheck {
+    wanted_deg,
+    turns,
+    last_yaw_rad,
+    poor_fits,
+    since_tried,
+    is_unsteady,
+    refused_ns,
+    fault,
+    refusals,
+    unsteady_until_ns,
+    earned_bias_rad_s,
+    loosens,
+} kept {
+    turn,
+} sound is_sound);
+
+/// How the gyro's bias changes from one scan to the next, beside its walk.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct BiasChange {
+    /// Mean, rad/s.
+    pub mean_rad_s: f64,
+    /// Variance, (rad/s)^2.
+    pub variance: f64,
+}
+
+persist!(BiasChange {
+    mean_rad_s,
+    variance
+});
+
+impl GyroCheck {
+    /// Nothing compared yet: the gyro is used.
+    pub fn new() -> Self {
+        Self {
+            wanted_deg: VecDeque::with_capacity(WANTED_SCANS),
+            turns: Turns::with_room(),
+            last_yaw_rad: None,
+            poor_fits: 0,
+            since_tried: POOR_FITS,
+            is_unsteady: false,
+            refused_ns: None,
+            fault: GyroFault::None,
+            refusals: 0,
+            unsteady_until_ns: 0,
+            earned_bias_rad_s: None,
+            loosens: false,
+            turn: None,
+        }
+    }
+
+    fn is_sound(&self) -> bool {
+        self.wanted_deg.len() <= WANTED_SCANS
+            && self.poor_fits >> FIT_SCANS == 0
+            && self.refusals <= u32::MAX / 2
+    }
+
+    /// Whether the gyro is not used.
+    pub fn is_refused(&self) -> bool {
+        self.refused_ns.is_some()
+    }
+
+    /// What is or was wrong with the gyro.
+    pub fn fault(&self) -> GyroFault {
+        self.fault
+    }
+
+    /// Whether it cannot be known whether radar or gyro is right: the radar has not shown yet that
+    /// it fits by itself, or nothing shows which of them errs; both may turn opposite ways, each
+    /// by itself without fault.
+    pub fn is_undecided(&self, stamp_ns: i64) -> bool {
+        self.refused_ns.is_some_and(|since_ns| match self.fault {
+            GyroFault::UpsideDown => false,
+            GyroFault::Opposite | GyroFault::Disagrees => true,
+            _ => stamp_ns.saturating_sub(since_ns) < DOUBT_NS,
+        })
+    }
+
+    /// A frame begins: scans are not compared with those before.
+    pub fn restart(&mut self) {
+        self.wanted_deg.clear();
+        self.last_yaw_rad = None;
+        (self.poor_fits, self.is_unsteady) = (0, false);
+    }
+
+    /// What a scan may use of what the gyro measured since the one before.
+    pub fn admit(
+        &mut self,
+        mut measured: GyroMeasurement,
+        gravity: &GravityCheck,
+    ) -> GyroMeasurement {
+        self.turn = measured.term.map(|term| term.turn);
+        let (begin_ns, end_ns) = measured.span_ns;
+        let angle_max_rad = RATE_MAX_RAD_S * (end_ns - begin_ns) as f64 * 1e-9;
+        let is_beyond = |turn: Turn| turn.angle_rad.abs() > angle_max_rad;
+        if measured.turn.is_some_and(is_beyond) && !self.is_refused() {
+            self.refuse(end_ns);
+        }
+        if gravity.is_upside_down() && self.fault != GyroFault::UpsideDown {
+            self.refuse(end_ns);
+            self.fault = GyroFault::UpsideDown;
+        }
+        if self.is_refused() {
+            return measured.unused();
+        }
+        let change = &mut measured.bias_change;
+        if end_ns < self.unsteady_until_ns {
+            let dt_s = (end_ns - begin_ns) as f64 * 1e-9;
+            change.variance = UNSTEADY_WALK * UNSTEADY_WALK * dt_s;
+        }
+        if std::mem::take(&mut self.loosens) {
+            change.variance += BIAS_JUMP_SIGMA_RAD_S * BIAS_JUMP_SIGMA_RAD_S;
+        }
+        if let Some(earned_rad_s) = self.earned_bias_rad_s.take() {
+            change.mean_rad_s = earned_rad_s - measured.bias_rad_s;
+            change.variance += EARNED_SIGMA_RAD_S * EARNED_SIGMA_RAD_S;
+        }
+        measured
+    }
+
+    /// Compares a scan that was estimated. `is_clear`: nothing else was found against it.
+    pub fn observe(
+        &mut self,
+        scan: &WindowScan,
+        is_clear: bool,
+        is_poor: bool,
+        rates: &GyroRates,
+    ) -> Verdict {
+        let stamp_ns = scan.message.head.sweep.end_ns;
+        let yaw_rad = scan.state.odom_from_base.yaw_rad;
+        let sees_all = is_clear && scan.localizability.seen == Seen::Full && !is_poor;
+        let turn = self.turn.filter(|turn| turn.uncovered_s == 0.0);
+        let last_yaw_rad = self.last_yaw_rad.take();
+        self.last_yaw_rad = sees_all.then_some(yaw_rad);
+        if self.is_refused() {
+            if let (Some(last), Some(turn), true) = (last_yaw_rad, turn, sees_all) {
+                self.turns
+                    .push(TurnPair::new(last, yaw_rad, turn.angle_rad, scan.dt_s));
+                self.name_fault(rates);
+                self.earn_again(stamp_ns);
+            }
+            return Verdict::Keep;
+        }
+        if turn.is_none() || !is_clear {
+            return Verdict::Keep;
+        }
+        self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
+        self.since_tried = self.since_tried.saturating_add(1);
+        let sweep_ns = (scan.dt_s * 1e9) as i64;
+        let repeats = rates.repeated_since(stamp_ns - sweep_ns).is_some();
+        if self.since_tried >= POOR_FITS && (repeats || self.poor_fits.count_ones() >= POOR_FITS) {
+            return Verdict::Try;
+        }
+        let Some(wanted_rad) = wanted_turn_rad(scan).filter(|_| scan.gyro.is_some()) else {
+            return Verdict::Keep;
+        };
+        if self.wanted_deg.len() == WANTED_SCANS {
+            self.wanted_deg.pop_front();
+        }
+        self.wanted_deg.push_back(wanted_rad.to_degrees());
+        let exceeds = |limit: fn(&(usize, f64, f64)) -> f64| {
+            let mut horizons = WANTED.iter();
+            horizons.any(|horizon| self.mean_wanted_deg(horizon.0) > limit(horizon))
+        };
+        if exceeds(|(_, _, wrong)| *wrong) {
+            return Verdict::Refuse;
+        }
+        if exceeds(|(_, unsteady, _)| *unsteady) {
+            self.is_unsteady = true;
+            // What only shows in a long mean, a window does not.
+            if self.mean_wanted_deg(WANTED_BRIEF) > WANTED_BRIEF_DEG {
+                return Verdict::Try;
+            }
+            self.keep(stamp_ns);
+        }
+        Verdict::Keep
+    }
+
+    /// Length of the mean over the last scans, of which there may be fewer.
+    fn mean_wanted_deg(&self, scans: usize) -> f64 {
+        let sum: f64 = self.wanted_deg.iter().rev().take(scans).sum();
+        sum.abs() / scans as f64
+    }
+
+    /// The gyro stays in use: the scans do not fit better without it.
+    pub fn keep(&mut self, stamp_ns: i64) {
+        (self.poor_fits, self.since_tried) = (0, 0);
+        if std::mem::take(&mut self.is_unsteady) {
+            self.loosens = true;
+            self.unsteady_until_ns = stamp_ns.saturating_add(UNSTEADY_NS);
+            self.wanted_deg.clear();
+        }
+    }
+
+    /// From now on the gyro is not used.
+    pub fn refuse(&mut self, stamp_ns: i64) {
+        self.refused_ns = Some(stamp_ns);
+        self.fault = GyroFault::Disagrees;
+        self.refusals += 1;
+        self.turns.clear();
+        self.restart();
+    }
+
+    fn name_fault(&mut self, rates: &GyroRates) {
+        let is_known = self.turns.are_many() || !self.fault.is_of_turns();
+        if self.fault.lasts() && is_known {
+            return;
+        }
+        let since_ns = self.refused_ns.unwrap_or_default();
+        if let Some(repeated) = rates.repeated_since(since_ns.saturating_sub(REPEATED_NS)) {
+            self.fault = GyroFault::repeats(&repeated);
+        } else if let Some(fault) = self.turns.fault() {
+            self.fault = fault;
+        }
+    }
+
+    /// Uses the gyro again where it agrees with the radar but for a bias.
+    fn earn_again(&mut self, stamp_ns: i64) {
+        if self.fault.lasts() {
+            return;
+        }
+        let scans = AGREE_SCANS << self.refusals.saturating_sub(1).min(3);
+        if let Some(bias_rad_s) = self.turns.agreed_bias_rad_s(scans.min(Turns::ROOM)) {
+            self.refused_ns = None;
+            self.earned_bias_rad_s = Some(bias_rad_s);
+            self.unsteady_until_ns = stamp_ns.saturating_add(UNSTEADY_NS);
+            self.restart();
+        }
+    }
+}
+
+/// What a scan by itself wants to turn at its present state, where it sees every direction, rad.
+fn wanted_turn_rad(scan: &WindowScan) -> Option<f64> {
+    if scan.localizability.seen != Seen::Full {
+        return None;
+    }
+    // The yaw of -H^-1 g, the position eliminated.
+    let (information, gradient) = (&scan.ndt.pose, &scan.ndt.pose_gradient);
+    let position: Matrix2<f64> = information.fixed_view::<2, 2>(0, 0).into_owned();
+    let by_yaw = information.fixed_view::<2, 1>(0, 2).into_owned();
+    let inverse = position.try_inverse()?;
+    let yaw_information = information.m33 - by_yaw.dot(&(inverse * by_yaw));
+    let yaw_gradient = gradient.z - by_yaw.dot(&(inverse * gradient.xy()));
+    let wanted_rad = -yaw_gradient / yaw_information;
+    wanted_rad.is_finite().then_some(wanted_rad)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,44 @@
+//! The gyro against the radar.
+
+use super::Odometry;
+use crate::{gyro_check::Verdict, sliding_window::Solution, tracking_monitor::fit_min};
+
+/// Cells from which a scan knows its heading better than a gyro that may be wrong: a room shows 25
+/// and more, the few of an open floor meet by chance.
+const COMPARED_CELLS: usize = 15;
+
+impl Odometry {
+    /// Compares what the gyro has measured with what the newest scan shows; where the gyro is
+    /// wrong, estimates the window's states without it.
+    pub(super) fn check_gyro(&mut self, solution: Option<Solution>) -> Option<Solution> {
+        let (Some(gyro), Some(solution)) = (&self.gyro, solution) else {
+            return solution;
+        };
+        let Some(scan) = self.window.newest() else {
+            return Some(solution);
+        };
+        let stamp_ns = scan.message.head.sweep.end_ns;
+        let is_clear =
+            scan.cells.len() >= COMPARED_CELLS && !scan.message.head.sweep.is_contested();
+        let fit_min = fit_min(&self.config);
+        // A wrong gyro lets the scan show another world, too.
+        let is_poor = solution.fit < fit_min || self.overlap.is_strange();
+        let rates = gyro.rates();
+        let verdict = self.gyro_check.observe(scan, is_clear, is_poor, rates);
+        if verdict == Verdict::Keep {
+            return Some(solution);
+        }
+        let submap = self.submaps.active();
+        let without = self
+            .window
+            .solve_without_gyro(submap, fit_min, &self.config);
+        if without.is_some() || verdict == Verdict::Refuse {
+            self.gyro_check.refuse(stamp_ns);
+            self.clutter.restart();
+            self.overlap.restart();
+        } else {
+            self.gyro_check.keep(stamp_ns);
+        }
+        Some(without.unwrap_or(solution))
+    }
+}
