@@ -42,7 +42,7 @@ fn a_gyro_that_lies_is_named_and_not_believed() {
     // The radar is right, and good by itself.
     for (fault, words, good_min) in [
         (Fault::ImuUpsideDown, "upside down", 0.98),
-        (Fault::GyroDegrees, "degrees instead of radians", 0.9),
+        (Fault::GyroDegrees, "degrees instead of radians", 0.8),
         (Fault::GyroSaturated, "end at 0.350 rad/s", 0.9),
         (Fault::GyroFrozen, "repeats", 0.9),
         (Fault::BiasStep, "bias", 0.9),
