@@ -176,10 +176,10 @@ impl Mapper {
         self.update_grid_by(usize::MAX)
     }
 
-    /// The same with no more than this many keyframes painted for the first time: where it added
-    /// as many, more may be left.
-    pub fn update_grid_by(&mut self, added_max: usize) -> GridUpdate {
-        self.grid.follow(&self.keyframes, &self.graph, added_max)
+    /// The same with about this many keyframes painted; more may be left.
+    pub fn update_grid_by(&mut self, paintings_max: usize) -> GridUpdate {
+        self.grid
+            .follow(&self.keyframes, &self.graph, paintings_max)
     }
 
     /// The grid as of the last [`Mapper::update_grid`].
