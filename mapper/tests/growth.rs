@@ -3,7 +3,9 @@
 use randt_config::Config;
 use randt_drives::{Drive, config};
 use randt_geometry::{Pose2, elementary::atan2};
+use randt_mapper::publication::fill_graph;
 use randt_mapper::{KeyframeIdx, Mapper};
+use randt_messages::{MapperGraph, Message};
 use randt_simulator::World;
 use std::sync::LazyLock;
 use std::time::Duration;
@@ -161,6 +163,12 @@ fn known_ground_costs_no_nodes() {
     assert_eq!(mapper.poses().len(), keyframes);
     assert!(mapper.found().count() > 200 && mapper.accepted().count() < 60);
     assert!(off_m(&mapper, &FIVE_LAPS) < 0.025);
+    let mut graph = Message::<MapperGraph>::default();
+    fill_graph(&mapper, 0, &mut graph);
+    let head = &graph.head;
+    assert_eq!(head.loops as usize, mapper.accepted().count());
+    let found = mapper.found().count();
+    assert_eq!((head.loops + head.confirmed_loops) as usize, found);
 }
 
 /// `cargo test -p randt-mapper --test integration growth -- --ignored --nocapture`
