@@ -128,9 +128,7 @@ fn units_need_no_newer_systemd_than_245_and_agree_in_what_they_share() {
         for (directive, value) in &lines {
             assert!(known(directive), "{name}: {directive} is not in the table");
             if *directive == "WatchdogSec" {
-                // The mapper's steps are longer.
-                let expected = if name.contains("mapper") { "10" } else { "2" };
-                assert_eq!(*value, expected, "{name}");
+                assert_eq!(*value, "2", "{name}");
             }
             let stops_others = ["Requires", "BindsTo", "RuntimeDirectory"];
             assert!(

@@ -62,7 +62,8 @@ fn main() {
     let keyframes = mapper.keyframes();
     let mut search = PlaceRecognition::new(&config);
     keyframes.iter().for_each(|keyframe| search.push(keyframe));
-    let searches = (0..SEARCHES).map(|_| time(|| search.by_appearance(keyframes, |_| None)));
+    let searches =
+        (0..SEARCHES).map(|_| time(|| search.by_appearance(keyframes, |_| true, |_| None)));
     print(
         "ScanContext search",
         searches.collect(),

@@ -29,6 +29,7 @@
 
 mod index;
 mod keyframe;
+mod known_ground;
 mod mapper;
 pub mod occupancy;
 mod persistence;

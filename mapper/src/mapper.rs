@@ -2,6 +2,7 @@
 
 use crate::index::{ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
+use crate::known_ground::KnownGround;
 use crate::occupancy::{Grid, GridUpdate};
 use crate::place_recognition::PlaceRecognition;
 use crate::pose_graph::{KeyframeGraph, Loop};
@@ -39,6 +40,7 @@ pub struct Mapper {
     pub(crate) recognition: PlaceRecognition,
     pub(crate) verification: LoopVerification,
     pub(crate) merger: ComponentMerger,
+    pub(crate) known_ground: KnownGround,
     pub(crate) graph: KeyframeGraph,
     grid: Grid,
     /// Rises with every change of the map.
@@ -54,6 +56,7 @@ impl Mapper {
             recognition: PlaceRecognition::new(config),
             verification: LoopVerification::new(config),
             merger: ComponentMerger::new(config),
+            known_ground: KnownGround::new(config),
             graph: KeyframeGraph::new(config),
             grid: Grid::new(&config.grid),
             version: 0,
@@ -79,6 +82,8 @@ impl Mapper {
         if self.recognition.is_due(self.path_m()) {
             self.close_loops();
         }
+        let verification = &mut self.verification;
+        (self.known_ground).thin(&self.keyframes, verification, &mut self.graph);
         true
     }
 
@@ -117,6 +122,11 @@ impl Mapper {
     /// Where they are in the map; poses of different components have nothing in common.
     pub fn poses(&self) -> &[Pose2] {
         self.graph.poses()
+    }
+
+    /// Whether a keyframe is a node of the graph; on known ground it stands on one.
+    pub fn is_node(&self, keyframe: KeyframeIdx) -> bool {
+        self.graph.is_unknown(keyframe)
     }
 
     /// The component of the map that a keyframe belongs to.
@@ -166,10 +176,10 @@ impl Mapper {
         self.update_grid_by(usize::MAX)
     }
 
-    /// The same with no more than this many keyframes painted for the first time: where it added
-    /// as many, more may be left.
-    pub fn update_grid_by(&mut self, added_max: usize) -> GridUpdate {
-        self.grid.follow(&self.keyframes, &self.graph, added_max)
+    /// The same with about this many keyframes painted; more may be left.
+    pub fn update_grid_by(&mut self, paintings_max: usize) -> GridUpdate {
+        self.grid
+            .follow(&self.keyframes, &self.graph, paintings_max)
     }
 
     /// The grid as of the last [`Mapper::update_grid`].

@@ -50,6 +50,8 @@ pub struct GridUpdate {
     pub removed: usize,
     /// Keyframes that cannot be painted: their pose is not finite or farther than any map.
     pub rejected: usize,
+    /// Keyframes that are left for the next update.
+    pub left: usize,
 }
 
 /// What is known of a cell.
@@ -87,12 +89,13 @@ impl Grid {
     }
 
     /// Brings the grid up to the keyframes of the largest component and where they are now; those
-    /// of others are taken out. No more than `added_max` are painted for the first time.
+    /// of others are taken out. After `paintings_max` the others are left as they are: a keyframe
+    /// that has moved is painted twice.
     pub(crate) fn follow(
         &mut self,
         keyframes: &[MapKeyframe],
         graph: &KeyframeGraph,
-        added_max: usize,
+        paintings_max: usize,
     ) -> GridUpdate {
         let component = graph.largest_component();
         let all = keyframes.iter().zip(graph.poses()).enumerate();
@@ -108,14 +111,20 @@ impl Grid {
         for (is_kept, painted) in all {
             if is_kept { &mut keep } else { &mut leave }.push(painted);
         }
-        let mut added = 0;
-        keep.retain(|keyframe| {
-            added += usize::from(self.lacks(keyframe));
-            added <= added_max || !self.lacks(keyframe)
-        });
+        let (mut paintings, mut left) = (0, 0);
+        let mut is_now = |count: usize| {
+            // One is always painted, however few are wanted.
+            let is_now = count == 0 || paintings == 0 || paintings + count <= paintings_max;
+            paintings += if is_now { count } else { 0 };
+            left += usize::from(!is_now);
+            is_now
+        };
+        leave.retain(|keyframe| is_now(usize::from(self.painted.contains_key(&keyframe.id))));
+        keep.retain(|keyframe| is_now(self.paintings(keyframe)));
         let removed = self.remove(&leave);
         let mut update = self.update(&keep);
         update.removed += removed;
+        update.left = left;
         update
     }
 
@@ -152,9 +161,13 @@ impl Grid {
         update
     }
 
-    /// Whether a keyframe that can be painted never was.
-    pub fn lacks(&self, keyframe: &GridKeyframe<'_>) -> bool {
-        !self.painted.contains_key(&keyframe.id) && self.lattice(keyframe).is_some()
+    /// How often a keyframe has to be painted: at its new pose, and to take it out at its old one.
+    fn paintings(&self, keyframe: &GridKeyframe<'_>) -> usize {
+        let (old, new) = (self.painted.get(&keyframe.id), self.lattice(keyframe));
+        match old.copied() == new {
+            true => 0,
+            false => usize::from(old.is_some()) + usize::from(new.is_some()),
+        }
     }
 
     /// Takes keyframes out, wherever they are; gives how many there were.

@@ -134,7 +134,7 @@ impl PlaceRecognition {
             return Vec::new();
         };
         if !self.config.verify {
-            let mut candidates = self.by_appearance(keyframes, |_| None);
+            let mut candidates = self.by_appearance(keyframes, |_| true, |_| None);
             candidates.truncate(1);
             return candidates;
         }
@@ -145,9 +145,11 @@ impl PlaceRecognition {
         let away_m = |old: KeyframeIdx| {
             let (here, there) = (graph.pose(newest)?, graph.pose(old)?);
             let is_same = graph.component_of(old) == component;
-            is_same.then(|| (here.translation() - there.translation()).norm())
+            (is_same && graph.is_unknown(old))
+                .then(|| (here.translation() - there.translation()).norm())
         };
-        let mut candidates = self.by_appearance(keyframes, |old| {
+        let is_node = |old: KeyframeIdx| graph.is_unknown(old);
+        let mut candidates = self.by_appearance(keyframes, is_node, |old| {
             let beyond_m = (away_m(old)? - NEAR_MIN_M).max(0.0);
             Some(beyond_m / sigma_m.max(SIGMA_MIN_M))
         });

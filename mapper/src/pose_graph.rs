@@ -51,7 +51,7 @@ mod testing;
 pub use consensus::Recheck;
 pub use edge::Edge;
 pub use error::Error;
-pub use graph::{Loop, LoopId, PoseGraph};
+pub use graph::{Attachment, Loop, LoopId, PoseGraph};
 pub(crate) use keyframe_graph::KeyframeGraph;
 pub(crate) use prior::{Prior, deviation, position_sigma_m};
 pub(crate) use saved::SavedGraph;

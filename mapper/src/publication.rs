@@ -3,6 +3,7 @@
 use crate::Mapper;
 use crate::index::KeyframeIdx;
 use crate::occupancy::{CellState, TileIndex};
+use crate::verification::LoopStatus;
 use randt_messages::{
     Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphEntryKind, Header, MapperGraph, MapperGrid,
     Message, TILE_CELLS,
@@ -46,6 +47,9 @@ pub fn fill_graph(
     head.wanted_keyframe = newest.map_or(0, |keyframe| keyframe.keyframe_id.saturating_add(1));
     head.odom_frame_id = newest.map_or(0, |keyframe| keyframe.odom_frame_id);
     head.loops = loops.len() as u64;
+    let found = mapper.closures().iter().map(|closure| closure.status);
+    let is_confirmed = |status: &LoopStatus| *status == LoopStatus::Confirmed;
+    head.confirmed_loops = found.filter(is_confirmed).count() as u64;
     head.components = mapper.components() as u64;
     head.path_m = mapper.path_m();
     head.tiles = mapper.grid().tiles().count() as u64;

@@ -65,6 +65,15 @@ impl LoopVerification {
         }
     }
 
+    /// These closures are loops whose keyframes have left the graph, and their edges with them.
+    pub fn drop_edges(&mut self, dropped: &[ClosureIdx]) {
+        for index in dropped {
+            if let Some(closure) = self.closures.get_mut(index.0) {
+                closure.status = LoopStatus::Confirmed;
+            }
+        }
+    }
+
     /// Registers the newest keyframe against the submaps of its candidates, each submap once, and
     /// takes what holds.
     pub fn verify(

@@ -1,9 +1,13 @@
-//! Laps of one hall: known ground costs few edges and few factorisations.
+//! Laps of one hall: known ground costs few edges, few factorisations, and no nodes.
 
+use randt_config::Config;
 use randt_drives::{Drive, config};
 use randt_geometry::{Pose2, elementary::atan2};
-use randt_mapper::Mapper;
+use randt_mapper::publication::fill_graph;
+use randt_mapper::{KeyframeIdx, Mapper};
+use randt_messages::{MapperGraph, Message};
 use randt_simulator::World;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 /// 14 x 9 m of rooms and furniture, a lap of 50 m again and again.
@@ -34,11 +38,37 @@ struct Stretch {
     slowest: Duration,
 }
 
+/// Five laps of the hall.
+pub static FIVE_LAPS: LazyLock<Drive> = LazyLock::new(|| Drive::new(&hall(), 1600, 1, &[]));
+
+fn hall() -> World {
+    World::parse("hall", HALL).unwrap()
+}
+
+/// The configuration for the hall by which a place keeps its first laps, 0: all.
+fn hall_config(laps_max: u32) -> Config {
+    let mut config = config(&hall());
+    config.loops.laps_max = laps_max;
+    config
+}
+
+/// The configuration for the hall by which all but the first lap leaves the graph.
+pub fn first_lap_only() -> Config {
+    hall_config(1)
+}
+
+/// Keyframes that are nodes of the graph.
+fn nodes(mapper: &Mapper) -> usize {
+    let keyframes = (0..mapper.keyframes().len()).map(KeyframeIdx);
+    keyframes
+        .filter(|keyframe| mapper.is_node(*keyframe))
+        .count()
+}
+
 /// Gives a mapper a drive and prints what each stretch of it cost.
-fn drive(world: &World, scans: u64, stretch: usize) -> (Mapper, Drive) {
-    let drive = Drive::new(world, scans, 1, &[]);
-    let mut mapper = Mapper::new(&config(world));
-    println!("keyframes   ms each  slowest ms  factorised   loops   found  registered");
+fn push_all(config: &Config, drive: &Drive, stretch: usize) -> Mapper {
+    let mut mapper = Mapper::new(config);
+    println!("keyframes   ms each  slowest ms  factorised   nodes   loops   found  registered");
     let mut cost = Stretch::default();
     for keyframe in &drive.keyframes {
         let before = processor_time();
@@ -49,11 +79,12 @@ fn drive(world: &World, scans: u64, stretch: usize) -> (Mapper, Drive) {
         cost.slowest = cost.slowest.max(took);
         if cost.keyframes == stretch {
             println!(
-                "{:9} {:9.3} {:11.3} {:11} {:7} {:7} {:11}",
+                "{:9} {:9.3} {:11.3} {:11} {:7} {:7} {:7} {:11}",
                 mapper.keyframes().len(),
                 cost.total.as_secs_f64() * 1e3 / stretch as f64,
                 cost.slowest.as_secs_f64() * 1e3,
                 mapper.counters().factorisations,
+                nodes(&mapper),
                 mapper.graph_loops().len(),
                 mapper.found().count(),
                 mapper.closures().len(),
@@ -64,8 +95,8 @@ fn drive(world: &World, scans: u64, stretch: usize) -> (Mapper, Drive) {
     let before = processor_time();
     mapper.finish();
     println!("finish: {:.3} s", (processor_time() - before).as_secs_f64());
-    println!("off by {:.4} m", off_m(&mapper, &drive));
-    (mapper, drive)
+    println!("off by {:.4} m", off_m(&mapper, drive));
+    mapper
 }
 
 /// Root mean square of the keyframes' distances from the truth, after the best rigid alignment, m.
@@ -101,7 +132,7 @@ fn off_m(mapper: &Mapper, drive: &Drive) -> f64 {
 fn known_ground_costs_few_edges_and_few_factorisations() {
     /// Keyframes that odometry may add until the equations are factorised anew.
     const TAIL_MAX: usize = 16;
-    let (mapper, drive) = drive(&World::parse("hall", HALL).unwrap(), 1600, 50);
+    let mapper = push_all(&hall_config(0), &FIVE_LAPS, 50);
     let (keyframes, edges) = (mapper.keyframes().len(), mapper.accepted().count());
     let (found, factorisations) = (mapper.found().count(), mapper.counters().factorisations);
     println!("{keyframes} keyframes, {found} loops, {edges} of them edges");
@@ -113,7 +144,31 @@ fn known_ground_costs_few_edges_and_few_factorisations() {
     );
     assert!(found > keyframes && 3 * edges < found, "{edges} of {found}");
     // Measured 0.0095; 0.0085 with an edge for every loop (8,000 scans).
-    assert!(off_m(&mapper, &drive) < 0.02);
+    assert!(off_m(&mapper, &FIVE_LAPS) < 0.02);
+    assert_eq!(nodes(&mapper), keyframes);
+}
+
+/// Of a lap in known ground only what lies before the last metres stays.
+#[test]
+fn known_ground_costs_no_nodes() {
+    let mapper = push_all(&first_lap_only(), &FIVE_LAPS, 50);
+    // A lap has 57 keyframes; those of the last 25 m and of the first loops stay, too.
+    let keyframes = mapper.keyframes().len();
+    assert!(
+        keyframes > 280 && nodes(&mapper) < 130,
+        "{}",
+        nodes(&mapper)
+    );
+    // Every keyframe has its place on the way, and its loops count though they are no edges.
+    assert_eq!(mapper.poses().len(), keyframes);
+    assert!(mapper.found().count() > 200 && mapper.accepted().count() < 60);
+    assert!(off_m(&mapper, &FIVE_LAPS) < 0.025);
+    let mut graph = Message::<MapperGraph>::default();
+    fill_graph(&mapper, 0, &mut graph);
+    let head = &graph.head;
+    assert_eq!(head.loops as usize, mapper.accepted().count());
+    let found = mapper.found().count();
+    assert_eq!((head.loops + head.confirmed_loops) as usize, found);
 }
 
 /// `cargo test -p randt-mapper --test integration growth -- --ignored --nocapture`
@@ -121,12 +176,18 @@ fn known_ground_costs_few_edges_and_few_factorisations() {
 #[ignore = "minutes: the long form"]
 fn many_laps_of_a_hall() {
     let scans = std::env::var("SCANS").map_or(8000, |scans| scans.parse().unwrap());
-    drive(&World::parse("hall", HALL).unwrap(), scans, 200);
+    let laps_max = std::env::var("LAPS_MAX").map_or(3, |laps| laps.parse().unwrap());
+    push_all(
+        &hall_config(laps_max),
+        &Drive::new(&hall(), scans, 1, &[]),
+        200,
+    );
 }
 
 #[test]
 #[ignore = "minutes: the long form"]
 fn many_laps_of_the_building() {
     let world = World::building();
-    drive(&world, 3 * world.sweeps(), 400);
+    let drive = Drive::new(&world, 6 * world.sweeps(), 1, &[]);
+    push_all(&config(&world), &drive, 400);
 }

@@ -1,9 +1,10 @@
 //! A mapper that is killed, at whichever keyframe and in the middle of whichever write, comes back
 //! as if nothing had happened: its map is that of the undisturbed one, to the last bit.
 
+use crate::growth;
 use crate::undisturbed::{LAP, Undisturbed, finished, memory};
-use randt_drives::Drive;
-use randt_mapper::{Mapper, journal};
+use randt_drives::{Drive, config};
+use randt_mapper::{KeyframeIdx, Mapper, journal};
 use randt_messages::{Keyframe, Localizability, Message};
 use randt_simulator::World;
 use std::sync::Arc;
@@ -62,7 +63,7 @@ fn components_come_back_separate_and_merged() {
     let end_s = world.sweeps() as f64 * 0.2;
     let blackouts = [0.15, 0.35].map(|share| share * end_s..share * end_s + 3.0);
     let drive = Drive::new(&world, world.sweeps(), 1, &blackouts);
-    let frames = Undisturbed::new(&world, drive);
+    let frames = Undisturbed::new(config(&world), &drive.keyframes);
     let end = frames.keyframes.len();
     let mut components = Vec::new();
     for count in (1..=end).step_by(11) {
@@ -76,6 +77,32 @@ fn components_come_back_separate_and_merged() {
     }
     assert_eq!(components.iter().max(), Some(&3), "{components:?}");
     assert_eq!(components.last(), Some(&1), "{components:?}");
+}
+
+#[test]
+fn killed_while_known_ground_leaves_the_graph_it_comes_back_to_the_last_bit() {
+    let drive = &growth::FIVE_LAPS;
+    let laps = Undisturbed::new(growth::first_lap_only(), &drive.keyframes[..180]);
+    let end = laps.keyframes.len();
+    let (mut begun, mut gone) = (0, 0);
+    for count in 1..end {
+        let (mapper, _) = laps.restored(&laps.journal[..laps.starts[count]], count);
+        let nodes = (0..count).filter(|index| mapper.is_node(KeyframeIdx(*index)));
+        let before = std::mem::replace(&mut gone, count - nodes.count());
+        begun += usize::from(gone > before);
+        // At the keyframe before some go, and at the one with which they went.
+        if gone > before && begun % 4 == 1 {
+            for count in [count - 1, count] {
+                let (mut mapper, _) = laps.restored(&laps.journal[..laps.starts[count]], count);
+                laps.drive_on(&mut mapper, (count + 25).min(end));
+            }
+            let (mut mapper, _) = laps.restored(&laps.keyframes_only(count), count);
+            laps.drive_on(&mut mapper, end);
+            assert!(finished(mapper) == laps.map, "killed after {count}");
+        }
+    }
+    println!("{gone} of {end} keyframes have left the graph, {begun} times");
+    assert!(begun > 5 && gone > 40, "{gone}, {begun} times");
 }
 
 #[test]

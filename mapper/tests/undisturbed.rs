@@ -59,13 +59,12 @@ pub struct Undisturbed {
 }
 
 impl Undisturbed {
-    pub fn new(world: &World, drive: Drive) -> Self {
-        let config = config(world);
+    pub fn new(config: Config, keyframes: &[Message<Keyframe>]) -> Self {
         let mut mapper = Mapper::new(&config);
         let (mut memories, mut starts, mut bytes) = (Vec::new(), Vec::new(), Vec::new());
         journal::begin(&config, &mut bytes);
         let (mut after_snapshot, mut known) = (0, Known::default());
-        for (keyframes, keyframe) in (1..).zip(&drive.keyframes) {
+        for (keyframes, keyframe) in (1..).zip(keyframes) {
             starts.push(bytes.len());
             journal::append_keyframe(keyframe.as_ref(), &mut bytes).unwrap();
             assert!(mapper.push(keyframe.as_ref()));
@@ -80,7 +79,7 @@ impl Undisturbed {
         starts.push(bytes.len());
         Self {
             config,
-            keyframes: drive.keyframes,
+            keyframes: keyframes.to_vec(),
             memories,
             map: finished(mapper),
             journal: bytes,
@@ -122,7 +121,8 @@ impl Undisturbed {
 /// A lap of the building and a little: loops from the 130th keyframe on.
 pub static LAP: LazyLock<Undisturbed> = LazyLock::new(|| {
     let world = World::building();
-    let lap = Undisturbed::new(&world, Drive::new(&world, 1300, 1, &[]));
+    let drive = Drive::new(&world, 1300, 1, &[]);
+    let lap = Undisturbed::new(config(&world), &drive.keyframes);
     let has = |status| {
         lap.map
             .closures

@@ -178,6 +178,11 @@ section! {
         /// hold it.
         pub path_min_m: f64 = 15.0
             => within(0.1, 1e7, "above a keyframe's step; longer than any drive, so no loops at all"),
+        /// Laps of one place whose keyframes stay in the graph. Those of later laps that find their
+        /// loops are taken out once they lie behind: the graph then grows with the ground, not
+        /// with the way. 0 keeps all.
+        pub laps_max: u32 = 3
+            => within(0.0, 1e6, "0 keeps all; more than any drive has, so all as well"),
         /// ScanContext: rings (paper: 20, Oxford 30).
         pub rings: u32 = 20
             => within(1.0, 200.0, "one is the range alone; more are narrower than what a pose is known to"),

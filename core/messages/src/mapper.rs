@@ -53,6 +53,8 @@ plain! {
         pub odom_frame_id: u64,
         /// Loops in force.
         pub loops: u64,
+        /// Loops that confirm the graph and cost no edge.
+        pub confirmed_loops: u64,
         /// Components of the pose graph.
         #[was(parts)]
         pub components: u64,

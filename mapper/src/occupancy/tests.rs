@@ -302,3 +302,48 @@ proptest! {
         prop_assert_eq!(grid.tiles().count(), 0);
     }
 }
+
+#[test]
+fn a_map_that_has_moved_is_painted_bit_by_bit() {
+    let mapper = || {
+        let mut mapper = crate::Mapper::new(&randt_config::Config::default());
+        for id in 0..30 {
+            let mut keyframe = randt_messages::Message::<randt_messages::Keyframe>::default();
+            keyframe.head.id = id;
+            keyframe.head.header.stamp_ns = id as i64;
+            keyframe.head.pose = [0.5 * id as f64, 0.3, 0.0];
+            keyframe.head.beam_count = 2;
+            keyframe.head.beams[1].first_point = 1;
+            for (x_m, beam) in [(-1.0, 0), (1.0, 1)] {
+                keyframe.items.push(KeyframePoint {
+                    x_m,
+                    y_m: 2.0,
+                    intensity: 9.0,
+                    beam,
+                    reserved: 0,
+                });
+            }
+            assert!(mapper.push(keyframe.as_ref()));
+        }
+        mapper.update_grid();
+        let moved = Pose2::new(1.03, 0.7, 0.2);
+        let component = crate::ComponentIdx(0);
+        mapper.graph.move_component(component, &moved);
+        mapper
+    };
+    let (mut whole, mut slices) = (mapper(), mapper());
+    assert_eq!(whole.update_grid().moved, 30);
+    // Each is painted twice.
+    let slice = |mapper: &mut crate::Mapper| {
+        let update = mapper.update_grid_by(24);
+        (update.moved, update.left)
+    };
+    let moved = [(); 4].map(|()| slice(&mut slices));
+    assert_eq!(moved, [(12, 18), (12, 6), (6, 0), (0, 0)]);
+    let cells = |mapper: &crate::Mapper| {
+        let tiles = mapper.grid().tiles();
+        let cells = tiles.map(|(index, tile)| (index, tile.cells().collect::<Vec<_>>()));
+        cells.collect::<Vec<_>>()
+    };
+    assert!(!cells(&whole).is_empty() && cells(&whole) == cells(&slices));
+}

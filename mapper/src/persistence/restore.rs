@@ -172,6 +172,7 @@ impl Mapper {
         graph.restore(rest).ok()?;
         self.recognition.restore(rest).ok()?;
         self.merger.restore(rest).ok()?;
+        self.known_ground.restore(rest).ok()?;
         self.version.restore(rest).ok()?;
         rest.end().ok()?;
         if statuses.len() != closures.len() {

@@ -18,7 +18,7 @@ const MAGIC: [u8; 8] = *b"RANDTSNP";
 /// which a test notices. The build does not matter: another one's map is a map. Raise it seldom:
 /// pushing thousands of keyframes anew takes minutes in which a robot that was updated has no map.
 /// Forms 1 and 2 had no magic.
-const FORM: [u8; 16] = *b"mapper snapshot3";
+const FORM: [u8; 16] = *b"mapper snapshot4";
 
 /// How much the snapshots of a journal have of what only grows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -117,6 +117,7 @@ impl Mapper {
             graph.save(out);
             self.recognition.save(out);
             self.merger.save(out);
+            self.known_ground.save(out);
             self.version.save(out);
         };
         let identity = identity(self.fingerprint);
@@ -169,7 +170,7 @@ mod tests {
     /// A change of what is saved raises the number in `FORM` and is written here: an older
     /// snapshot would else be read as something that it is not.
     #[test]
-    fn form_three_is_as_it_was() {
+    fn form_four_is_as_it_was() {
         let mut mapper = Mapper::new(&Config::default());
         for id in [0, 1, 300] {
             let mut message = Message::<Keyframe>::default();
@@ -197,6 +198,9 @@ mod tests {
         mapper.verification.closures = vec![closure, closure];
         let added = mapper.graph.add_closure(ClosureIdx(1), closure.edge());
         assert!(added.is_ok());
+        // The one between stands on the first from now on.
+        let dropped = mapper.graph.marginalize(KeyframeIdx(1), KeyframeIdx(0));
+        assert_eq!(dropped, Some(Vec::new()));
         let known = Known {
             closures: 1,
             keys: 2,
@@ -225,7 +229,7 @@ mod tests {
         expected.whole(&[2]);
         expected.variant("Withdrawn");
         expected.variant("Withdrawn");
-        // The graph: poses, loops, the next name, failures.
+        // The graph: poses, loops, marginalized nodes and bridges, the next name, failures.
         expected.whole(&[3]);
         let poses = mapper.poses().iter();
         poses.for_each(|pose| expected.real(&pose.to_array()));
@@ -234,9 +238,17 @@ mod tests {
         // On, with the weight that it has before an optimisation.
         expected.0.extend([1, 1]);
         expected.real(&[found.chi2, 1.0]);
+        expected.whole(&[1, 1, 0]);
+        expected.real(&mapper.poses()[0].between(&mapper.poses()[1]).to_array());
+        expected.whole(&[1, 0, 2]);
+        let bridge = &mapper.graph.odometry()[0];
+        expected.real(&bridge.measured.to_array());
+        expected.real(bridge.information.as_slice());
         expected.whole(&[1, 0]);
-        // Path at the last search, no merge tried, version.
+        // Path at the last search, no merge tried, known ground, version.
         expected.real(&[mapper.path_m(), f64::NEG_INFINITY]);
+        // The first two lie far enough behind the last one, and no loop holds them.
+        expected.whole(&[2, 0]);
         expected.whole(&[3]);
         // Behind the envelope, which has the configuration in it.
         assert_eq!(&bytes[48..], expected.0);

@@ -33,12 +33,14 @@ impl PlaceRecognition {
 
     /// The keyframes that look most like the newest one, best first, one of each neighbourhood.
     ///
+    /// `is_node(keyframe)`: whether it is a node of the graph, for only these make loops.
     /// `deviations(keyframe)`: how many standard deviations away from there the estimate has the
     /// robot, where it is known. It adds 1 - exp(-d^2 / 2) to the distance (odometry similarity,
     /// as in TBV SLAM).
     pub fn by_appearance(
         &self,
         keyframes: &[MapKeyframe],
+        is_node: impl Fn(KeyframeIdx) -> bool,
         mut deviations: impl FnMut(KeyframeIdx) -> Option<f64>,
     ) -> Vec<LoopCandidate> {
         let newest = self.keys.len().saturating_sub(1);
@@ -46,7 +48,10 @@ impl PlaceRecognition {
             return Vec::new();
         };
         let distance = |(i, _)| Some((key.distance(self.keys.get(i)?), i));
-        let mut sieve: Vec<(f32, usize)> = self.old(keyframes).filter_map(distance).collect();
+        let old = self
+            .old(keyframes)
+            .filter(|(i, _)| is_node(KeyframeIdx(*i)));
+        let mut sieve: Vec<(f32, usize)> = old.filter_map(distance).collect();
         let keep = self.config.candidates as usize;
         if sieve.len() > keep {
             sieve.select_nth_unstable_by(keep, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));

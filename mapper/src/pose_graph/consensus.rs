@@ -33,6 +33,7 @@ use consistency::{ConsensusResult, Problem};
 use growth::{Noise, grow};
 use membership::{Membership, memberships};
 use randt_geometry::Pose2;
+pub(super) use uncertain::Uncertain;
 
 /// Share of the loops that cycles may turn away against the claims before the claims are tried as
 /// well.

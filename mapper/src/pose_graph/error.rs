@@ -40,6 +40,14 @@ pub enum Error {
     /// Names of loops that do not rise, or are to be given again: the next name.
     #[error("the loops' names do not rise to below {0}")]
     LoopNames(u64),
+    /// A node that is no unknown any more.
+    #[error("node {0} was marginalized")]
+    Marginalized(usize),
+    /// A node that cannot be marginalized.
+    #[error(
+        "node {0} cannot stand on another one: it needs odometry on both sides, no other on it, and an unknown of its component to stand on"
+    )]
+    NotBetween(usize),
     /// Two nodes without a chain of edges between them.
     #[error("nodes {from} and {to} are in components of the graph that no edge connects")]
     NotConnected {

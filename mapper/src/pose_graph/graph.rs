@@ -1,6 +1,12 @@
 //! Nodes, odometry, loops, and the estimate.
 
 mod covariances;
+mod loop_edge;
+mod marginals;
+
+use loop_edge::LOOP_LOSS;
+pub use loop_edge::{Loop, LoopId};
+pub use marginals::Attachment;
 
 use super::Error;
 use super::components::components;
@@ -12,44 +18,6 @@ use super::system::System;
 use super::tail::Tail;
 use crate::index::{ComponentIdx, KeyframeIdx};
 use randt_geometry::Pose2;
-
-/// chi2 from which a loop is doubted: of three degrees of freedom, 1 in 10,000 is beyond. Below it
-/// a loop has its full weight, so that good loops give the plain least squares.
-const LOOP_PHI: f64 = 21.1;
-const LOOP_LOSS: Loss = Loss::Scaled { phi: LOOP_PHI };
-
-/// The name of a loop, never given again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct LoopId(pub u64);
-
-/// A loop, with its error and weight after the last optimisation.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Loop {
-    /// Its name.
-    pub id: LoopId,
-    /// The measurement.
-    pub edge: Edge,
-    /// e^T Omega e at the estimate, without the weight.
-    pub chi2: f64,
-    /// 1: believed in full; 0: switched off.
-    pub weight: f64,
-    /// Whether it counts; [`PoseGraph::recheck`] decides.
-    pub on: bool,
-}
-
-impl Loop {
-    /// The same loop as an optimisation that ended at these poses leaves it.
-    pub(crate) fn weighed(&self, poses: &[Pose2]) -> Self {
-        let mut weighed = self.clone();
-        weighed.weigh(poses, LOOP_LOSS);
-        weighed
-    }
-
-    fn weigh(&mut self, poses: &[Pose2], loss: Loss) {
-        self.chi2 = self.edge.chi2(poses);
-        self.weight = if self.on { loss.weight(self.chi2) } else { 0.0 };
-    }
-}
 
 /// A pose graph with its estimate.
 ///
@@ -64,6 +32,8 @@ pub struct PoseGraph {
     pub(super) next_loop: u64,
     /// For every node the lowest one of its component.
     component: Vec<ComponentIdx>,
+    /// For every node where it stands, if it is no unknown.
+    attachments: Vec<Option<Attachment>>,
     system: Option<System>,
     /// What odometry has added to the equations since they were factorised at the poses as they
     /// are; `None` where they are to be factorised first.
@@ -74,26 +44,40 @@ impl PoseGraph {
     /// The graph that had these poses, edges and loops; later loops are named from `next_loop` on.
     pub fn restore(
         poses: Vec<Pose2>,
+        attachments: Vec<Option<Attachment>>,
         odometry: Vec<Edge>,
         loops: Vec<Loop>,
         next_loop: u64,
     ) -> Result<Self, Error> {
         poses.iter().try_for_each(check_pose)?;
-        let mut edges = odometry.iter().chain(loops.iter().map(|l| &l.edge));
-        edges.try_for_each(|edge| edge.check(poses.len()))?;
-        let rises = loops.is_sorted_by(|a, b| a.id < b.id);
-        if !rises || loops.last().is_some_and(|l| l.id.0 >= next_loop) {
-            return Err(Error::LoopNames(next_loop));
-        }
         let mut graph = Self {
             poses,
+            attachments,
             odometry,
             loops,
             next_loop,
             ..Self::default()
         };
+        graph.attachments.resize(graph.poses.len(), None);
+        graph.check()?;
         graph.label();
         Ok(graph)
+    }
+
+    /// Refuses edges that no graph has, and names of loops that do not rise.
+    fn check(&self) -> Result<(), Error> {
+        let loops = &self.loops;
+        let mut edges = self.odometry.iter().chain(loops.iter().map(|l| &l.edge));
+        edges.try_for_each(|edge| self.check_edge(edge, self.poses.len()))?;
+        let rises = loops.is_sorted_by(|a, b| a.id < b.id);
+        if !rises || loops.last().is_some_and(|l| l.id.0 >= self.next_loop) {
+            return Err(Error::LoopNames(self.next_loop));
+        }
+        let mut attached = self.attachments.iter().flatten();
+        match attached.find(|it| !self.is_unknown(it.to)) {
+            Some(attached) => Err(Error::Marginalized(attached.to.0)),
+            None => Ok(()),
+        }
     }
 
     /// Adds a node where it is believed to be and returns its index. It is a component by itself
@@ -104,12 +88,13 @@ impl PoseGraph {
         self.tail = None;
         self.poses.push(pose);
         self.component.push(ComponentIdx(node.0));
+        self.attachments.push(None);
         Ok(node)
     }
 
     /// Adds an odometry edge between nodes that are there.
     pub fn add_odometry(&mut self, edge: Edge) -> Result<(), Error> {
-        edge.check(self.poses.len())?;
+        self.check_edge(&edge, self.poses.len())?;
         self.tail = None;
         self.odometry.push(edge);
         self.update_components();
@@ -119,7 +104,7 @@ impl PoseGraph {
     /// Adds the node that an odometry edge leads to, where that edge puts it. The edge's `to` is
     /// the next index.
     pub fn append(&mut self, edge: Edge) -> Result<KeyframeIdx, Error> {
-        edge.check(self.poses.len() + 1)?;
+        self.check_edge(&edge, self.poses.len() + 1)?;
         let (node, count) = (edge.from.0, self.poses.len());
         let from = self.poses.get(node).ok_or(Error::NoNode { node, count })?;
         let node = self.add_node(from.compose(&edge.measured))?;
@@ -129,7 +114,7 @@ impl PoseGraph {
 
     /// Adds a loop between nodes that are there.
     pub fn add_loop(&mut self, edge: Edge) -> Result<LoopId, Error> {
-        edge.check(self.poses.len())?;
+        self.check_edge(&edge, self.poses.len())?;
         self.moved();
         let id = LoopId(self.next_loop);
         self.next_loop += 1;
@@ -207,6 +192,7 @@ impl PoseGraph {
         let terms: Vec<Term<'_>> = terms(&self.odometry, &self.loops, loss).collect();
         let report = solve(&mut self.system, &mut self.poses, &terms, effort);
         self.moved();
+        self.carry_attached();
         let report = report?;
         for l in &mut self.loops {
             l.weigh(&self.poses, loss);
@@ -233,6 +219,16 @@ impl PoseGraph {
         })
     }
 
+    /// Refuses edges of numbers that no measurement has, and those that lead to marginalized nodes.
+    fn check_edge(&self, edge: &Edge, count: usize) -> Result<(), Error> {
+        edge.check(count)?;
+        let is_gone = |node: &&KeyframeIdx| node.0 < self.poses.len() && !self.is_unknown(**node);
+        match [edge.from, edge.to].iter().find(is_gone) {
+            Some(node) => Err(Error::Marginalized(node.0)),
+            None => Ok(()),
+        }
+    }
+
     /// The equations are no longer those that were factorised.
     fn moved(&mut self) {
         self.tail = None;
@@ -256,6 +252,11 @@ impl PoseGraph {
         let edges = self.odometry.iter().chain(loops);
         let components = components(self.poses.len(), edges.map(|e| (e.from.0, e.to.0)));
         self.component = components.into_iter().map(ComponentIdx).collect();
+        for (node, attachment) in self.attachments.iter().enumerate() {
+            if let Some(attachment) = attachment {
+                self.component[node] = self.component[attachment.to.0];
+            }
+        }
     }
 }
 
@@ -273,6 +274,7 @@ fn terms<'a>(
 #[cfg(test)]
 mod tests {
     use super::super::testing::{close, drifting, edge, error_m, square};
+    use super::loop_edge::LOOP_PHI;
     use super::*;
 
     #[test]

@@ -1,7 +1,7 @@
 //! The pose graph of the map: a node for every keyframe, constraints of odometry, loop closures.
 
-use super::saved::{SavedGraph, SavedLoop, SavedPose};
-use super::{Edge, Error, Loop, LoopId, PoseGraph, Prior, Report, position_sigma_m};
+use super::saved::{SavedAttachment, SavedEdge, SavedGraph, SavedLoop, SavedPose};
+use super::{Attachment, Edge, Error, Loop, LoopId, PoseGraph, Prior, Report, position_sigma_m};
 use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::verification::LoopClosure;
@@ -62,7 +62,8 @@ impl KeyframeGraph {
         if node.is_ok()
             && let Some(edge) = intra_submap_constraint(keyframe, keyframes)
         {
-            // Both nodes are there and the numbers are good: the step's edge was accepted.
+            // Both nodes are there and the numbers are good: the step's edge was accepted. A root
+            // that was marginalized holds no more keyframes.
             let _ = self.graph.add_odometry(edge);
         }
         node.is_ok()
@@ -150,6 +151,24 @@ impl KeyframeGraph {
         }
     }
 
+    /// Takes a keyframe out of the equations: it stands on another one from now on. Gives the
+    /// closures whose loops go with it, or nothing where it cannot.
+    pub fn marginalize(
+        &mut self,
+        keyframe: KeyframeIdx,
+        to: KeyframeIdx,
+    ) -> Option<Vec<ClosureIdx>> {
+        let dropped = self.graph.marginalize(keyframe, to).ok()?;
+        let is_dropped = |(id, _): &mut (LoopId, _)| dropped.contains(id);
+        let closures = self.closures.extract_if(.., is_dropped);
+        Some(closures.map(|(_, closure)| closure).collect())
+    }
+
+    /// Whether a keyframe is an unknown of the equations; else it stands on another one.
+    pub fn is_unknown(&self, keyframe: KeyframeIdx) -> bool {
+        self.graph.is_unknown(keyframe)
+    }
+
     /// The estimate of `newer` seen from `older`, where they are of one component.
     pub fn prior(&mut self, older: KeyframeIdx, newer: KeyframeIdx) -> Option<Prior> {
         if self.component_of(older) != self.component_of(newer) {
@@ -217,6 +236,12 @@ impl KeyframeGraph {
         self.graph.loops()
     }
 
+    /// The constraints of odometry.
+    #[cfg(test)]
+    pub fn odometry(&self) -> &[Edge] {
+        self.graph.odometry()
+    }
+
     /// How often the equations were factorised.
     pub fn factorisations(&self) -> u64 {
         self.graph.factorisations()
@@ -230,9 +255,30 @@ impl KeyframeGraph {
         SavedGraph {
             poses: poses.iter().copied().map(SavedPose).collect(),
             loops: loops.collect(),
+            attached: self.attached().collect(),
+            bridges: self.bridges().map(SavedEdge::from).collect(),
             next_loop: self.graph.next_loop,
             failures: self.failures,
         }
+    }
+
+    fn attached(&self) -> impl Iterator<Item = SavedAttachment> {
+        let attachments = self.graph.attachments().iter().enumerate();
+        attachments.filter_map(|(node, attachment)| {
+            let Attachment { to, pose } = (*attachment)?;
+            let (node, pose) = (KeyframeIdx(node), SavedPose(pose));
+            Some(SavedAttachment { node, to, pose })
+        })
+    }
+
+    /// Odometry over marginalized keyframes, by the keyframes that it leads to.
+    fn bridges(&self) -> impl Iterator<Item = &Edge> {
+        let mut before = None;
+        self.graph.odometry().iter().filter(move |edge| {
+            // The step to a keyframe comes before its intra-submap constraint.
+            let is_step = before.replace(edge.to) != Some(edge.to);
+            is_step && edge.from.0 + 1 < edge.to.0
+        })
     }
 
     /// The graph that was saved, with its constraints of odometry; `None` where they do not fit
@@ -252,10 +298,36 @@ impl KeyframeGraph {
         let loops = loops.collect::<Option<Vec<_>>>()?;
         let names = saved.loops.iter().map(|l| (LoopId(l.id), l.closure));
         self.closures = names.collect();
-        self.graph = PoseGraph::restore(poses, odometry, loops, saved.next_loop).ok()?;
+        let attachments = saved.attachments()?;
+        let bridges = saved.bridges.into_iter().map(Edge::from);
+        let odometry = bridged(odometry, &attachments, bridges)?;
+        self.graph =
+            PoseGraph::restore(poses, attachments, odometry, loops, saved.next_loop).ok()?;
         self.failures = saved.failures;
         Some(())
     }
+}
+
+/// The constraints of odometry that marginalized keyframes leave: bridges stand where the steps
+/// did that they lead over. `None` where one is missing.
+fn bridged(
+    odometry: Vec<Edge>,
+    attachments: &[Option<Attachment>],
+    bridges: impl Iterator<Item = Edge>,
+) -> Option<Vec<Edge>> {
+    let is_gone = |node: KeyframeIdx| attachments.get(node.0).is_some_and(Option::is_some);
+    let mut bridges = bridges.peekable();
+    let mut left = Vec::with_capacity(odometry.len());
+    for edge in odometry {
+        match (is_gone(edge.from), is_gone(edge.to)) {
+            (false, false) => left.push(edge),
+            (true, false) if edge.from.0 + 1 == edge.to.0 => {
+                left.push(bridges.next_if(|bridge| bridge.to == edge.to)?);
+            }
+            _ => {}
+        }
+    }
+    bridges.next().is_none().then_some(left)
 }
 
 /// Holds a keyframe that comes next by the root of the submap that odometry registered it to:

@@ -1,8 +1,9 @@
 //! What a snapshot has of the graph; constraints of odometry follow from the keyframes.
 
-use super::{Loop, LoopId};
-use crate::index::ClosureIdx;
+use super::{Attachment, Edge, Loop, LoopId};
+use crate::index::{ClosureIdx, KeyframeIdx};
 use crate::verification::LoopClosure;
+use nalgebra::Matrix3;
 use randt_geometry::{Pose2, elementary::PI};
 use randt_persist::{Error, Persist, Reader, Writer, persist};
 
@@ -11,12 +12,18 @@ use randt_persist::{Error, Persist, Reader, Writer, persist};
 pub(crate) struct SavedGraph {
     pub poses: Vec<SavedPose>,
     pub loops: Vec<SavedLoop>,
+    /// The marginalized nodes, rising.
+    pub attached: Vec<SavedAttachment>,
+    /// What leads over them.
+    pub bridges: Vec<SavedEdge>,
     pub next_loop: u64,
     pub failures: u64,
 }
 persist!(SavedGraph {
     poses,
     loops,
+    attached,
+    bridges,
     next_loop,
     failures
 });
@@ -46,6 +53,64 @@ fn pose_from_saved([x_m, y_m, yaw_rad]: [f64; 3]) -> Pose2 {
     match pose.yaw_rad.to_bits() == yaw_rad.to_bits() {
         true => pose,
         false => Pose2::new(x_m, y_m, yaw_rad - 2.0 * PI),
+    }
+}
+
+/// A marginalized node.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct SavedAttachment {
+    pub node: KeyframeIdx,
+    pub to: KeyframeIdx,
+    pub pose: SavedPose,
+}
+persist!(SavedAttachment { node, to, pose });
+
+/// An edge over marginalized nodes.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct SavedEdge {
+    pub from: KeyframeIdx,
+    pub to: KeyframeIdx,
+    pub measured: SavedPose,
+    pub information: Matrix3<f64>,
+}
+persist!(SavedEdge {
+    from,
+    to,
+    measured,
+    information
+});
+
+impl From<&Edge> for SavedEdge {
+    fn from(edge: &Edge) -> Self {
+        Self {
+            from: edge.from,
+            to: edge.to,
+            measured: SavedPose(edge.measured),
+            information: edge.information,
+        }
+    }
+}
+
+impl From<SavedEdge> for Edge {
+    fn from(saved: SavedEdge) -> Self {
+        Self {
+            from: saved.from,
+            to: saved.to,
+            measured: saved.measured.0,
+            information: saved.information,
+        }
+    }
+}
+
+impl SavedGraph {
+    /// For every node where it stands; `None` where one is not there.
+    pub fn attachments(&self) -> Option<Vec<Option<Attachment>>> {
+        let mut attachments = vec![None; self.poses.len()];
+        for SavedAttachment { node, to, pose } in &self.attached {
+            let pose = pose.0;
+            *attachments.get_mut(node.0)? = Some(Attachment { to: *to, pose });
+        }
+        Some(attachments)
     }
 }
 

@@ -210,7 +210,7 @@ mod tests {
             covariances(&mut graph);
             let (poses, odometry) = (graph.poses().to_vec(), graph.odometry().to_vec());
             let loops = graph.loops().to_vec();
-            let mut again = PoseGraph::restore(poses, odometry, loops, 1000).unwrap();
+            let mut again = PoseGraph::restore(poses, Vec::new(), odometry, loops, 1000).unwrap();
             assert_eq!(covariances(&mut graph), covariances(&mut again));
         }
     }

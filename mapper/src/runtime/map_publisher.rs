@@ -13,9 +13,9 @@ const BEAT: Duration = Duration::from_millis(500);
 /// The whole graph and the grid follow the map at this distance: painting anew after a loop takes
 /// 40 ms.
 const PAINT: Duration = Duration::from_secs(2);
-/// Keyframes that are painted for the first time before it polls for what has come: a map that has
-/// come back has thousands, at a tenth of a millisecond each.
-const PAINTED_MAX: usize = 500;
+/// Paintings of keyframes before it polls for what has come, at a tenth of a millisecond each: a
+/// map that has come back has thousands, and so has one that a loop has moved.
+const PAINTINGS_MAX: usize = 200;
 /// Tiles that are sent at once; the buffer holds 64.
 const TILES: usize = 16;
 
@@ -89,7 +89,7 @@ impl MapPublisher {
         // whole all the same.
         let is_news = self.drawn != Some(version) && self.tiles.is_empty();
         if is_whole && is_news && now >= self.paint {
-            self.is_painting = ingest.mapper.update_grid_by(PAINTED_MAX).added == PAINTED_MAX;
+            self.is_painting = ingest.mapper.update_grid_by(PAINTINGS_MAX).left > 0;
             if !self.is_painting {
                 self.paint = now + PAINT;
                 self.drawn = Some(version);

@@ -220,7 +220,8 @@ impl LoopVerification {
         let (mut fits, mut misfits) = (Vec::new(), 0);
         for newer in roots {
             let pose = graph.pose(newer);
-            let Some(pose) = pose.filter(|_| graph.component_of(newer) == component) else {
+            let is_own = graph.component_of(newer) == component && graph.is_unknown(newer);
+            let Some(pose) = pose.filter(|_| is_own) else {
                 continue;
             };
             let expected = alignment.other_from_newest.compose(pose);
@@ -249,8 +250,9 @@ impl LoopVerification {
     ) -> Option<KeyframeIdx> {
         let near = graph.poses().iter().enumerate().filter_map(|(index, at)| {
             let away_m = (at.translation() - pose.translation()).norm();
-            let is_near = graph.component_of(KeyframeIdx(index)) == component && away_m <= near_m;
-            is_near.then_some((away_m, index))
+            let keyframe = KeyframeIdx(index);
+            let is_own = graph.component_of(keyframe) == component && graph.is_unknown(keyframe);
+            (is_own && away_m <= near_m).then_some((away_m, index))
         });
         let (_, nearest) = near.min_by(|a, b| a.0.total_cmp(&b.0))?;
         self.submaps.root_of(keyframes.get(nearest)?, keyframes)

@@ -181,6 +181,7 @@ pub fn graph() -> Message<MapperGraph> {
         on_disk: 94,
         odom_frame_id: 95,
         loops: 96,
+        confirmed_loops: 103,
         components: 97,
         path_m: 98.5,
         tiles: 99,

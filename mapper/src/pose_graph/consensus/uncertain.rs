@@ -6,7 +6,7 @@ use randt_geometry::Pose2;
 
 /// A relative pose and the covariance of a perturbation on its right.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Uncertain {
+pub(in super::super) struct Uncertain {
     pub pose: Pose2,
     pub covariance: Matrix3<f64>,
 }

@@ -27,6 +27,9 @@ impl PoseGraph {
         if self.component[from] != self.component[to] {
             return Err(Error::NotConnected { from, to });
         }
+        if let Some(node) = [i, j].into_iter().find(|node| !self.is_unknown(*node)) {
+            return Err(Error::Marginalized(node.0));
+        }
         let tail = match self.tail.take() {
             Some(tail) => tail,
             None => self.new_tail()?,

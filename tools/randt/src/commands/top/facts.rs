@@ -61,11 +61,7 @@ pub fn map(snapshot: &Snapshot) -> Vec<Fact> {
         (
             "loops",
             or_dash(map, |map| {
-                format!(
-                    "{}, {}",
-                    map.loops,
-                    count(map.components, "component", "components")
-                )
+                format!("{}, {} confirmed", map.loops, map.confirmed_loops)
             }),
         ),
         (
@@ -73,6 +69,10 @@ pub fn map(snapshot: &Snapshot) -> Vec<Fact> {
             or_dash(map, |map| {
                 format!("{:.1} m, {}", map.path_m, count(map.tiles, "tile", "tiles"))
             }),
+        ),
+        (
+            "map",
+            or_dash(map, |map| count(map.components, "component", "components")),
         ),
     ]
 }
@@ -144,6 +144,7 @@ mod tests {
             keyframes: 12_345,
             on_disk: 12_345,
             loops: 12_345,
+            confirmed_loops: 12_345,
             components: 12,
             path_m: 12_345.678,
             tiles: 1234,
@@ -167,9 +168,9 @@ mod tests {
             ("position", "-1234.57, -1234.57 m map".to_owned())
         );
         assert_eq!(known[4].1, "-0.57 -1.15 1.72 deg/s");
-        assert_eq!(known[9].1, "12345, 12 components");
+        assert_eq!(known[9].1, "12345, 12345 confirmed");
         assert_eq!(known[5].1, "degraded, 99 s ago");
-        assert_eq!(known.len(), 11);
+        assert_eq!(known.len(), 12);
         let mut after = |change: fn(&mut Robot)| {
             let robot = snapshot.robot.as_mut().unwrap();
             change(robot);

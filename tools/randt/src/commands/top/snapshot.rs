@@ -111,6 +111,8 @@ pub struct Map {
     pub on_disk: u64,
     /// Loops in force.
     pub loops: u64,
+    /// Loops that confirm the graph and cost no edge.
+    pub confirmed_loops: u64,
     /// Connected components.
     pub components: u64,
     /// Path over all keyframes, m.
@@ -159,6 +161,7 @@ impl From<&GraphHead> for Map {
             keyframes: head.keyframes,
             on_disk: head.on_disk,
             loops: head.loops,
+            confirmed_loops: head.confirmed_loops,
             components: head.components,
             path_m: head.path_m,
             tiles: head.tiles,

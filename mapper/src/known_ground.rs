@@ -1,0 +1,194 @@
+//! Known ground: keyframes that show what others have shown are taken out of the graph.
+//!
+//! A place keeps the keyframes of its first laps. Later laps find their way by loops to these; once
+//! they lie behind, their keyframes stand on the kept ones, so that the graph grows with the
+//! ground and not with the way.
+//!
+//! Responsible for which keyframes go. Not responsible for what is left of their constraints
+//! ([`crate::pose_graph::PoseGraph::marginalize`]): it is less than was measured, never more.
+
+use crate::index::KeyframeIdx;
+use crate::keyframe::{KeyframeStore, MapKeyframe};
+use crate::pose_graph::KeyframeGraph;
+use crate::verification::{LoopClosure, LoopStatus, LoopVerification};
+use randt_config::Config;
+use randt_persist::persist;
+use std::ops::Range;
+
+/// Keyframes are judged this many keyframe distances of path behind the newest one: until then
+/// loops lean on them (`verification/confirm.rs` looks back 40).
+const BEHIND_KEYFRAMES: f64 = 50.0;
+/// Loops of the graph that hold the drive where it comes to known ground, and where it goes on
+/// after keyframes that are taken out: as many keep their keyframes.
+const HOLDING_MIN: usize = 3;
+
+/// Takes keyframes of known ground out of the graph, submap by submap, each judged once.
+pub(crate) struct KnownGround {
+    /// The oldest keyframe that is not judged.
+    next: KeyframeIdx,
+    /// Loops of the graph at kept keyframes since the ground was last unknown.
+    holding: usize,
+    laps_max: usize,
+    behind_m: f64,
+    /// Keyframes within this distance of each other show one place, m.
+    step_m: f64,
+    /// Path after which a place is met again, m.
+    lap_min_m: f64,
+}
+persist!(KnownGround { next, holding } kept { laps_max, behind_m, step_m, lap_min_m });
+
+impl KnownGround {
+    /// Nothing judged yet.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            next: KeyframeIdx(0),
+            holding: 0,
+            laps_max: match config.loops.verify {
+                true => config.loops.laps_max as usize,
+                false => 0,
+            },
+            behind_m: BEHIND_KEYFRAMES * config.keyframe.distance_m,
+            step_m: config.keyframe.distance_m,
+            lap_min_m: config.loops.path_min_m,
+        }
+    }
+
+    /// Judges the submaps that lie far enough behind the newest keyframe.
+    pub fn thin(
+        &mut self,
+        keyframes: &KeyframeStore,
+        verification: &mut LoopVerification,
+        graph: &mut KeyframeGraph,
+    ) {
+        if self.laps_max == 0 {
+            return;
+        }
+        while let Some(stretch) = self.next_stretch(keyframes, verification) {
+            self.next = KeyframeIdx(stretch.end);
+            let stands_on = self.stands_on(&stretch, keyframes, graph);
+            let loops = Loops::new(&stretch, &verification.closures, graph);
+            match stands_on.filter(|_| loops.show_known_ground()) {
+                Some(stands_on) if self.holding >= HOLDING_MIN && loops.behind >= HOLDING_MIN => {
+                    for (keyframe, to) in stretch.map(KeyframeIdx).zip(stands_on) {
+                        let dropped = graph.marginalize(keyframe, to);
+                        verification.drop_edges(&dropped.unwrap_or_default());
+                    }
+                }
+                Some(_) => self.holding += loops.edges,
+                None => self.holding = 0,
+            }
+        }
+    }
+
+    /// The next keyframes that are of one submap, once they and the way behind them are there.
+    fn next_stretch(
+        &self,
+        keyframes: &KeyframeStore,
+        verification: &LoopVerification,
+    ) -> Option<Range<usize>> {
+        let waiting = keyframes.get(self.next.0..)?;
+        let submaps = &verification.submaps;
+        let root_of = |keyframe: &MapKeyframe| submaps.root_of(keyframe, keyframes);
+        let root = root_of(waiting.first()?);
+        let is_same = |keyframe: &&MapKeyframe| root_of(keyframe) == root;
+        let count = waiting.iter().take_while(is_same).count();
+        let last = waiting.get(count.checked_sub(1)?)?;
+        let is_behind = keyframes.path_m() - last.path_m >= self.behind_m;
+        is_behind.then(|| self.next.0..self.next.0 + count)
+    }
+
+    /// For each keyframe of a stretch the nearest kept one; `None` where one is of too few laps, or
+    /// begins or ends a frame of odometry.
+    fn stands_on(
+        &self,
+        stretch: &Range<usize>,
+        keyframes: &[MapKeyframe],
+        graph: &KeyframeGraph,
+    ) -> Option<Vec<KeyframeIdx>> {
+        let around = stretch.start.checked_sub(1)?..stretch.end + 1;
+        let frame = keyframes.get(stretch.start)?.odom_frame_id;
+        let is_one_frame = |around: &[MapKeyframe]| around.iter().all(|k| k.odom_frame_id == frame);
+        keyframes
+            .get(around)
+            .filter(|around| is_one_frame(around))?;
+        let kept: Vec<usize> = (0..stretch.start)
+            .filter(|index| graph.is_unknown(KeyframeIdx(*index)))
+            .collect();
+        stretch
+            .clone()
+            .map(|index| self.nearest_of_laps(KeyframeIdx(index), &kept, keyframes, graph))
+            .collect()
+    }
+
+    /// The nearest of the kept keyframes at a keyframe's place, where they are of enough laps.
+    fn nearest_of_laps(
+        &self,
+        keyframe: KeyframeIdx,
+        kept: &[usize],
+        keyframes: &[MapKeyframe],
+        graph: &KeyframeGraph,
+    ) -> Option<KeyframeIdx> {
+        let component = graph.component_of(keyframe);
+        let here = graph.pose(keyframe)?.translation();
+        let path_m = keyframes.get(keyframe.0)?.path_m;
+        let (mut nearest, mut laps, mut lap_m) = (None, 0, f64::NEG_INFINITY);
+        for other in kept.iter().copied().map(KeyframeIdx) {
+            let other_m = keyframes.get(other.0)?.path_m;
+            let away_m = (graph.pose(other)?.translation() - here).norm();
+            let is_here = away_m <= self.step_m && path_m - other_m >= self.lap_min_m;
+            if is_here && graph.component_of(other) == component {
+                if other_m - lap_m >= self.lap_min_m {
+                    laps += 1;
+                    lap_m = other_m;
+                }
+                if nearest.is_none_or(|(least_m, _)| away_m < least_m) {
+                    nearest = Some((away_m, other));
+                }
+            }
+        }
+        let (_, nearest) = nearest?;
+        (laps >= self.laps_max).then_some(nearest)
+    }
+}
+
+/// What the closures say of a stretch.
+#[derive(Default)]
+struct Loops {
+    /// Loops that lead from it to kept ground.
+    found: usize,
+    /// Those of them that are edges of the graph.
+    edges: usize,
+    /// Candidates that look like other ground.
+    unlike: usize,
+    /// Edges that lead from behind it to ground before it.
+    behind: usize,
+}
+
+impl Loops {
+    fn new(stretch: &Range<usize>, closures: &[LoopClosure], graph: &KeyframeGraph) -> Self {
+        let mut loops = Self::default();
+        // They came in the order of their newer keyframes, but for those of merged components.
+        let of_later = closures.iter().rev();
+        for closure in of_later.take_while(|it| it.newer.0 >= stretch.start) {
+            let is_kept = graph.is_unknown(closure.older);
+            if closure.older.0 >= stretch.start || !is_kept {
+                continue;
+            }
+            let is_edge = usize::from(closure.status == LoopStatus::Accepted);
+            if closure.newer.0 >= stretch.end {
+                loops.behind += is_edge;
+                continue;
+            }
+            loops.edges += is_edge;
+            loops.found += usize::from(closure.status.is_loop());
+            let is_unlike = matches!(closure.status, LoopStatus::Unlike | LoopStatus::Divergent);
+            loops.unlike += usize::from(is_unlike);
+        }
+        loops
+    }
+
+    /// Whether the place looks as it did. One that has changed keeps its witnesses.
+    fn show_known_ground(&self) -> bool {
+        self.found > self.unlike
+    }
+}
