@@ -196,6 +196,13 @@ impl InertialSpeed {
         self.off.count_ones() >= OFF_MIN
     }
 
+    /// By how much the forward speed has changed since the last scan, m/s, also where the speed
+    /// itself is not known.
+    pub fn gained_m_s(&self) -> Option<f64> {
+        let last = self.at_scan.filter(|_| self.last_ns.is_some())?;
+        Some(self.integral_m_s.x - last.integral_m_s.x)
+    }
+
     /// The window has motion.
     pub fn observe_motion(&mut self) {
         self.is_still = false;

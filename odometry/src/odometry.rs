@@ -4,6 +4,7 @@ mod counters;
 mod persistence;
 mod resume;
 mod trust;
+mod twist;
 mod waiting;
 
 use crate::{
@@ -19,6 +20,7 @@ use crate::{
     submaps::Submaps,
     synchronizer::{MessageId, ScanImuSynchronizer, SynchronizedScan},
     tracking_monitor::TrackingMonitor,
+    twist_speed::TwistSpeed,
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
@@ -51,6 +53,7 @@ pub struct Odometry {
     synchronizer: ScanImuSynchronizer,
     /// `None` where no IMU is used.
     gyro: Option<GyroIntegrator>,
+    twist: TwistSpeed,
     initializer: Initializer,
     window: SlidingWindow,
     submaps: Submaps,
@@ -71,6 +74,7 @@ impl Odometry {
             synchronizer: ScanImuSynchronizer::new(&config.odometry),
             gyro: use_imu
                 .then(|| GyroIntegrator::new(&config.attitude, &config.robot, &config.odometry)),
+            twist: TwistSpeed::new(),
             initializer: Initializer::new(config),
             window: SlidingWindow::new(config),
             submaps: Submaps::new(config),
@@ -116,7 +120,7 @@ impl Odometry {
     /// The wait of the first scan that waits is over: it is processed with the IMU samples that
     /// are there, which its state shows.
     pub fn proceed(&mut self, sink: &mut impl Sink) {
-        if let Some(scan) = self.synchronizer.take_uncovered() {
+        if let Some(scan) = self.synchronizer.take_uncovered(self.gyro.as_ref()) {
             self.process(scan, sink);
         }
         self.process_covered(sink);
@@ -142,7 +146,7 @@ impl Odometry {
         self.synchronizer.last_imu()
     }
 
-    /// End of the sweep that waits for the IMU, ns; of the first one where there are several.
+    /// End of the sweep that waits for the IMU or twists, ns; of the first one where there are several.
     pub fn waiting_for_ns(&self) -> Option<i64> {
         self.synchronizer.waiting_for_ns()
     }
@@ -162,6 +166,7 @@ impl Odometry {
             counters.imu_rejected += gyro.rejected;
             counters.imu_holes = gyro.holes;
         }
+        counters.twists_rejected += self.twist.rejected();
         counters
     }
 
@@ -173,13 +178,22 @@ impl Odometry {
     }
 
     fn process(&mut self, synchronized: SynchronizedScan, sink: &mut impl Sink) {
-        let SynchronizedScan { scan, samples } = synchronized;
-        self.step(&scan, samples, sink);
+        let SynchronizedScan {
+            scan,
+            samples,
+            twists,
+        } = synchronized;
+        self.step(&scan, (samples, twists), sink);
         self.synchronizer.recycle(scan);
     }
 
-    /// One scan (RaNDT, III), for which that many of the waiting IMU samples are used.
-    fn step(&mut self, scan: &Message<RadarPoints>, samples: usize, sink: &mut impl Sink) {
+    /// One scan (RaNDT, III), for which that many of the waiting IMU samples and twists are used.
+    fn step(
+        &mut self,
+        scan: &Message<RadarPoints>,
+        (samples, twists): (usize, usize),
+        sink: &mut impl Sink,
+    ) {
         let end_ns = scan.head.sweep.end_ns;
         if self.synchronizer.last_end_ns() == Some(end_ns) {
             self.counters.scans_repeated += 1;
@@ -189,6 +203,7 @@ impl Odometry {
             self.open_frame(sink);
         }
         self.integrate(samples);
+        self.integrate_twists(twists);
         self.synchronizer.advance(end_ns, self.gyro.as_ref());
 
         let imu_use = self.predict(scan);
@@ -237,6 +252,7 @@ impl Odometry {
         self.publisher.set_retired_scan(None);
         self.clutter.restart();
         self.overlap.restart();
+        self.twist.restart();
         self.tracking = TrackingMonitor::default();
         self.keyframes.restart();
         self.submaps
@@ -265,8 +281,10 @@ impl Odometry {
         );
         self.turn_waiting_frame(scan.head.sweep.end_ns);
         let odom_from_first = self.frame.odom_from_first;
+        let last_end_ns = self.window.last_end_ns();
         self.window
             .predict(scan, &gyro, odom_from_first, &self.config);
+        self.predict_by_twist(last_end_ns, &gyro);
         gyro.count_imu_use(&mut self.counters)
     }
 
@@ -306,6 +324,7 @@ impl Odometry {
                 .and_then(|solution| newest.radar_fix(&solution.covariance));
             gyro.observe_scan(end_ns, fix.as_ref());
         }
+        self.observe_twist(solution.as_ref());
         solution
     }
 

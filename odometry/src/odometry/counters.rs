@@ -36,6 +36,18 @@ pub struct Counters {
     pub imu_holes: u64,
     /// Points outside of the submap's grid.
     pub points_outside: u64,
+    /// Twists left out: back in time, repeated, not finite, without room.
+    pub twists_rejected: u64,
+    /// Scans whose way is by wheels, because their cells do not fix it.
+    pub scans_by_twist: u64,
+    /// Scans whose twists were left out because wheels do not say the truth.
+    pub scans_twist_refused: u64,
+    /// The first of these: end of its sweep, ns, and what wheels and radar or IMU said, mm/s.
+    pub twist_refused_first_ns: i64,
+    /// See there.
+    pub twist_refused_mm_s: i64,
+    /// See there.
+    pub twist_true_mm_s: i64,
 }
 
 persist!(Counters {
@@ -53,6 +65,12 @@ persist!(Counters {
     imu_rejected,
     imu_holes,
     points_outside,
+    twists_rejected,
+    scans_by_twist,
+    scans_twist_refused,
+    twist_refused_first_ns,
+    twist_refused_mm_s,
+    twist_true_mm_s,
 } sound has_room);
 
 impl Counters {
@@ -69,6 +87,9 @@ impl Counters {
             self.frames_reopened,
             self.solver_failures,
             self.imu_rejected,
+            self.twists_rejected,
+            self.scans_by_twist,
+            self.scans_twist_refused,
         ]
         .iter()
         .all(|count| *count <= u64::MAX / 2)

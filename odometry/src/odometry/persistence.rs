@@ -35,6 +35,7 @@ impl Odometry {
             identity: _,
             synchronizer,
             gyro,
+            twist,
             initializer: _,
             window,
             submaps,
@@ -50,6 +51,7 @@ impl Odometry {
         if let Some(gyro) = gyro {
             gyro.save(out);
         }
+        twist.save(out);
         window.save(out);
         submaps.save(out);
         clutter.save(out);
@@ -66,6 +68,7 @@ impl Odometry {
         if let Some(gyro) = &mut self.gyro {
             gyro.restore(from)?;
         }
+        self.twist.restore(from)?;
         self.window.restore(from)?;
         self.submaps.restore(from)?;
         self.clutter.restore(from)?;
