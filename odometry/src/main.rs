@@ -1,10 +1,8 @@
-//! `randt-odometry`: radar/points and imu/sample to odometry/state and odometry/keyframe, as a
-//! process.
+//! `randt-odometry`: radar/points, imu/sample and robot/twist to odometry/state and
+//! odometry/keyframe, as a process.
 
 use clap::Parser;
-use randt_messages::{
-    ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, TrustText,
-};
+use randt_messages::{Keyframe, MapperGraph, MessageRef, OdometryStateTopic, TrustText};
 use randt_odometry::runtime::{CheckpointStore, Feed};
 use randt_stage::{Publisher, Stage, StageArguments, Subscriber, WakeReason, ended, parse};
 use std::error::Error;
@@ -52,10 +50,13 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     };
     let mut store = CheckpointStore::open(&mut stage)?;
     let (odometry, mut has_predecessor) = store.restore(&stage, &config, use_imu)?;
-    let samples = stage.subscriber::<ImuSampleTopic>()?;
-    let points = stage.subscriber::<RadarPoints>()?;
+    let inputs = (
+        stage.subscriber()?,
+        stage.subscriber()?,
+        stage.subscriber()?,
+    );
     let mut graph = stage.subscriber::<MapperGraph>()?;
-    let mut feed = Feed::new(odometry, store, samples, points, stage.clock());
+    let mut feed = Feed::new(odometry, store, inputs, stage.clock());
     stage.running()?;
     out.publish(&mut feed.store)?;
     let mut late_logged = 0;
@@ -76,8 +77,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         has_predecessor |= answer(&mut graph, &mut feed, &mut out, has_predecessor)?;
         set_status(&mut stage, &feed, &mut late_logged);
         stage.set_status_note(&out.trust);
-        let pause = Some(feed.pause());
-        if stage.wait(&[feed.waitable(), &graph], pause)? == WakeReason::Stop {
+        if feed.wait(&mut stage, &graph)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }
@@ -119,7 +119,8 @@ fn answer(
     Ok(heard)
 }
 
-/// Sets the status: scans that never came, and scans for which IMU samples came too late.
+/// Sets the status: scans that never came, scans for which IMU samples came too late, and wheels
+/// that do not say the truth.
 fn set_status(stage: &mut Stage, feed: &Feed, late_logged: &mut u64) {
     let lost = feed.scans_missed;
     let text = match lost {
@@ -127,7 +128,11 @@ fn set_status(stage: &mut Stage, feed: &Feed, late_logged: &mut u64) {
         lost => format!("{lost} scans never came"),
     };
     stage.set_status(&text, lost);
-    let late = feed.odometry.counters().scans_imu_late;
+    let counters = feed.odometry.counters();
+    if counters.scans_twist_refused > 0 {
+        stage.set_remark(&counters.twist_refused_text());
+    }
+    let late = counters.scans_imu_late;
     if late > 0 {
         let text = format!("{late} scans without their last IMU samples");
         // A line in the journal for the first of them, and for as many again.

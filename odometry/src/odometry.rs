@@ -146,7 +146,8 @@ impl Odometry {
         self.synchronizer.last_imu()
     }
 
-    /// End of the sweep that waits for the IMU or twists, ns; of the first one where there are several.
+    /// End of the sweep that waits for the IMU or twists, ns; of the first one where there are
+    /// several.
     pub fn waiting_for_ns(&self) -> Option<i64> {
         self.synchronizer.waiting_for_ns()
     }

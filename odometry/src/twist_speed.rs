@@ -12,6 +12,9 @@ use twist_monitor::TwistMonitor;
 
 pub use twist_monitor::Lie;
 
+/// Speed of wheels that do not stand, m/s: above their noise.
+const ROLLING_M_S: f64 = 0.05;
+
 /// Wheels, or whatever else measures the robot's velocity.
 #[derive(Clone, Debug)]
 pub struct TwistSpeed {
@@ -19,12 +22,15 @@ pub struct TwistSpeed {
     monitor: TwistMonitor,
     /// What was measured since the last scan, and the turn in that time, rad.
     newest: Option<(MeasuredWay, f64)>,
+    /// Time for which they have stood, s.
+    stood_s: f64,
 }
 
 persist!(TwistSpeed {
     integrator,
     monitor,
-    newest
+    newest,
+    stood_s
 });
 
 impl TwistSpeed {
@@ -34,6 +40,7 @@ impl TwistSpeed {
             integrator: TwistIntegrator::new(),
             monitor: TwistMonitor::new(),
             newest: None,
+            stood_s: 0.0,
         }
     }
 
@@ -65,6 +72,11 @@ impl TwistSpeed {
         let measured = self.integrator.between(last_end_ns, end_ns);
         self.integrator.forget_before(last_end_ns);
         self.newest = measured.map(|way| (way, turn_rad.unwrap_or(way.turn_rad)));
+        let speed_m_s = measured.map(|way| way.speed_m_s().abs());
+        self.stood_s = match (speed_m_s, &measured) {
+            (Some(speed_m_s), Some(way)) if speed_m_s < ROLLING_M_S => self.stood_s + way.dt_s,
+            _ => 0.0,
+        };
         self.monitor.observe_change(measured.as_ref(), gained_m_s)
     }
 
@@ -76,6 +88,11 @@ impl TwistSpeed {
     /// Whether wheels are not believed since they were wrong.
     pub fn is_refused(&self) -> bool {
         self.monitor.are_refused()
+    }
+
+    /// Whether wheels that can be believed were rolling within the last seconds.
+    pub fn has_rolled(&self, within_s: f64) -> bool {
+        self.way().is_some() && self.stood_s < within_s
     }
 
     /// The way since the last scan, where wheels can be believed.

@@ -74,6 +74,27 @@ persist!(Counters {
 } sound has_room);
 
 impl Counters {
+    /// What wheels said when they were wrong for the first time, and what is the matter with them.
+    pub fn twist_refused_text(&self) -> String {
+        let [wheels_m_s, truth_m_s] =
+            [self.twist_refused_mm_s, self.twist_true_mm_s].map(|mm_s| mm_s as f64 * 1e-3);
+        // A robot or wheels of less than this stand.
+        let standing_m_s = 0.1;
+        let matter = if wheels_m_s.abs() < standing_m_s {
+            "they are stuck, or no longer sent"
+        } else if wheels_m_s * truth_m_s < 0.0 && truth_m_s.abs() > standing_m_s {
+            "they count backwards"
+        } else if wheels_m_s.abs() > truth_m_s.abs() {
+            "they spin, or their scale is wrong"
+        } else {
+            "they slide, or their scale is wrong"
+        };
+        format!(
+            "wheels say {wheels_m_s:.2} m/s where radar or IMU say {truth_m_s:.2} m/s, in the sweep that ends at {} ns: {matter}",
+            self.twist_refused_first_ns
+        )
+    }
+
     /// Whether they can go on counting.
     fn has_room(&self) -> bool {
         [
@@ -93,5 +114,33 @@ impl Counters {
         ]
         .iter()
         .all(|count| *count <= u64::MAX / 2)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_the_matter_with_wheels_is_said() {
+        let text = |wheels_mm_s, true_mm_s| {
+            let counters = Counters {
+                twist_refused_mm_s: wheels_mm_s,
+                twist_true_mm_s: true_mm_s,
+                ..Counters::default()
+            };
+            counters.twist_refused_text()
+        };
+        assert!(text(0, 800).contains("0.00 m/s where radar or IMU say 0.80 m/s"));
+        for (wheels_mm_s, true_mm_s, matter) in [
+            (0, 800, "stuck"),
+            (-800, 800, "backwards"),
+            (1800, 800, "spin"),
+            (1000, 0, "spin"),
+            (300, 800, "slide"),
+        ] {
+            let text = text(wheels_mm_s, true_mm_s);
+            assert!(text.contains(matter), "{text}");
+        }
     }
 }

@@ -7,6 +7,9 @@ use crate::{
 };
 use randt_messages::Twist;
 
+/// What a standstill shows of the gyro's bias is of this many windows of its detector at most.
+const STANDSTILL_WINDOWS: f64 = 1.5;
+
 impl Odometry {
     /// Takes a twist; scans that waited for it are processed. Where none come nothing waits.
     pub fn push_twist(&mut self, twist: &Twist, sink: &mut impl Sink) {
@@ -48,6 +51,10 @@ impl Odometry {
         let lie = (self.twist).advance(last_end_ns, end_ns, turn_rad, gained_m_s);
         self.refuse_twists(lie);
         self.window.predict_by_twist(self.twist.way());
+        let standstill_s = STANDSTILL_WINDOWS * self.config.attitude.standstill_window_s;
+        if self.twist.has_rolled(standstill_s) {
+            self.window.leave_out_standstill();
+        }
         let is_refused = self.twist.is_measured() && self.twist.is_refused();
         self.counters.scans_twist_refused += u64::from(is_refused);
     }
@@ -57,8 +64,11 @@ impl Odometry {
         let Some(newest) = self.window.newest() else {
             return;
         };
-        let is_by_twist = solution.is_some() && newest.twist_way().is_some();
-        self.counters.scans_by_twist += u64::from(is_by_twist);
+        let way = newest.twist_way().filter(|_| solution.is_some());
+        self.counters.scans_by_twist += u64::from(way.is_some());
+        if let Some((way, gyro)) = way.zip(self.gyro.as_mut()) {
+            gyro.observe_wheels(way.way_m.map(|way_m| way_m / newest.dt_s));
+        }
         let fix = solution.and_then(|solution| newest.radar_fix(&solution.covariance));
         let lie = self.twist.observe_scan(fix.map(|fix| fix.pose));
         self.refuse_twists(lie);

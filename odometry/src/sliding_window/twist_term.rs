@@ -31,9 +31,7 @@ pub fn add(
         return 0.0;
     };
     // What is measured is the velocity's mean: the logarithm of the motion.
-    let relative = previous
-        .odom_from_base
-        .between(&scan.state.odom_from_base);
+    let relative = previous.odom_from_base.between(&scan.state.odom_from_base);
     let moved = relative.log();
     let by_current = Pose2::right_jacobian_inverse(moved);
     let by_previous = -by_current * relative.inverse().adjoint();
@@ -68,6 +66,15 @@ impl SlidingWindow {
             scan.state.odom_from_base = last.odom_from_base.compose(&moved);
             scan.state.velocity.x = forward_m / scan.dt_s;
             scan.state.velocity.y = left_m / scan.dt_s;
+        }
+    }
+
+    /// The newest scan shows no standstill, whatever the IMU says: a slow and even drive looks
+    /// like one to it.
+    pub fn leave_out_standstill(&mut self) {
+        let newest = self.newest_mut().and_then(|scan| scan.gyro.as_mut());
+        if let Some(gyro) = newest {
+            (gyro.standstill, gyro.stands) = (None, false);
         }
     }
 
@@ -131,14 +138,22 @@ mod tests {
             let mut d = StateVector::zeros();
             d[axis] = 1e-6;
             let cost = |previous: &State, state: State| {
-                let scan = WindowScan { state, ..scan.clone() };
+                let scan = WindowScan {
+                    state,
+                    ..scan.clone()
+                };
                 cost_and_system(previous, &scan).0
             };
-            let by_previous = cost(&previous.plus(&d), scan.state) - cost(&previous.plus(&-d), scan.state);
-            let by_current = cost(&previous, scan.state.plus(&d)) - cost(&previous, scan.state.plus(&-d));
+            let by_previous =
+                cost(&previous.plus(&d), scan.state) - cost(&previous.plus(&-d), scan.state);
+            let by_current =
+                cost(&previous, scan.state.plus(&d)) - cost(&previous, scan.state.plus(&-d));
             for (i, difference) in [(0, by_previous), (1, by_current)] {
                 let (analytic, slope) = (system.gradient(i)[axis], difference / 2e-6);
-                assert!((analytic - slope).abs() < 1e-3 * (1.0 + slope.abs()), "{i} {axis}: {analytic} {slope}");
+                assert!(
+                    (analytic - slope).abs() < 1e-3 * (1.0 + slope.abs()),
+                    "{i} {axis}: {analytic} {slope}"
+                );
             }
         }
     }

@@ -97,3 +97,31 @@ fn what_waits_survives_its_process() {
     let scan = restored.take_uncovered(Some(&gyro)).unwrap().scan;
     assert_eq!(scan.head.scan_sequence, 3);
 }
+
+#[test]
+fn a_scan_waits_for_twists_where_there_were_some_and_no_longer_than_for_the_imu() {
+    let (mut waiting, gyro, mut counters) = synchronizer();
+    let twist = |stamp_ns: i64| {
+        let mut twist = Twist::default();
+        twist.header.stamp_ns = stamp_ns;
+        twist
+    };
+    (0..50).for_each(|i| waiting.push_twist(&twist(i * SWEEP_NS / 10), &mut counters));
+    waiting.push_scan(sweep(6).as_ref(), &mut counters);
+    waiting.push_imu(&sample(6 * SWEEP_NS), &mut counters);
+    assert!(waiting.take_covered(Some(&gyro)).is_none());
+    assert!(!waiting.is_wait_over(6 * SWEEP_NS) && waiting.is_wait_over(7 * SWEEP_NS));
+    waiting.push_twist(&twist(6 * SWEEP_NS), &mut counters);
+    let taken = waiting.take_covered(Some(&gyro)).unwrap();
+    assert_eq!((taken.samples, taken.twists), (1, 51));
+    (0..51).for_each(|_| assert!(waiting.pop_twist().is_some()));
+    // They stay away: what the IMU covers is used as if it had not waited.
+    waiting.push_scan(sweep(7).as_ref(), &mut counters);
+    waiting.push_imu(&sample(7 * SWEEP_NS), &mut counters);
+    waiting.push_imu(&sample(8 * SWEEP_NS), &mut counters);
+    assert!(waiting.take_covered(Some(&gyro)).is_none());
+    let taken = waiting.take_uncovered(Some(&gyro)).unwrap();
+    assert_eq!((taken.samples, taken.twists), (2, 0));
+    waiting.push_twist(&twist(-1), &mut counters);
+    assert_eq!(counters.twists_rejected, 1);
+}

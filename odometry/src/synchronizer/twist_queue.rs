@@ -166,10 +166,7 @@ mod tests {
         assert_eq!(queue.covering(end_ns, i64::MAX), Some(71));
         assert_eq!(queue.covering(end_ns + 1, i64::MAX), Some(72));
         // The fifth one was published too late.
-        assert_eq!(
-            queue.covering(end_ns, SECOND_NS + 3 * STEP_NS + 1),
-            Some(4)
-        );
+        assert_eq!(queue.covering(end_ns, SECOND_NS + 3 * STEP_NS + 1), Some(4));
         assert_eq!(queue.covering(3 * SECOND_NS, i64::MAX), None);
         (0..72).for_each(|_| assert!(queue.pop().is_some()));
         assert_eq!(queue.covering(end_ns + STEP_NS, i64::MAX), Some(0));

@@ -169,9 +169,7 @@ impl TwistIntegrator {
                 let beyond_ns = stamp_ns - edge.stamp_ns;
                 let beyond_s = beyond_ns as f64 * 1e-9;
                 (beyond_ns.abs() <= HELD_NS).then(|| {
-                    std::array::from_fn(|axis| {
-                        edge.integral[axis] + edge.velocity[axis] * beyond_s
-                    })
+                    std::array::from_fn(|axis| edge.integral[axis] + edge.velocity[axis] * beyond_s)
                 })
             }
             (None, None) => None,

@@ -22,6 +22,9 @@ const FIX_SIGMA_M: f64 = 0.02;
 const WAY_WALK_M: f64 = 0.01;
 /// Radar and wheels are compared over this time, s: a way that is long against the error of a fix.
 const COMPARED_S: f64 = 1.0;
+/// A way is fixed where it was for this long before, s: what fixes it now and then by chance holds
+/// the robot back.
+const FIXED_S: f64 = 3.0;
 /// Way within it that proves something, m: wheels that are stuck agree with a robot that stands.
 const PROOF_M: f64 = 0.2;
 /// What wheels may be off by over that time without being wrong, as a share of the way.
@@ -45,11 +48,11 @@ const PROOF_SHARE: f64 = 0.3;
 const PROOFS_MIN: u32 = 1;
 const PROOFS_AFTER_LIE: u32 = 3;
 
-/// Standard deviation of a step's way: floor, m, share of it, and how many steps err the same way
-/// by the scale, as a square root: the steps of 12 s.
+/// Standard deviation of a step's way beside what is not known of scale and slip: floor, m, and
+/// share of the way. Wheels whose steps count much less let the walls of a tunnel, cut by the
+/// grid, hold the robot back, which turns it.
 const STEP_SIGMA_M: f64 = 0.004;
 const STEP_SHARE: f64 = 0.02;
-const STEPS_ROOT: f64 = 8.0;
 /// Speed to the left of a robot whose wheels measure none, m/s: it slips a centimetre a metre.
 const LEFT_SIGMA_M_S: f64 = 0.03;
 
@@ -106,8 +109,9 @@ pub struct TwistMonitor {
     state: Vector3<f64>,
     covariance: Matrix3<f64>,
     compared: ComparedWay,
-    /// Where the radar had the last scan, if it fixed it.
+    /// Where the radar had the last scan, if it fixed it, and for how long it has, s.
     last_fix: Option<Pose2>,
+    fixed_s: f64,
     /// The last speeds, the newest one last.
     speeds: Vec<SpeedAtScan>,
     /// Proofs in a row, and those without which wheels are not used.
@@ -120,6 +124,7 @@ persist!(TwistMonitor {
     covariance,
     compared,
     last_fix,
+    fixed_s,
     speeds,
     proofs,
     proofs_min,
@@ -134,6 +139,7 @@ impl TwistMonitor {
             covariance: Matrix3::from_diagonal(&sigmas.component_mul(&sigmas)),
             compared: ComparedWay::default(),
             last_fix: None,
+            fixed_s: 0.0,
             speeds: Vec::with_capacity(CHANGES + 1),
             proofs: 0,
             proofs_min: PROOFS_MIN,
@@ -147,6 +153,7 @@ impl TwistMonitor {
     /// Another frame begins: what was compared belongs to the old one.
     pub fn restart(&mut self) {
         self.last_fix = None;
+        self.fixed_s = 0.0;
         self.begin_way();
         self.speeds.clear();
     }
@@ -170,12 +177,7 @@ impl TwistMonitor {
         let by = Vector3::new(forward_m, curve_m(measured, turn_rad), 0.0);
         let model = (by.transpose() * self.covariance * by).x.max(0.0).sqrt();
         let [noise_m, left_noise_m] = measured.sigma_m_s.map(|sigma| sigma * measured.dt_s);
-        let squares = [
-            STEP_SIGMA_M,
-            noise_m,
-            STEP_SHARE * forward_m,
-            STEPS_ROOT * model,
-        ];
+        let squares = [STEP_SIGMA_M, noise_m, STEP_SHARE * forward_m, model];
         let slides_m = left_noise_m.max(LEFT_SIGMA_M_S * measured.dt_s);
         Some(TwistWay {
             way_m: [by.dot(&self.state), left_m * self.state.x],
@@ -210,9 +212,8 @@ impl TwistMonitor {
             let wheels_m_s = now.wheels_m_s - before.wheels_m_s;
             let bias_m_s = ACCELERATION_SIGMA_M_S2 * (now.at_s - before.at_s);
             let share_m_s = CHANGE_SHARE * imu_m_s;
-            let sigma_2 = CHANGE_SIGMA_M_S * CHANGE_SIGMA_M_S
-                + bias_m_s * bias_m_s
-                + share_m_s * share_m_s;
+            let sigma_2 =
+                CHANGE_SIGMA_M_S * CHANGE_SIGMA_M_S + bias_m_s * bias_m_s + share_m_s * share_m_s;
             let off_m_s = wheels_m_s - imu_m_s;
             if off_m_s * off_m_s > GATE_SIGMAS * GATE_SIGMAS * sigma_2 {
                 let lie = Lie {
@@ -244,9 +245,14 @@ impl TwistMonitor {
     ) -> Option<Lie> {
         let last_fix = std::mem::replace(&mut self.last_fix, fix);
         let Some(((last, now), (measured, turn_rad))) = last_fix.zip(fix).zip(measured) else {
+            self.fixed_s = 0.0;
             self.begin_way();
             return None;
         };
+        self.fixed_s += measured.dt_s;
+        if self.fixed_s < FIXED_S {
+            return None;
+        }
         let compared = &mut self.compared;
         // Backwards from here, so that it is in the frame of the newer scan, as that of the IMU.
         compared.radar_m -= now.between(&last).x_m;

@@ -228,6 +228,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_scans_repeated", odometry.scans_repeated),
         ("odometry_imu_rejected", odometry.imu_rejected),
         ("odometry_imu_holes", odometry.imu_holes),
+        ("odometry_twists_rejected", odometry.twists_rejected),
         ("mapper_keyframes_rejected", mapper.keyframes_rejected),
         ("keyframes_of_another_drive", pipeline.keyframes_refused()),
     ];
@@ -238,6 +239,8 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_scans_imu_late", odometry.scans_imu_late),
         ("odometry_scans_imu_overtaken", odometry.scans_imu_overtaken),
         ("odometry_scans_without_imu", odometry.scans_without_imu),
+        ("odometry_scans_by_twist", odometry.scans_by_twist),
+        ("odometry_scans_twist_refused", odometry.scans_twist_refused),
         ("odometry_frames_reopened", odometry.frames_reopened),
         ("odometry_solver_failures", odometry.solver_failures),
         ("odometry_points_outside", odometry.points_outside),
@@ -251,6 +254,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         let loss = false;
         let first = match name {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
+            "odometry_scans_twist_refused" => odometry.twist_refused_text(),
             _ => String::new(),
         };
         counters.add(name, Count { count, loss, first });

@@ -43,7 +43,9 @@ impl<S: Source> InOrder<S> {
         if self.ended || (!self.samples.is_empty() && !self.sweeps.is_empty()) {
             return true;
         }
-        if self.sweeps.len() >= SWEEPS_MAX || self.samples.len().max(self.twists.len()) >= SAMPLES_MAX {
+        if self.sweeps.len() >= SWEEPS_MAX
+            || self.samples.len().max(self.twists.len()) >= SAMPLES_MAX
+        {
             return true;
         }
         self.oldest_ns()

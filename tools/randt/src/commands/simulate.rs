@@ -47,8 +47,8 @@ pub struct Arguments {
     /// How late the radar's stamps are against the gyro's and the truth's, ms
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = lateness, allow_hyphen_values = true)]
     radar_late: f64,
-    /// Wheel odometry at 50 Hz: its scale, how much more wheels turn in curves (0.05), its noise in
-    /// m/s, and a fault (stuck, reversed, spinning) from some second on
+    /// Wheel odometry at 50 Hz: its scale, how much more wheels turn in curves (0.05), its noise
+    /// in m/s, and a fault (stuck, reversed, spinning) from some second on
     #[arg(long, value_name = "scale=S,slip=S,noise=N,fault=F,from=T")]
     wheels: Option<WheelProfile>,
     /// A drive for `randt calibrate`: the robot stops often and turns on the spot, to the left and

@@ -5,7 +5,7 @@ use super::decode_transforms;
 use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
 use super::transform::{Transform, Tree};
-use super::twist::RosTwist;
+use super::twist::{RosTwist, find_twist};
 use super::wire::{Encoding, Malformed};
 use crate::limit::{is_instant, is_misread, no_instant};
 use crate::sweep::{Polar, Turn};
@@ -20,7 +20,8 @@ const LEARN_SWEEPS: usize = 8;
 /// Most IMU samples held meanwhile: over a minute at 250 Hz.
 const LEARN_SAMPLES: usize = 20_000;
 
-/// A bag of any format that is being read.
+/// A bag of any format that is being read. Its fields are the recording, the topics that matter,
+/// what was learned of them, and what was counted.
 pub(crate) struct RosSource {
     recording: Box<dyn Recording>,
     channels: Vec<Channel>,
@@ -193,7 +194,8 @@ impl RosSource {
             } else if Some(index) == self.imu {
                 RosImu::decode(bytes, encoding).map(|imu| Decoded::Imu(imu, arrival_ns))
             } else if let (true, Kind::Twist(kind)) = (Some(index) == self.twist, kind) {
-                RosTwist::decode(bytes, encoding, kind).map(|twist| Decoded::Twist(twist, arrival_ns))
+                RosTwist::decode(bytes, encoding, kind)
+                    .map(|twist| Decoded::Twist(twist, arrival_ns))
             } else if kind == Kind::Transforms && self.turn.is_none() {
                 decode_transforms(bytes, encoding).map(Decoded::Transforms)
             } else {
@@ -330,31 +332,12 @@ impl Source for RosSource {
 }
 
 /// The topics of a recording with their types, for an error's text.
-fn list(channels: &[Channel]) -> String {
+pub(super) fn list(channels: &[Channel]) -> String {
     if channels.is_empty() {
         return "no topic".to_owned();
     }
     let topic = |channel: &Channel| format!("{} ({})", channel.topic, channel.type_name);
     channels.iter().map(topic).collect::<Vec<_>>().join(", ")
-}
-
-/// The topic of twists that was asked for.
-fn find_twist(
-    channels: &[Channel],
-    wanted: Option<&str>,
-    path: &Path,
-) -> Result<Option<usize>, Error> {
-    let Some(topic) = wanted else {
-        return Ok(None);
-    };
-    let is_it = |c: &Channel| matches!(c.kind, Kind::Twist(_)) && c.topic == topic;
-    let found = channels.iter().position(is_it);
-    found.map(Some).ok_or_else(|| Error::NoTopic {
-        path: path.display().to_string(),
-        topic: topic.to_owned(),
-        wanted: "nav_msgs/Odometry, geometry_msgs/TwistStamped or TwistWithCovarianceStamped",
-        topics: list(channels),
-    })
 }
 
 /// The topic asked for, or the one of the kind with the most messages.

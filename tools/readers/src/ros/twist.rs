@@ -1,7 +1,11 @@
 //! Velocities: `nav_msgs/Odometry`, `geometry_msgs/TwistStamped`,
 //! `geometry_msgs/TwistWithCovarianceStamped`.
 
+use super::recording::{Channel, Kind};
+use super::source::list;
 use super::wire::{Encoding, Malformed, RosHeader, Wire};
+use crate::Error;
+use std::path::Path;
 
 /// Forward, left, yaw among the six axes of a twist.
 const PLANE: [usize; 3] = [0, 1, 5];
@@ -39,10 +43,11 @@ impl RosTwist {
         let mut covariance = [0.0; 9];
         if kind != TwistKind::Plain {
             let all = wire.f64s::<36>()?;
-            for (value, (row, column)) in covariance
-                .iter_mut()
-                .zip(PLANE.iter().flat_map(|row| PLANE.map(|column| (row, column))))
-            {
+            for (value, (row, column)) in covariance.iter_mut().zip(
+                PLANE
+                    .iter()
+                    .flat_map(|row| PLANE.map(|column| (row, column))),
+            ) {
                 *value = all.get(row * AXES + column).copied().unwrap_or_default();
             }
         }
@@ -52,4 +57,23 @@ impl RosTwist {
             covariance,
         })
     }
+}
+
+/// The topic of twists that was asked for.
+pub(super) fn find_twist(
+    channels: &[Channel],
+    wanted: Option<&str>,
+    path: &Path,
+) -> Result<Option<usize>, Error> {
+    let Some(topic) = wanted else {
+        return Ok(None);
+    };
+    let is_it = |c: &Channel| matches!(c.kind, Kind::Twist(_)) && c.topic == topic;
+    let found = channels.iter().position(is_it);
+    found.map(Some).ok_or_else(|| Error::NoTopic {
+        path: path.display().to_string(),
+        topic: topic.to_owned(),
+        wanted: "nav_msgs/Odometry, geometry_msgs/TwistStamped or TwistWithCovarianceStamped",
+        topics: list(channels),
+    })
 }
