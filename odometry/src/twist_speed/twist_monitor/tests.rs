@@ -3,6 +3,8 @@
 use super::*;
 
 const DT_S: f64 = 0.2;
+/// Steps until a way counts as fixed.
+const WARM_UP: usize = 16;
 
 fn measured(forward_m: f64) -> MeasuredWay {
     MeasuredWay {
@@ -13,8 +15,8 @@ fn measured(forward_m: f64) -> MeasuredWay {
     }
 }
 
-/// Drives along a fixed way at 0.8 m/s, a step of 0.2 s at a time; wheels turn by `wheels` of it,
-/// and `turn_rad` is turned. Gives the last lie.
+/// Drives along a fixed way at 0.8 m/s, a step of 0.2 s at a time, `steps` after those in which it
+/// becomes fixed; wheels turn by `wheels` of a step, and `turn_rad` is turned. Gives the last lie.
 fn drive(
     monitor: &mut TwistMonitor,
     steps: usize,
@@ -24,7 +26,7 @@ fn drive(
     monitor.restart();
     let mut pose = Pose2::IDENTITY;
     let mut lie = None;
-    for step in 0..steps {
+    for step in 0..WARM_UP + steps {
         pose = pose.compose(&Pose2::new(0.16, 0.0, 0.0));
         // Fixes err by 2 cm to and fro.
         let error_m = if step % 2 == 0 { 0.02 } else { -0.02 };
