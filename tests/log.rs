@@ -33,7 +33,7 @@ fn content(path: &Path) -> (Vec<Message<RadarScan>>, Vec<ImuSample>, Box<dyn Sou
         match event {
             Event::Scan(scan) => scans.push(scan),
             Event::Imu(sample) => samples.push(sample),
-            Event::Truth(_) => {}
+            Event::Twist(_) | Event::Truth(_) => {}
         }
     }
     (scans, samples, source)

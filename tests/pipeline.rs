@@ -84,7 +84,7 @@ fn memory_and_calls_stay_small_while_scans_flow() {
 fn assert_budgets<'a>(programs: impl Iterator<Item = &'a Running>) {
     let output: Vec<(&str, String)> = programs.map(|p| (p.name.as_str(), p.stderr())).collect();
     let writer = |topic: &BusTopic| match topic.name.split('/').next().unwrap() {
-        "imu" => "play",
+        "imu" | "robot" => "play",
         "radar" if topic.name == RadarScan::NAME => "play",
         "radar" => "filter",
         "odometry" => "odometry",

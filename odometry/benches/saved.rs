@@ -59,7 +59,7 @@ fn measure(world: &World, config: &Config) -> Result<(), Error> {
                 Odometry::restore(config, true, bytes.get(..length).unwrap_or_default())?;
                 restores.push(begin.elapsed().as_nanos());
             }
-            Event::Truth(_) => {}
+            Event::Twist(_) | Event::Truth(_) => {}
         }
     }
     let percentiles = |values: &mut Vec<u128>, unit: f64| {

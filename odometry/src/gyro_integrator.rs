@@ -350,6 +350,11 @@ impl GyroIntegrator {
         &self.inertial_speed
     }
 
+    /// Wheels that are believed show the speed, forward and to the left, m/s.
+    pub fn observe_wheels(&mut self, speed_m_s: [f64; 2]) {
+        self.inertial_speed.observe_wheels(speed_m_s);
+    }
+
     /// A scan was estimated: where the radar has it, if it does.
     pub fn observe_scan(&mut self, stamp_ns: i64, fix: Option<&RadarFix>) {
         self.inertial_speed.observe_scan(stamp_ns, fix);

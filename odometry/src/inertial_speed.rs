@@ -17,6 +17,9 @@ use randt_persist::persist;
 /// be the end of a slow stop.
 const STILL_VERTICAL_SIGMA: f64 = 0.006;
 const STILL_SPEED_SIGMA_M_S: f64 = 0.03;
+/// How well wheels show the speed, forward and to the left, m/s: it is their mean since the last
+/// scan, and they slip.
+const WHEEL_SIGMA_M_S: [f64; 2] = [0.1, 0.05];
 /// What differs by more standard deviations is no standstill but an even acceleration.
 const GATE_SIGMAS: f64 = 3.0;
 /// Speed that a robot has not gained while it stands, m/s.
@@ -194,6 +197,26 @@ impl InertialSpeed {
     /// Whether radar and IMU do not agree on how fast the robot is.
     pub fn disagrees(&self) -> bool {
         self.off.count_ones() >= OFF_MIN
+    }
+
+    /// By how much the forward speed has changed since the last scan, m/s, also where the speed
+    /// itself is not known.
+    pub fn gained_m_s(&self) -> Option<f64> {
+        let last = self.at_scan.filter(|_| self.last_ns.is_some())?;
+        Some(self.integral_m_s.x - last.integral_m_s.x)
+    }
+
+    /// Wheels that are believed show the speed, forward and to the left, where the radar does not:
+    /// a turn would else make a forward speed of the one to the left.
+    pub fn observe_wheels(&mut self, speed_m_s: [f64; 2]) {
+        if self.last_ns.is_none() {
+            return;
+        }
+        self.state.propagate();
+        for (axis, (speed_m_s, sigma)) in speed_m_s.into_iter().zip(WHEEL_SIGMA_M_S).enumerate() {
+            let innovation = speed_m_s - self.state.speed_m_s[axis];
+            self.state.update(&single(SPEED + axis), innovation, sigma);
+        }
     }
 
     /// The window has motion.

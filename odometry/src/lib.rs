@@ -1,4 +1,4 @@
-//! radar/points and imu/sample to odometry/state and odometry/keyframe.
+//! radar/points, imu/sample and robot/twist to odometry/state and odometry/keyframe.
 //!
 //! Responsible for the live pose: de-skew, sliding-window motion estimation against submaps,
 //! trust, keyframes. Not responsible for loops (mapper) nor for carrying messages (core/stage,
@@ -33,6 +33,7 @@ mod synchronizer;
 mod tilt;
 mod tracking_monitor;
 mod tracking_status;
+mod twist_speed;
 
 pub use gyro_check::GyroFault;
 pub use odometry::{Counters, Odometry, Sink};

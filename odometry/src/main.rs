@@ -1,10 +1,8 @@
-//! `randt-odometry`: radar/points and imu/sample to odometry/state and odometry/keyframe, as a
-//! process.
+//! `randt-odometry`: radar/points, imu/sample and robot/twist to odometry/state and
+//! odometry/keyframe, as a process.
 
 use clap::Parser;
-use randt_messages::{
-    ImuSampleTopic, Keyframe, MapperGraph, MessageRef, OdometryStateTopic, RadarPoints, TrustText,
-};
+use randt_messages::{Keyframe, MapperGraph, MessageRef, OdometryStateTopic, TrustText};
 use randt_odometry::GyroFault;
 use randt_odometry::runtime::{CheckpointStore, Feed};
 use randt_stage::{Publisher, Stage, StageArguments, Subscriber, WakeReason, ended, parse};
@@ -53,10 +51,13 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     };
     let mut store = CheckpointStore::open(&mut stage)?;
     let (odometry, mut has_predecessor) = store.restore(&stage, &config, use_imu)?;
-    let samples = stage.subscriber::<ImuSampleTopic>()?;
-    let points = stage.subscriber::<RadarPoints>()?;
+    let inputs = (
+        stage.subscriber()?,
+        stage.subscriber()?,
+        stage.subscriber()?,
+    );
     let mut graph = stage.subscriber::<MapperGraph>()?;
-    let mut feed = Feed::new(odometry, store, samples, points, stage.clock());
+    let mut feed = Feed::new(odometry, store, inputs, stage.clock());
     stage.running()?;
     out.publish(&mut feed.store)?;
     let mut logged = Logged::default();
@@ -77,8 +78,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         has_predecessor |= answer(&mut graph, &mut feed, &mut out, has_predecessor)?;
         set_status(&mut stage, &feed, &mut logged);
         stage.set_status_note(&out.trust);
-        let pause = Some(feed.pause());
-        if stage.wait(&[feed.waitable(), &graph], pause)? == WakeReason::Stop {
+        if feed.wait(&mut stage, &graph)? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
     }
@@ -120,8 +120,8 @@ fn answer(
     Ok(heard)
 }
 
-/// Sets the status: scans that never came, scans for which IMU samples came too late, and what is
-/// wrong with the IMU.
+/// Sets the status: scans that never came, scans for which IMU samples came too late, what is wrong
+/// with the IMU, and wheels that do not say the truth.
 fn set_status(stage: &mut Stage, feed: &Feed, logged: &mut Logged) {
     let lost = feed.scans_missed;
     let text = match lost {
@@ -132,6 +132,9 @@ fn set_status(stage: &mut Stage, feed: &Feed, logged: &mut Logged) {
     let counters = feed.odometry.counters();
     let late = counters.scans_imu_late;
     let mut remark = String::new();
+    if counters.scans_twist_refused > 0 {
+        remark = counters.twist_refused_text();
+    }
     if late > 0 {
         remark = format!("{late} scans without their last IMU samples");
         // A line in the journal for the first of them, and for as many again.

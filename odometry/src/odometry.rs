@@ -5,6 +5,7 @@ mod gyro;
 mod persistence;
 mod resume;
 mod trust;
+mod twist;
 mod waiting;
 
 use crate::{
@@ -21,6 +22,7 @@ use crate::{
     submaps::Submaps,
     synchronizer::{MessageId, ScanImuSynchronizer, SynchronizedScan},
     tracking_monitor::TrackingMonitor,
+    twist_speed::TwistSpeed,
 };
 use randt_config::Config;
 use randt_geometry::Pose2;
@@ -54,6 +56,7 @@ pub struct Odometry {
     /// `None` where no IMU is used.
     gyro: Option<GyroIntegrator>,
     gyro_check: GyroCheck,
+    twist: TwistSpeed,
     initializer: Initializer,
     window: SlidingWindow,
     submaps: Submaps,
@@ -75,6 +78,7 @@ impl Odometry {
             gyro: use_imu
                 .then(|| GyroIntegrator::new(&config.attitude, &config.robot, &config.odometry)),
             gyro_check: GyroCheck::new(),
+            twist: TwistSpeed::new(),
             initializer: Initializer::new(config),
             window: SlidingWindow::new(config),
             submaps: Submaps::new(config),
@@ -120,7 +124,7 @@ impl Odometry {
     /// The wait of the first scan that waits is over: it is processed with the IMU samples that
     /// are there, which its state shows.
     pub fn proceed(&mut self, sink: &mut impl Sink) {
-        if let Some(scan) = self.synchronizer.take_uncovered() {
+        if let Some(scan) = self.synchronizer.take_uncovered(self.gyro.as_ref()) {
             self.process(scan, sink);
         }
         self.process_covered(sink);
@@ -146,7 +150,8 @@ impl Odometry {
         self.synchronizer.last_imu()
     }
 
-    /// End of the sweep that waits for the IMU, ns; of the first one where there are several.
+    /// End of the sweep that waits for the IMU or twists, ns; of the first one where there are
+    /// several.
     pub fn waiting_for_ns(&self) -> Option<i64> {
         self.synchronizer.waiting_for_ns()
     }
@@ -170,6 +175,7 @@ impl Odometry {
             counters.gyro_spikes = gyro.rates().spikes;
             counters.gyro_fault = self.gyro_check.fault();
         }
+        counters.twists_rejected += self.twist.rejected();
         counters
     }
 
@@ -181,13 +187,22 @@ impl Odometry {
     }
 
     fn process(&mut self, synchronized: SynchronizedScan, sink: &mut impl Sink) {
-        let SynchronizedScan { scan, samples } = synchronized;
-        self.step(&scan, samples, sink);
+        let SynchronizedScan {
+            scan,
+            samples,
+            twists,
+        } = synchronized;
+        self.step(&scan, (samples, twists), sink);
         self.synchronizer.recycle(scan);
     }
 
-    /// One scan (RaNDT, III), for which that many of the waiting IMU samples are used.
-    fn step(&mut self, scan: &Message<RadarPoints>, samples: usize, sink: &mut impl Sink) {
+    /// One scan (RaNDT, III), for which that many of the waiting IMU samples and twists are used.
+    fn step(
+        &mut self,
+        scan: &Message<RadarPoints>,
+        (samples, twists): (usize, usize),
+        sink: &mut impl Sink,
+    ) {
         let end_ns = scan.head.sweep.end_ns;
         if self.synchronizer.last_end_ns() == Some(end_ns) {
             self.counters.scans_repeated += 1;
@@ -197,6 +212,7 @@ impl Odometry {
             self.open_frame(sink);
         }
         self.integrate(samples);
+        self.integrate_twists(twists);
         self.synchronizer.advance(end_ns, self.gyro.as_ref());
 
         let imu_use = self.predict(scan);
@@ -247,6 +263,7 @@ impl Odometry {
         self.gyro_check.restart();
         self.clutter.restart();
         self.overlap.restart();
+        self.twist.restart();
         self.tracking = TrackingMonitor::default();
         self.keyframes.restart();
         self.submaps
@@ -280,8 +297,10 @@ impl Odometry {
         self.counters.scans_gyro_refused += u64::from(self.gyro_check.is_refused());
         self.turn_waiting_frame(scan.head.sweep.end_ns);
         let odom_from_first = self.frame.odom_from_first;
+        let last_end_ns = self.window.last_end_ns();
         self.window
             .predict(scan, &gyro, odom_from_first, &self.config);
+        self.predict_by_twist(last_end_ns, &gyro);
         gyro.count_imu_use(&mut self.counters)
     }
 
@@ -321,6 +340,7 @@ impl Odometry {
                 .and_then(|solution| newest.radar_fix(&solution.covariance));
             gyro.observe_scan(end_ns, fix.as_ref());
         }
+        self.observe_twist(solution.as_ref());
         solution
     }
 

@@ -8,6 +8,7 @@ mod ndt_term;
 mod prior;
 mod solver;
 mod state;
+mod twist_term;
 mod window_scan;
 mod without_gyro;
 
@@ -28,6 +29,7 @@ use solver::{Problem, Solver};
 
 pub use solver::Solution;
 pub use state::{State, StateMatrix};
+pub use twist_term::TwistWay;
 pub use window_scan::{CELLS, WindowScan};
 
 /// The window's scans with what is estimated from them.
@@ -157,7 +159,7 @@ impl SlidingWindow {
         scan.message.copy_from(points.as_ref());
         scan.gyro_covers_sweep = gyro.covers_sweep;
         scan.tilt = gyro.tilt;
-        scan.gyro = gyro.term;
+        (scan.gyro, scan.twist) = (gyro.term, None);
         scan.bias_change = gyro.bias_change;
         scan.associations.clear();
         scan.ndt = NormalEquations::default();

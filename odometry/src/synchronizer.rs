@@ -1,7 +1,8 @@
-//! The inputs: scans and IMU samples wait for each other, so that the order in which they are used
-//! does not depend on the order in which they come.
+//! The inputs: scans, IMU samples and twists wait for each other, so that the order in which they
+//! are used does not depend on the order in which they come.
 
 mod imu_queue;
+mod twist_queue;
 
 use crate::{
     Counters,
@@ -11,9 +12,10 @@ use crate::{
 };
 use imu_queue::{ImuQueue, is_measurement};
 use randt_config::Odometry as Config;
-use randt_messages::{ImuSample, MessageRef, PointsHead, RadarPoints};
+use randt_messages::{ImuSample, MessageRef, PointsHead, RadarPoints, Twist};
 use randt_persist::{Error, Persist, Reader, Writer, persist};
 use std::collections::VecDeque;
+use twist_queue::TwistQueue;
 
 /// Scans that may wait for the IMU; a wait of 0.1 s never holds more than one or two.
 const PENDING_MAX: usize = 4;
@@ -39,6 +41,14 @@ impl MessageId {
         }
     }
 
+    /// A twist.
+    pub fn from_twist(twist: &Twist) -> Self {
+        Self {
+            epoch: twist.header.epoch,
+            sequence: twist.header.sequence,
+        }
+    }
+
     /// An IMU sample.
     pub fn from_sample(sample: &ImuSample) -> Self {
         Self {
@@ -55,16 +65,21 @@ pub struct SynchronizedScan {
     pub scan: Scan,
     /// How many of the waiting samples are used for it.
     pub samples: usize,
+    /// How many of the waiting twists.
+    pub twists: usize,
 }
 
-/// Holds scans until the IMU covers their sweeps, or until the bounded wait for that is over.
+/// Holds scans until the IMU covers their sweeps, and twists where there are some, or until the
+/// bounded wait for that is over.
 #[derive(Debug)]
 pub struct ScanImuSynchronizer {
     imu_wait_ns: i64,
     radar_late_ns: i64,
     /// Samples that the gyro integrator has not seen yet.
     imu: ImuQueue,
-    /// Scans that wait for the IMU, and messages to reuse.
+    /// Twists that no scan has taken yet.
+    twists: TwistQueue,
+    /// Scans that wait for the IMU or twists, and messages to reuse.
     pending: VecDeque<Scan>,
     spare: Vec<Scan>,
     /// Deadline of the last scan that was computed because its wait was over.
@@ -75,6 +90,7 @@ pub struct ScanImuSynchronizer {
     imu_is_old: bool,
     last_scan: Option<MessageId>,
     last_imu: Option<MessageId>,
+    last_twist: Option<MessageId>,
 }
 
 impl ScanImuSynchronizer {
@@ -84,6 +100,7 @@ impl ScanImuSynchronizer {
             imu_wait_ns: (config.imu_wait_max_s * 1e9) as i64,
             radar_late_ns: (config.radar_late_s * 1e9) as i64,
             imu: ImuQueue::new(),
+            twists: TwistQueue::new(),
             pending: VecDeque::with_capacity(PENDING_MAX),
             spare: (0..PENDING_MAX).map(|_| Scan::with_room()).collect(),
             ended_wait_ns: None,
@@ -91,6 +108,7 @@ impl ScanImuSynchronizer {
             imu_is_old: false,
             last_scan: None,
             last_imu: None,
+            last_twist: None,
         }
     }
 
@@ -110,6 +128,14 @@ impl ScanImuSynchronizer {
             counters.scans_imu_overtaken += 1;
         }
         self.imu.push(sample)
+    }
+
+    /// Takes a twist.
+    pub fn push_twist(&mut self, twist: &Twist, counters: &mut Counters) {
+        self.last_twist = Some(MessageId::from_twist(twist));
+        if !twist_queue::is_measurement(twist) || !self.twists.push(twist) {
+            counters.twists_rejected += 1;
+        }
     }
 
     /// Takes a filtered scan; gives the end of its sweep, ns, or `None` where it is rejected.
@@ -141,26 +167,44 @@ impl ScanImuSynchronizer {
     /// The next scan whose sweep the IMU covers, or for which nothing more can come. `gyro` is
     /// `None` where scans do not wait for an IMU.
     pub fn take_covered(&mut self, gyro: Option<&GyroIntegrator>) -> Option<SynchronizedScan> {
+        let samples = self.samples_covering(gyro)?;
+        let twists = self.twists_covering()?;
+        self.take_first(samples, twists)
+    }
+
+    /// How many samples the first scan that waits takes; `None` where they do not cover it yet.
+    fn samples_covering(&self, gyro: Option<&GyroIntegrator>) -> Option<usize> {
         let (end_ns, deadline_ns) = (self.waiting_for_ns()?, self.deadline_ns()?);
-        let samples = match gyro {
-            Some(gyro) => {
-                let is_old = self.is_imu_old(end_ns, Some(gyro));
-                self.imu.covering(end_ns, deadline_ns, is_old, gyro)?
-            }
-            None => 0,
+        let Some(gyro) = gyro else {
+            return Some(0);
         };
-        self.take_first(samples)
+        let is_old = self.is_imu_old(end_ns, Some(gyro));
+        self.imu.covering(end_ns, deadline_ns, is_old, gyro)
     }
 
-    /// The first scan that waits, with all samples that are there: its wait is over.
-    pub fn take_uncovered(&mut self) -> Option<SynchronizedScan> {
-        self.ended_wait_ns = self.deadline_ns().filter(|end_ns| *end_ns != i64::MAX);
-        self.take_first(self.imu.len())
+    /// The same of twists.
+    fn twists_covering(&self) -> Option<usize> {
+        (self.twists).covering(self.waiting_for_ns()?, self.deadline_ns()?)
     }
 
-    fn take_first(&mut self, samples: usize) -> Option<SynchronizedScan> {
+    /// The first scan that waits, with all samples and twists that are there of those that it
+    /// lacks: its wait is over.
+    pub fn take_uncovered(&mut self, gyro: Option<&GyroIntegrator>) -> Option<SynchronizedScan> {
+        let samples = self.samples_covering(gyro).unwrap_or_else(|| {
+            self.ended_wait_ns = self.deadline_ns().filter(|end_ns| *end_ns != i64::MAX);
+            self.imu.len()
+        });
+        let twists = (self.twists_covering()).unwrap_or_else(|| self.twists.len());
+        self.take_first(samples, twists)
+    }
+
+    fn take_first(&mut self, samples: usize, twists: usize) -> Option<SynchronizedScan> {
         let scan = self.pending.pop_front()?;
-        Some(SynchronizedScan { scan, samples })
+        Some(SynchronizedScan {
+            scan,
+            samples,
+            twists,
+        })
     }
 
     /// Whether the wait of the first scan is over because a sweep came that ends at
@@ -183,6 +227,11 @@ impl ScanImuSynchronizer {
     /// The oldest sample that waits.
     pub fn pop_imu(&mut self) -> Option<ImuSample> {
         self.imu.pop()
+    }
+
+    /// The oldest twist that waits.
+    pub fn pop_twist(&mut self) -> Option<Twist> {
+        self.twists.pop()
     }
 
     /// How many samples wait.
@@ -219,7 +268,12 @@ impl ScanImuSynchronizer {
         self.last_imu
     }
 
-    /// End of the first sweep that waits for the IMU, ns.
+    /// The last twist that was pushed.
+    pub fn last_twist(&self) -> Option<MessageId> {
+        self.last_twist
+    }
+
+    /// End of the first sweep that waits for the IMU or twists, ns.
     pub fn waiting_for_ns(&self) -> Option<i64> {
         self.pending.front().map(|scan| scan.head.sweep.end_ns)
     }
@@ -241,6 +295,7 @@ impl Persist for ScanImuSynchronizer {
             imu_wait_ns: _,
             radar_late_ns: _,
             imu,
+            twists,
             pending,
             spare: _,
             ended_wait_ns,
@@ -248,8 +303,10 @@ impl Persist for ScanImuSynchronizer {
             imu_is_old,
             last_scan,
             last_imu,
+            last_twist,
         } = self;
         imu.save(out);
+        twists.save(out);
         pending.len().save(out);
         pending.iter().for_each(|scan| scan.save(out));
         ended_wait_ns.save(out);
@@ -257,10 +314,12 @@ impl Persist for ScanImuSynchronizer {
         imu_is_old.save(out);
         last_scan.save(out);
         last_imu.save(out);
+        last_twist.save(out);
     }
 
     fn restore(&mut self, from: &mut Reader<'_>) -> Result<(), Error> {
         self.imu.restore(from)?;
+        self.twists.restore(from)?;
         let mut pending = 0_usize;
         pending.restore(from)?;
         if pending > PENDING_MAX {
@@ -278,107 +337,10 @@ impl Persist for ScanImuSynchronizer {
         }
         self.imu_is_old.restore(from)?;
         self.last_scan.restore(from)?;
-        self.last_imu.restore(from)
+        self.last_imu.restore(from)?;
+        self.last_twist.restore(from)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use randt_messages::Message;
-
-    const SWEEP_NS: i64 = 200_000_000;
-
-    fn sweep(number: i64) -> Message<RadarPoints> {
-        let mut scan = Message::<RadarPoints>::default();
-        let head = &mut *scan.head;
-        (head.scan_epoch, head.scan_sequence) = (7, number as u64);
-        head.scan_published_ns = number * SWEEP_NS + 1000;
-        (head.sweep.begin_ns, head.sweep.end_ns) = ((number - 1) * SWEEP_NS, number * SWEEP_NS);
-        scan
-    }
-
-    fn sample(stamp_ns: i64) -> ImuSample {
-        let mut sample = ImuSample::default();
-        (sample.header.stamp_ns, sample.header.published_ns) = (stamp_ns, stamp_ns + 1);
-        sample
-    }
-
-    /// One that scans do wait in, and the gyro's part.
-    fn synchronizer() -> (ScanImuSynchronizer, GyroIntegrator, Counters) {
-        let config = randt_config::Config::default();
-        (
-            ScanImuSynchronizer::new(&config.odometry),
-            GyroIntegrator::new(&config.attitude, &config.robot, &config.odometry),
-            Counters::default(),
-        )
-    }
-
-    #[test]
-    fn a_scan_waits_until_a_sample_covers_it() {
-        let (mut waiting, gyro, mut counters) = synchronizer();
-        let end_ns = waiting.push_scan(sweep(3).as_ref(), &mut counters);
-        assert_eq!(end_ns, Some(3 * SWEEP_NS));
-        waiting.push_imu(&sample(2 * SWEEP_NS), &mut counters);
-        assert!(waiting.take_covered(Some(&gyro)).is_none());
-        waiting.push_imu(&sample(3 * SWEEP_NS), &mut counters);
-        let taken = waiting.take_covered(Some(&gyro)).unwrap();
-        assert_eq!((taken.scan.head.scan_sequence, taken.samples), (3, 2));
-        assert_eq!(waiting.waiting_for_ns(), None);
-        // Without an IMU nothing waits.
-        waiting.push_scan(sweep(4).as_ref(), &mut counters);
-        assert_eq!(waiting.take_covered(None).unwrap().samples, 0);
-    }
-
-    #[test]
-    fn the_wait_ends_by_a_later_scan_or_for_want_of_room() {
-        let (mut waiting, _, mut counters) = synchronizer();
-        waiting.push_scan(sweep(3).as_ref(), &mut counters);
-        assert!(!waiting.is_wait_over(3 * SWEEP_NS));
-        assert!(waiting.is_wait_over(4 * SWEEP_NS));
-        (1..PENDING_MAX).for_each(|_| {
-            assert!(!waiting.is_wait_over(3 * SWEEP_NS));
-            waiting.push_scan(sweep(3).as_ref(), &mut counters);
-        });
-        assert!(waiting.is_wait_over(3 * SWEEP_NS));
-        let deadline_ns = waiting.deadline_ns().unwrap();
-        assert_eq!(waiting.take_uncovered().unwrap().samples, 0);
-        // A sample that was published in time overtook nothing; it was overtaken.
-        waiting.push_imu(&sample(deadline_ns - 1), &mut counters);
-        assert_eq!(counters.scans_imu_overtaken, 1);
-    }
-
-    #[test]
-    fn a_sweep_without_possible_times_is_rejected() {
-        let (mut waiting, _, mut counters) = synchronizer();
-        let mut scan = sweep(3);
-        scan.head.sweep.end_ns = -1;
-        assert_eq!(waiting.push_scan(scan.as_ref(), &mut counters), None);
-        assert_eq!(counters.scans_rejected, 1);
-        let id = MessageId {
-            epoch: 7,
-            sequence: 3,
-        };
-        assert_eq!(waiting.last_scan(), Some(id));
-    }
-
-    #[test]
-    fn what_waits_survives_its_process() {
-        let (mut whole, gyro, mut counters) = synchronizer();
-        whole.push_scan(sweep(3).as_ref(), &mut counters);
-        whole.push_imu(&sample(2 * SWEEP_NS), &mut counters);
-        whole.advance(2 * SWEEP_NS, Some(&gyro));
-        let mut bytes = vec![0; 1 << 20];
-        whole.save(&mut Writer::new(&mut bytes));
-        let (mut restored, ..) = synchronizer();
-        restored.restore(&mut Reader::new(&bytes)).unwrap();
-        assert_eq!(restored.last_end_ns(), Some(2 * SWEEP_NS));
-        assert_eq!(restored.deadline_ns(), whole.deadline_ns());
-        assert_eq!(
-            (restored.imu_len(), restored.last_imu()),
-            (1, whole.last_imu())
-        );
-        let scan = restored.take_uncovered().unwrap().scan;
-        assert_eq!(scan.head.scan_sequence, 3);
-    }
-}
+mod tests;

@@ -6,7 +6,7 @@ use randt_counting_allocator::{CountingAllocator, allocations};
 use randt_filter::ClusterFilter;
 use randt_messages::{Keyframe, Message, MessageRef, OdometryState, RadarPoints, Topic};
 use randt_odometry::{Odometry, Sink};
-use randt_simulator::{Event, Robot, Simulation, World};
+use randt_simulator::{Event, Robot, Simulation, WheelProfile, World};
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator;
@@ -32,8 +32,11 @@ impl Sink for Outcome {
 #[test]
 fn nothing_is_allocated_in_steady_state() {
     // The whole drive is there before the counting begins.
-    let events: Vec<Event> =
-        Simulation::new(&World::building(), Robot::default(), 250, 3).collect();
+    let robot = Robot {
+        wheels: Some(WheelProfile::default()),
+        ..Robot::default()
+    };
+    let events: Vec<Event> = Simulation::new(&World::building(), robot, 250, 3).collect();
     let config = Config::default();
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
     let mut points = Message::<RadarPoints>::default();
@@ -59,6 +62,10 @@ fn nothing_is_allocated_in_steady_state() {
             }
             Event::Imu(sample) => {
                 odometry.push_imu(sample, &mut outcome);
+                continue;
+            }
+            Event::Twist(twist) => {
+                odometry.push_twist(twist, &mut outcome);
                 continue;
             }
             Event::Truth(_) => continue,

@@ -77,6 +77,7 @@ fn watched(events: &[Event], use_imu: bool, mut after: impl FnMut(&Event, &Outco
                 odometry.push_points(points.as_ref(), &mut outcome);
             }
             Event::Imu(sample) => odometry.push_imu(sample, &mut outcome),
+            Event::Twist(twist) => odometry.push_twist(twist, &mut outcome),
             Event::Truth(_) => continue,
         }
         after(event, &outcome);
@@ -104,6 +105,7 @@ fn shift(event: &mut Event, by_ns: i64) {
                 .for_each(|beam| beam.stamp_ns += by_ns);
         }
         Event::Imu(sample) => sample.header.stamp_ns += by_ns,
+        Event::Twist(twist) => twist.header.stamp_ns += by_ns,
         Event::Truth(pose) => pose.header.stamp_ns += by_ns,
     }
 }
@@ -125,7 +127,7 @@ fn truth(events: &[Event]) -> Vec<Pose2> {
         match event {
             Event::Truth(truth) => last = Pose2::from_array(truth.pose),
             Event::Scan(_) => poses.push(last),
-            Event::Imu(_) => {}
+            Event::Imu(_) | Event::Twist(_) => {}
         }
     }
     poses

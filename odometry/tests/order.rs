@@ -1,19 +1,20 @@
-//! The result does not depend on how scans and IMU samples interleave, nor on which waits for the
-//! other.
+//! The result does not depend on how scans, IMU samples and twists interleave, nor on which waits
+//! for the other.
 
 use crate::support::{Input, Outcome, config, inputs, shift};
 use proptest::prelude::*;
-use randt_messages::{ImuSample, ImuUse, Message, RadarPoints};
+use randt_messages::{ImuSample, ImuUse, Message, RadarPoints, Twist};
 use randt_odometry::Odometry;
 use std::sync::LazyLock;
 
 const SECOND_NS: i64 = 1_000_000_000;
 
-/// The two streams of a drive with its faults, each in its own order: scans missing, the clock set
-/// back, samples missing, repeated and out of order.
+/// The streams of a drive with its faults, each in its own order: scans missing, the clock set
+/// back, samples and twists missing, repeated and out of order.
 struct Streams {
     scans: Vec<Message<RadarPoints>>,
     samples: Vec<ImuSample>,
+    twists: Vec<Twist>,
 }
 
 static DRIVE: LazyLock<Streams> = LazyLock::new(|| {
@@ -23,29 +24,44 @@ static DRIVE: LazyLock<Streams> = LazyLock::new(|| {
     all[set_back..]
         .iter_mut()
         .for_each(|input| shift(input, -5000 * SECOND_NS));
-    let (mut scans, mut samples) = (Vec::new(), Vec::new());
+    let (mut scans, mut samples, mut twists) = (Vec::new(), Vec::new(), Vec::new());
     for input in all {
         match input {
             Input::Points(scan) => scans.push(scan),
             Input::Imu(sample) => samples.push(sample),
+            Input::Twist(twist) => twists.push(twist),
         }
     }
     scans.drain(30..36);
     samples.drain(800..840);
     samples.swap(300, 303);
     samples.insert(500, samples[498]);
-    Streams { scans, samples }
+    twists.drain(700..720);
+    twists.swap(200, 203);
+    twists.insert(300, twists[298]);
+    Streams {
+        scans,
+        samples,
+        twists,
+    }
 });
 
 impl Streams {
     /// One interleaving. `ahead(n)` says by how many samples more than it must the IMU is ahead
     /// when scan n comes; where it is behind, the scan waits for the samples that it lacks. A scan
     /// that comes while another one waits would end that one's wait, so it is kept back.
-    fn run(&self, mut ahead: impl FnMut(usize) -> i64) -> Outcome {
+    fn run(&self, ahead: impl FnMut(usize) -> i64) -> Outcome {
+        self.run_with(&[], ahead)
+    }
+
+    /// The same with twists, which run ahead and behind less.
+    fn run_with(&self, twists: &[Twist], mut ahead: impl FnMut(usize) -> i64) -> Outcome {
         let mut odometry = Odometry::new(&config(), true);
         let mut outcome = Outcome::default();
         let mut samples = self.samples.iter();
-        let mut pushed = 0;
+        let (mut pushed, mut pushed_twists) = (0, 0);
+        let twists_per_scan = twists.len() as i64 / self.scans.len() as i64;
+        let mut twists = twists.iter();
         for (n, scan) in self.scans.iter().enumerate() {
             // About as many samples as belong before this scan.
             let due = (n as i64 + 1) * self.samples.len() as i64 / self.scans.len() as i64;
@@ -54,14 +70,29 @@ impl Streams {
                 odometry.push_imu(sample, &mut outcome);
                 pushed += 1;
             }
+            while pushed_twists < (n as i64 + 1) * twists_per_scan + ahead(n) / 10 {
+                let Some(twist) = twists.next() else { break };
+                odometry.push_twist(twist, &mut outcome);
+                pushed_twists += 1;
+            }
             while odometry.waiting_for_ns().is_some() {
-                let Some(sample) = samples.next() else { break };
-                odometry.push_imu(sample, &mut outcome);
-                pushed += 1;
+                let (sample, twist) = (samples.next(), twists.next());
+                if let Some(sample) = sample {
+                    odometry.push_imu(sample, &mut outcome);
+                    pushed += 1;
+                }
+                if let Some(twist) = twist {
+                    odometry.push_twist(twist, &mut outcome);
+                    pushed_twists += 1;
+                }
+                if sample.is_none() && twist.is_none() {
+                    break;
+                }
             }
             odometry.push_points(scan.as_ref(), &mut outcome);
         }
         samples.for_each(|sample| odometry.push_imu(sample, &mut outcome));
+        twists.for_each(|twist| odometry.push_twist(twist, &mut outcome));
         odometry.finish(&mut outcome);
         outcome.counters = odometry.counters();
         outcome
@@ -73,10 +104,11 @@ proptest! {
 
     #[test]
     fn every_interleaving_gives_the_same_bits(seed in any::<u64>(), spread in 1..400_i64) {
-        let plain = DRIVE.run(|_| 0);
+        let twists = if seed % 2 == 0 { &DRIVE.twists[..] } else { &[] };
+        let plain = DRIVE.run_with(twists, |_| 0);
         // A small generator: the two streams run ahead of each other now and then.
         let mut random = seed | 1;
-        let other = DRIVE.run(|_| {
+        let other = DRIVE.run_with(twists, |_| {
             random ^= random << 13;
             random ^= random >> 7;
             random ^= random << 17;

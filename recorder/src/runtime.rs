@@ -7,7 +7,7 @@ use crate::{
     configuration_records, fields, machine_record,
 };
 use randt_config::Loaded;
-use randt_messages::{ImuSampleTopic, Topic, TopicVisitor, visit_bus_topics};
+use randt_messages::{ImuSampleTopic, Topic, TopicVisitor, TwistTopic, visit_bus_topics};
 use randt_stage::{Clock, Domain, Error, Registry, Stage, Subscriber, Waitable};
 use std::collections::BTreeMap;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -96,10 +96,11 @@ impl Inputs {
     }
 
     /// What to sleep on: not on the IMU, whose buffer holds 8 s and which would wake a core 250
-    /// times a second.
+    /// times a second, nor on twists.
     pub fn waitables(&self) -> Vec<&dyn Waitable> {
         let topics = self.topics.iter();
-        let slow = topics.filter(|(topic, _)| *topic != ImuSampleTopic::NAME);
+        let fast = [ImuSampleTopic::NAME, TwistTopic::NAME];
+        let slow = topics.filter(|(topic, _)| !fast.contains(topic));
         slow.map(|(_, input)| &**input as &dyn Waitable).collect()
     }
 }

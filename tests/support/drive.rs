@@ -1,7 +1,7 @@
 //! A simulated drive as a log, as it is or corrupted.
 
 use randt_log::{LogFile, Options, ROBOT_METADATA};
-use randt_messages::{ImuSampleTopic, MessageRef, TruthPoseTopic};
+use randt_messages::{ImuSampleTopic, MessageRef, TruthPoseTopic, TwistTopic};
 use randt_simulator::{Event, Robot, Simulation, World};
 use std::path::Path;
 
@@ -26,6 +26,7 @@ pub fn shift(event: &mut Event, by_ns: i64) {
                 .for_each(|beam| beam.stamp_ns += by_ns);
         }
         Event::Imu(sample) => sample.header.stamp_ns += by_ns,
+        Event::Twist(twist) => twist.header.stamp_ns += by_ns,
         Event::Truth(pose) => pose.header.stamp_ns += by_ns,
     }
 }
@@ -46,6 +47,10 @@ pub fn write(events: &[Event], path: &Path) {
             Event::Scan(scan) => log.write(scan.as_ref()),
             Event::Imu(sample) => log.write(MessageRef::<ImuSampleTopic> {
                 head: sample,
+                items: &[],
+            }),
+            Event::Twist(twist) => log.write(MessageRef::<TwistTopic> {
+                head: twist,
                 items: &[],
             }),
             Event::Truth(pose) => log.write(MessageRef::<TruthPoseTopic> {

@@ -81,7 +81,7 @@ pub fn write(scans: u64, path: &Path) {
                 }
                 single::<ImuSampleTopic>(&mut log, sample);
             }
-            Event::Truth(_) => {}
+            Event::Twist(_) | Event::Truth(_) => {}
         }
         for mut state in out.states.drain(..) {
             state.header.published_ns = state.scan_published_ns + 3 * MS;

@@ -26,8 +26,8 @@ pub(crate) struct Product {
 }
 
 impl Config {
-    /// Farthest from the robot that a return of a sweep can lie once motion is removed, m, with the
-    /// cell by which the squares that cut it are moved.
+    /// Farthest from the robot that a return of a sweep can lie once motion is removed, m, with
+    /// the cell by which the squares that cut it are moved.
     pub fn scan_extent_m(&self) -> f64 {
         let moved_m = self.odometry.speed_max_m_s * self.sensor.period_s;
         self.range_used_m() + moved_m + self.cell_size_m()

@@ -86,6 +86,9 @@ section! {
         pub deskew: bool = true,
         /// Submap cells that each scan cell is compared with (paper: 4, Oxford 2).
         pub neighbours: u32 = 4 => within(1.0, 4.0, "one lane each of the SIMD registers"),
+        /// Use what the robot measures of its own velocity (robot/twist: wheels), where there is
+        /// something, scaled and as far as radar and IMU do not contradict it.
+        pub use_twist: bool = true,
         /// Shape of the adaptive loss, a multiple of 0.5 below 2 (paper: -2 indoor, -1 outdoor,
         /// -1.5 mixed, -2 Oxford).
         pub loss_alpha: f64 = -1.5 => LossShape,

@@ -4,13 +4,13 @@
 mod messages;
 
 use messages::{
-    correction, graph, health, keyframe, missing, points, sample, scan, state, tile, truth,
+    correction, graph, health, keyframe, missing, points, sample, scan, state, tile, truth, twist,
 };
 use randt_log::{LogReader, LogWriter, Options, ROBOT_METADATA, Robot, channels};
 use randt_messages::{
     ImuSampleTopic, ImuUse, Keyframe, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid,
     Message, OdometryStateTopic, RadarPoints, RadarScan, SensorKind, StageHealthTopic, Topic,
-    Trust, TruthPoseTopic,
+    Trust, TruthPoseTopic, TwistTopic,
 };
 use std::collections::BTreeMap;
 use std::fs;
@@ -19,6 +19,9 @@ use std::path::{Path, PathBuf};
 
 /// Logs with one message of every topic. The last one has the layouts of this build.
 const KEPT: [&str; 3] = ["layouts-2.mcap", "layouts-3.mcap", "layouts-4.mcap"];
+
+/// Those of them from before there were twists.
+const TWISTLESS: [&str; 2] = ["layouts-2.mcap", "layouts-3.mcap"];
 
 fn newest() -> &'static str {
     KEPT.last().unwrap()
@@ -51,6 +54,7 @@ fn write<W: Write + Seek>(sink: W) -> W {
     writer.write(scan().as_ref()).unwrap();
     writer.write(points().as_ref()).unwrap();
     writer.write(sample().as_ref()).unwrap();
+    writer.write(twist().as_ref()).unwrap();
     writer.write(state().as_ref()).unwrap();
     writer.write(keyframe().as_ref()).unwrap();
     writer.write(correction().as_ref()).unwrap();
@@ -106,6 +110,9 @@ fn every_field_of_a_kept_log_is_read() {
         assert!(read::<RadarScan>(&log) == scan(), "{name}");
         assert!(read::<RadarPoints>(&log) == points(), "{name}");
         assert_eq!(read::<ImuSampleTopic>(&log), sample(), "{name}");
+        if !TWISTLESS.contains(&name) {
+            assert_eq!(read::<TwistTopic>(&log), twist(), "{name}");
+        }
         assert_eq!(read::<OdometryStateTopic>(&log), state, "{name}");
         assert!(read::<Keyframe>(&log) == keyframe, "{name}");
         assert_eq!(read::<MapperCorrection>(&log), correction(), "{name}");

@@ -1,6 +1,6 @@
 //! What a drive gives, of its sensors and of the truth, one thing after the other.
 
-use crate::{ImuSample, Message, RadarScan, TruthPose};
+use crate::{ImuSample, Message, RadarScan, TruthPose, Twist};
 
 /// One thing of a drive, recorded or simulated.
 #[derive(Clone, Debug)]
@@ -9,6 +9,8 @@ pub enum Event {
     Scan(Message<RadarScan>),
     /// A reading of the IMU.
     Imu(ImuSample),
+    /// How fast the robot moves by its wheels.
+    Twist(Twist),
     /// Where the robot truly is, for evaluation only. The truth of a simulated sweep's end comes
     /// with the sweep's stamp (that of a radar that is not late), before the sweep.
     Truth(TruthPose),
@@ -20,6 +22,7 @@ impl Event {
         match self {
             Self::Scan(scan) => scan.head.header.stamp_ns,
             Self::Imu(sample) => sample.header.stamp_ns,
+            Self::Twist(twist) => twist.header.stamp_ns,
             Self::Truth(pose) => pose.header.stamp_ns,
         }
     }

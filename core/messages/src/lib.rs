@@ -35,6 +35,7 @@ mod topics;
 mod trust_reason;
 mod trust_text;
 mod truth;
+mod twist;
 
 pub use checkpoint::{LastRecorded, PoseRecord};
 pub use drop::{DropCause, LogDrop};
@@ -54,11 +55,12 @@ pub use topic::{Message, MessageRef, Topic};
 pub use topics::{
     BUS_TOPICS, BusTopic, ImuSampleTopic, Keyframe, LogDropTopic, MapperCorrection, MapperGraph,
     MapperGrid, OdometryStateTopic, RadarPoints, RadarScan, StageHealthTopic, TopicQos,
-    TopicVisitor, TruthPoseTopic, visit_bus_topics, visit_log_topics,
+    TopicVisitor, TruthPoseTopic, TwistTopic, visit_bus_topics, visit_log_topics,
 };
 pub use trust_reason::TrustReason;
 pub use trust_text::TrustText;
 pub use truth::TruthPose;
+pub use twist::Twist;
 
 plain! {
     /// The beginning of every message.

@@ -4,7 +4,7 @@
 use crate::{
     Correction, GRAPH_ENTRIES_MAX, GraphEntry, GraphHead, HEALTH_PORTS, ImuSample, KeyframeHead,
     KeyframePoint, LogDrop, OdometryState, PointsHead, Return, ScanHead, StageHealth, TILE_CELLS,
-    TileHead, Topic, TruthPose, radar::MAX_RETURNS, topic,
+    TileHead, Topic, TruthPose, Twist, radar::MAX_RETURNS, topic,
 };
 
 /// Readers of a topic: its stage, recorder, view, supervisor and a person's tool or two.
@@ -131,6 +131,11 @@ topics! {
         ImuSampleTopic = "imu/sample/v1": ImuSample, [(); 0], TopicQos {
             // 8 s.
             buffer: 2048, history: 2048, readers: READERS, usual_items: [0, 0], rate_max_hz: 250,
+        };
+        /// Topic of [`Twist`], 10 to 200 Hz where the robot has it.
+        TwistTopic = "robot/twist/v1": Twist, [(); 0], TopicQos {
+            // 5 s at 200 Hz.
+            buffer: 1024, history: 1024, readers: READERS, usual_items: [0, 0], rate_max_hz: 200,
         };
         /// The filtered returns of a sweep, still polar.
         RadarPoints = "radar/points/v1": PointsHead, [Return; MAX_RETURNS], TopicQos {

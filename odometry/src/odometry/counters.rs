@@ -47,6 +47,18 @@ pub struct Counters {
     pub imu_gravity_mm_s2: i64,
     /// Points outside of the submap's grid.
     pub points_outside: u64,
+    /// Twists left out: back in time, repeated, not finite, without room.
+    pub twists_rejected: u64,
+    /// Scans whose way is by wheels, because their cells do not fix it.
+    pub scans_by_twist: u64,
+    /// Scans whose twists were left out because wheels do not say the truth.
+    pub scans_twist_refused: u64,
+    /// The first of these: end of its sweep, ns, and what wheels and radar or IMU said, mm/s.
+    pub twist_refused_first_ns: i64,
+    /// See there.
+    pub twist_refused_mm_s: i64,
+    /// See there.
+    pub twist_true_mm_s: i64,
 }
 
 persist!(Counters {
@@ -69,9 +81,36 @@ persist!(Counters {
     imu_without_gravity,
     imu_gravity_mm_s2,
     points_outside,
+    twists_rejected,
+    scans_by_twist,
+    scans_twist_refused,
+    twist_refused_first_ns,
+    twist_refused_mm_s,
+    twist_true_mm_s,
 } sound has_room);
 
 impl Counters {
+    /// What wheels said when they were wrong for the first time, and what is the matter with them.
+    pub fn twist_refused_text(&self) -> String {
+        let [wheels_m_s, truth_m_s] =
+            [self.twist_refused_mm_s, self.twist_true_mm_s].map(|mm_s| mm_s as f64 * 1e-3);
+        // A robot or wheels of less than this stand.
+        let standing_m_s = 0.1;
+        let matter = if wheels_m_s.abs() < standing_m_s {
+            "they are stuck, or no longer sent"
+        } else if wheels_m_s * truth_m_s < 0.0 && truth_m_s.abs() > standing_m_s {
+            "they count backwards"
+        } else if wheels_m_s.abs() > truth_m_s.abs() {
+            "they spin, or their scale is wrong"
+        } else {
+            "they slide, or their scale is wrong"
+        };
+        format!(
+            "wheels say {wheels_m_s:.2} m/s where radar or IMU say {truth_m_s:.2} m/s, in the sweep that ends at {} ns: {matter}",
+            self.twist_refused_first_ns
+        )
+    }
+
     /// Whether they can go on counting.
     fn has_room(&self) -> bool {
         [
@@ -88,6 +127,9 @@ impl Counters {
             self.imu_rejected,
             self.imu_without_gravity,
             self.gyro_spikes,
+            self.twists_rejected,
+            self.scans_by_twist,
+            self.scans_twist_refused,
         ]
         .iter()
         .all(|count| *count <= u64::MAX / 2)
@@ -114,5 +156,33 @@ impl Counters {
     pub fn gravity_text(&self) -> String {
         let shown_m_s2 = self.imu_gravity_mm_s2 as f64 * 1e-3;
         format!("acceleration shows no gravity ({shown_m_s2:.1} m/s2): tilt not used")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_the_matter_with_wheels_is_said() {
+        let text = |wheels_mm_s, true_mm_s| {
+            let counters = Counters {
+                twist_refused_mm_s: wheels_mm_s,
+                twist_true_mm_s: true_mm_s,
+                ..Counters::default()
+            };
+            counters.twist_refused_text()
+        };
+        assert!(text(0, 800).contains("0.00 m/s where radar or IMU say 0.80 m/s"));
+        for (wheels_mm_s, true_mm_s, matter) in [
+            (0, 800, "stuck"),
+            (-800, 800, "backwards"),
+            (1800, 800, "spin"),
+            (1000, 0, "spin"),
+            (300, 800, "slide"),
+        ] {
+            let text = text(wheels_mm_s, true_mm_s);
+            assert!(text.contains(matter), "{text}");
+        }
     }
 }

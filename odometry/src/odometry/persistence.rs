@@ -36,6 +36,7 @@ impl Odometry {
             synchronizer,
             gyro,
             gyro_check,
+            twist,
             initializer: _,
             window,
             submaps,
@@ -52,6 +53,7 @@ impl Odometry {
             gyro.save(out);
         }
         gyro_check.save(out);
+        twist.save(out);
         window.save(out);
         submaps.save(out);
         clutter.save(out);
@@ -69,6 +71,7 @@ impl Odometry {
             gyro.restore(from)?;
         }
         self.gyro_check.restore(from)?;
+        self.twist.restore(from)?;
         self.window.restore(from)?;
         self.submaps.restore(from)?;
         self.clutter.restore(from)?;

@@ -1,11 +1,11 @@
-//! The order in which a process takes its inputs from two topics: samples as they come, one scan
-//! at a time.
+//! The order in which a process takes its inputs from three topics: samples and twists as they
+//! come, one scan at a time.
 
 use super::CheckpointStore;
 use crate::{MessageId, Odometry};
-use randt_messages::{ImuSample, ImuSampleTopic, MessageRef, RadarPoints};
+use randt_messages::{ImuSample, ImuSampleTopic, MapperGraph, MessageRef, RadarPoints, TwistTopic};
 use randt_persist::Error as PersistError;
-use randt_stage::{Clock, Subscriber};
+use randt_stage::{Clock, Error, Stage, Subscriber, WakeReason};
 use std::time::{Duration, Instant};
 
 /// What was published before a scan's deadline is here this long after it at the latest: it takes
@@ -18,6 +18,13 @@ const DRAIN: Duration = Duration::from_secs(1);
 /// over its history.
 const FIRST_SAMPLE_WAIT: Duration = Duration::from_secs(1);
 
+/// IMU samples, twists, scans.
+pub type Inputs = (
+    Subscriber<ImuSampleTopic>,
+    Subscriber<TwistTopic>,
+    Subscriber<RadarPoints>,
+);
+
 /// Odometry with its checkpoints and its inputs.
 pub struct Feed {
     /// The estimate.
@@ -25,6 +32,7 @@ pub struct Feed {
     /// What outlives it.
     pub store: CheckpointStore,
     samples: Subscriber<ImuSampleTopic>,
+    twists: Subscriber<TwistTopic>,
     points: Subscriber<RadarPoints>,
     clock: Clock,
     /// When the wait of the scan that waits is over.
@@ -40,17 +48,20 @@ impl Feed {
     pub fn new(
         odometry: Odometry,
         store: CheckpointStore,
-        mut samples: Subscriber<ImuSampleTopic>,
-        points: Subscriber<RadarPoints>,
+        (mut samples, mut twists, points): Inputs,
         clock: Clock,
     ) -> Self {
         if let Some(last) = odometry.last_imu() {
             samples.continue_after(last.epoch, last.sequence);
         }
+        if let Some(last) = odometry.last_twist() {
+            twists.continue_after(last.epoch, last.sequence);
+        }
         let mut feed = Self {
             odometry,
             store,
             samples,
+            twists,
             points,
             clock,
             deadline: None,
@@ -114,8 +125,17 @@ impl Feed {
         }
     }
 
-    /// Takes samples until there is a result, or none is left.
+    /// Takes twists and samples until there is a result, or none is left.
     fn take_samples(&mut self) -> Result<bool, Box<dyn std::error::Error>> {
+        while let Some(twist) = self.twists.receive()? {
+            let twist = twist.message().head;
+            if is_after(MessageId::from_twist(twist), self.odometry.last_twist()) {
+                self.odometry.push_twist(twist, &mut self.store.sink());
+                if self.save_results()? {
+                    return Ok(true);
+                }
+            }
+        }
         while let Some(sample) = self.samples.receive()? {
             self.patience = None;
             let sample: &ImuSample = sample.message().head;
@@ -153,20 +173,25 @@ impl Feed {
 
     /// How long to sleep at most: where a scan waits for its samples, until the wait is over; else
     /// samples have to be taken before their buffer overflows, also while no scan comes.
-    pub fn pause(&self) -> Duration {
+    fn pause(&self) -> Duration {
         match (self.odometry.waiting_for_ns(), self.deadline) {
             (Some(_), Some(deadline)) => deadline.saturating_duration_since(Instant::now()),
             _ => DRAIN,
         }
     }
 
-    /// What to sleep on: scans, or samples while a scan waits for them. Waking 250 times a second
-    /// costs 0.7 % of a core.
-    pub fn waitable(&self) -> &dyn randt_stage::Waitable {
+    /// Sleeps until a scan or a word of the mapper comes, or samples and twists while a scan waits
+    /// for them. Waking 250 times a second costs 0.7 % of a core.
+    pub fn wait(
+        &self,
+        stage: &mut Stage,
+        graph: &Subscriber<MapperGraph>,
+    ) -> Result<WakeReason, Error> {
+        let pause = Some(self.pause());
         if self.odometry.waiting_for_ns().is_some() {
-            &self.samples
+            stage.wait(&[&self.samples, &self.twists, graph], pause)
         } else {
-            &self.points
+            stage.wait(&[&self.points, graph], pause)
         }
     }
 }

@@ -1,8 +1,9 @@
-//! The factors between neighbouring states: motion model, gyro, bias (RaNDT, III-C).
+//! The factors between neighbouring states: motion model, gyro, bias (RaNDT, III-C), wheels.
 
 use super::{
     block_tridiagonal::BlockTridiagonalSystem,
     state::{State, StateVector},
+    twist_term,
     window_scan::WindowScan,
 };
 use crate::gyro_integrator::GyroTerm;
@@ -23,8 +24,8 @@ const STANDING_SIGMA_M_S: f64 = 0.01;
 /// rad.
 const HEADING_SIGMA_FLOOR_RAD: f64 = 1e-3;
 
-/// Adds the motion model, the gyro and the bias between the state before and the scan at i; gives
-/// their cost.
+/// Adds the motion model, the gyro, the bias and the wheels between the state before and the scan
+/// at i; gives their cost.
 pub fn add(
     system: &mut BlockTridiagonalSystem,
     i: usize,
@@ -43,6 +44,7 @@ pub fn add(
     (a[6], b[6]) = (-1.0, 1.0);
     motion
         + gyro
+        + twist_term::add(system, i, previous, scan)
         + add_row(
             system,
             i,
@@ -187,7 +189,8 @@ fn gyro_term(
     })
 }
 
-fn add_row(
+/// Adds a residual of one number; gives its cost.
+pub fn add_row(
     system: &mut BlockTridiagonalSystem,
     i: usize,
     a: &StateVector,

@@ -1,6 +1,9 @@
 //! One scan of the window: what was measured, and what is estimated from it.
 
-use super::state::{State, StateMatrix};
+use super::{
+    state::{State, StateMatrix},
+    twist_term::TwistWay,
+};
 use crate::{
     deskew::{BeamPose, Motion, Point, beam_poses, deskew},
     gyro_check::BiasChange,
@@ -44,6 +47,8 @@ pub struct WindowScan {
     pub gyro: Option<GyroTerm>,
     /// How the gyro's bias has changed since then, beside its walk.
     pub bias_change: BiasChange,
+    /// The way since then by wheels that are believed.
+    pub twist: Option<TwistWay>,
     /// Whether the gyro covers the sweep.
     pub gyro_covers_sweep: bool,
     /// Roll and pitch.
@@ -87,6 +92,7 @@ persist!(WindowScan {
     dt_s,
     gyro,
     bias_change,
+    twist,
     gyro_covers_sweep,
     tilt,
     deskew_velocity,
@@ -159,22 +165,29 @@ impl WindowScan {
         self.localizability.unseen() * self.drift_m2
     }
 
-    /// The measured change of speed since the scan before, where the cells do not fix the way.
+    /// The way by wheels, where the cells do not fix it.
+    pub fn twist_way(&self) -> Option<TwistWay> {
+        self.twist.filter(|_| !self.fixes_way)
+    }
+
+    /// The measured change of speed since the scan before, where neither the cells nor wheels fix
+    /// the way.
     pub fn speed_change(&self) -> Option<Speed> {
-        let gyro = self.gyro.filter(|_| !self.fixes_way)?;
+        let gyro = (self.gyro).filter(|_| !self.fixes_way && self.twist.is_none())?;
         gyro.speed_change
     }
 
     /// The forward speed as radar and IMU knew it together when the cells stopped to fix the way.
     pub fn last_seen_speed(&self) -> Option<Speed> {
-        let gyro = self.gyro.filter(|_| !self.fixes_way && self.follows_fix)?;
+        let is_free = !self.fixes_way && self.twist.is_none();
+        let gyro = self.gyro.filter(|_| is_free && self.follows_fix)?;
         gyro.speed
     }
 
-    /// Whether the accelerometer carries the speed on without the radar.
+    /// Whether the accelerometer or wheels carry the speed on without the radar.
     pub fn is_carried(&self) -> bool {
         let carries = |gyro: GyroTerm| gyro.speed_change.is_some() || gyro.stands;
-        self.gyro.is_some_and(carries)
+        self.twist.is_some() || self.gyro.is_some_and(carries)
     }
 
     /// Whether the IMU shows that the robot stands, where the cells do not fix the way.

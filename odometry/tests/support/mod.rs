@@ -4,10 +4,10 @@
 use randt_config::Config;
 use randt_filter::ClusterFilter;
 use randt_messages::{
-    ImuSample, Keyframe, Message, MessageRef, OdometryState, OdometryStateTopic, RadarPoints,
+    ImuSample, Keyframe, Message, MessageRef, OdometryState, OdometryStateTopic, RadarPoints, Twist,
 };
 use randt_odometry::{Counters, Odometry, Sink};
-use randt_simulator::{Event, Robot, Simulation, World};
+use randt_simulator::{Event, Robot, Simulation, WheelProfile, World};
 
 /// What odometry takes.
 #[derive(Clone, Debug)]
@@ -16,6 +16,8 @@ pub enum Input {
     Points(Message<RadarPoints>),
     /// A sample.
     Imu(ImuSample),
+    /// A twist.
+    Twist(Twist),
 }
 
 impl Input {
@@ -24,6 +26,7 @@ impl Input {
         match self {
             Self::Points(scan) => odometry.push_points(scan.as_ref(), sink),
             Self::Imu(sample) => odometry.push_imu(sample, sink),
+            Self::Twist(twist) => odometry.push_twist(twist, sink),
         }
     }
 }
@@ -36,11 +39,15 @@ pub fn config() -> Config {
     config
 }
 
-/// A drive through the building: standstill, then turns and corridors.
+/// A drive through the building: standstill, then turns and corridors. With wheel odometry.
 pub fn inputs(scans: u64) -> Vec<Input> {
     let config = config();
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
-    let events = Simulation::new(&World::building(), Robot::default(), scans, 5);
+    let robot = Robot {
+        wheels: Some(WheelProfile::default()),
+        ..Robot::default()
+    };
+    let events = Simulation::new(&World::building(), robot, scans, 5);
     let mut inputs = Vec::new();
     for event in events {
         match event {
@@ -50,6 +57,7 @@ pub fn inputs(scans: u64) -> Vec<Input> {
                 inputs.push(Input::Points(points));
             }
             Event::Imu(sample) => inputs.push(Input::Imu(sample)),
+            Event::Twist(twist) => inputs.push(Input::Twist(twist)),
             Event::Truth(_) => {}
         }
     }
@@ -70,6 +78,7 @@ pub fn shift(input: &mut Input, by_ns: i64) {
     match input {
         Input::Points(scan) => shift_scan(scan, by_ns),
         Input::Imu(sample) => sample.header.stamp_ns += by_ns,
+        Input::Twist(twist) => twist.header.stamp_ns += by_ns,
     }
 }
 

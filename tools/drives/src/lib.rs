@@ -67,6 +67,7 @@ impl Drive {
                     odometry.push_points(points.as_ref(), &mut log);
                 }
                 Event::Imu(sample) => odometry.push_imu(&sample, &mut log),
+                Event::Twist(twist) => odometry.push_twist(&twist, &mut log),
             }
         }
         odometry.finish(&mut log);

@@ -14,6 +14,10 @@ pub struct InputOptions {
     /// IMU topic of a bag; if not given, the Imu topic with the most messages
     #[arg(long, value_name = "NAME")]
     imu_topic: Option<String>,
+    /// Topic of a bag with the velocity by wheels (Odometry, TwistStamped,
+    /// TwistWithCovarianceStamped); none if not given: it may be the truth, or another estimate
+    #[arg(long, value_name = "NAME")]
+    twist_topic: Option<String>,
     /// The instant of a sweep that a point cloud's stamp means
     #[arg(long, value_name = "WHEN", default_value = "end")]
     stamp: Stamp,
@@ -57,6 +61,7 @@ impl Default for InputOptions {
         Self {
             radar_topic: None,
             imu_topic: None,
+            twist_topic: None,
             stamp: Stamp::End,
             rotation: Turning::Auto,
             period: None,
@@ -76,6 +81,7 @@ impl InputOptions {
             ("--rotation", self.rotation.to_possible_value().map(name)),
             ("--radar-topic", self.radar_topic.clone()),
             ("--imu-topic", self.imu_topic.clone()),
+            ("--twist-topic", self.twist_topic.clone()),
             ("--period", self.period.map(|period| period.to_string())),
         ] {
             arguments.extend(value.map(|value| format!("{option}={value}")));
@@ -91,6 +97,7 @@ impl InputOptions {
         Options {
             radar_topic: self.radar_topic.clone(),
             imu_topic: self.imu_topic.clone(),
+            twist_topic: self.twist_topic.clone(),
             stamp: match self.stamp {
                 Stamp::Begin => StampMeaning::SweepBegin,
                 Stamp::Middle => StampMeaning::SweepMiddle,

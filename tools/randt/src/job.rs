@@ -106,6 +106,7 @@ pub fn run(
         match &event {
             Event::Truth(truth) => done.results.add_truth(truth),
             Event::Imu(_) => done.imu_samples += 1,
+            Event::Twist(_) => {}
             Event::Scan(scan) => {
                 done.read_ns.push(std::mem::take(&mut read_ns));
                 bar.inc(1);

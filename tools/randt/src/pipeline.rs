@@ -149,6 +149,7 @@ impl Pipeline {
                 self.odometry.push_imu(sample, &mut sink);
                 self.since_scan_ns += nanoseconds(begin, Instant::now()) - sink.spent_ns;
             }
+            Event::Twist(twist) => self.odometry.push_twist(twist, &mut sink),
             Event::Truth(_) => {}
         }
     }

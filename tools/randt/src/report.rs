@@ -233,6 +233,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_imu_rejected", odometry.imu_rejected),
         ("odometry_imu_holes", odometry.imu_holes),
         (GYRO_REFUSED, odometry.scans_gyro_refused),
+        ("odometry_twists_rejected", odometry.twists_rejected),
         ("mapper_keyframes_rejected", mapper.keyframes_rejected),
         ("keyframes_of_another_drive", pipeline.keyframes_refused()),
     ];
@@ -245,6 +246,8 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_scans_without_imu", odometry.scans_without_imu),
         (WITHOUT_GRAVITY, odometry.imu_without_gravity),
         ("odometry_gyro_spikes", odometry.gyro_spikes),
+        ("odometry_scans_by_twist", odometry.scans_by_twist),
+        ("odometry_scans_twist_refused", odometry.scans_twist_refused),
         ("odometry_frames_reopened", odometry.frames_reopened),
         ("odometry_solver_failures", odometry.solver_failures),
         ("odometry_points_outside", odometry.points_outside),
@@ -263,6 +266,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         let first = match name {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
             WITHOUT_GRAVITY => odometry.gravity_text(),
+            "odometry_scans_twist_refused" => odometry.twist_refused_text(),
             _ => String::new(),
         };
         counters.add(name, Count { count, loss, first });

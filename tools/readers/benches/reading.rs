@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 returns += scan.items.len();
             }
             Event::Imu(_) => samples += 1,
-            Event::Truth(_) => {}
+            Event::Twist(_) | Event::Truth(_) => {}
         }
     }
     let whole_ms = start.elapsed().as_secs_f64() * 1e3;

@@ -7,7 +7,7 @@ use crate::sweep::repair;
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, counters::Counters};
 use randt_log::{Damage, LogReader};
 use randt_messages::{
-    DropCause, ImuSampleTopic, LogDrop, LogDropTopic, RadarScan, Topic, TruthPoseTopic,
+    DropCause, ImuSampleTopic, LogDrop, LogDropTopic, RadarScan, Topic, TruthPoseTopic, TwistTopic,
     health::text_of,
 };
 use std::fs::File;
@@ -79,6 +79,9 @@ impl LogSource {
         } else if topic == ImuSampleTopic::NAME {
             let sample = entry.decode::<ImuSampleTopic>();
             sample.map(|sample| sample.map(|s| Event::Imu(*s.head)))
+        } else if topic == TwistTopic::NAME {
+            let twist = entry.decode::<TwistTopic>();
+            twist.map(|twist| twist.map(|t| Event::Twist(*t.head)))
         } else if topic == TruthPoseTopic::NAME {
             let pose = entry.decode::<TruthPoseTopic>();
             pose.map(|pose| pose.map(|p| Event::Truth(*p.head)))

@@ -13,11 +13,13 @@ const SAMPLES_MAX: usize = 8192;
 
 /// A source whose streams are each in the log's order and merged by their stamps.
 ///
-/// Equal stamps: truth, then IMU, then the sweep, so that a sweep finds its last IMU sample there.
+/// Equal stamps: truth, then IMU and twists, then the sweep, so that a sweep finds its last IMU
+/// sample there. For twists nothing waits: a robot need not have them.
 pub(crate) struct InOrder<S> {
     inner: S,
     truth: VecDeque<Event>,
     samples: VecDeque<Event>,
+    twists: VecDeque<Event>,
     sweeps: VecDeque<Event>,
     newest_ns: i64,
     ended: bool,
@@ -29,6 +31,7 @@ impl<S: Source> InOrder<S> {
             inner,
             truth: VecDeque::new(),
             samples: VecDeque::new(),
+            twists: VecDeque::new(),
             sweeps: VecDeque::new(),
             newest_ns: i64::MIN,
             ended: false,
@@ -40,7 +43,9 @@ impl<S: Source> InOrder<S> {
         if self.ended || (!self.samples.is_empty() && !self.sweeps.is_empty()) {
             return true;
         }
-        if self.sweeps.len() >= SWEEPS_MAX || self.samples.len() >= SAMPLES_MAX {
+        if self.sweeps.len() >= SWEEPS_MAX
+            || self.samples.len().max(self.twists.len()) >= SAMPLES_MAX
+        {
             return true;
         }
         self.oldest_ns()
@@ -51,6 +56,7 @@ impl<S: Source> InOrder<S> {
         let heads = [
             self.truth.front(),
             self.samples.front(),
+            self.twists.front(),
             self.sweeps.front(),
         ];
         heads.into_iter().flatten().map(Event::stamp_ns).min()
@@ -62,7 +68,12 @@ impl<S: Source> InOrder<S> {
             return self.sweeps.pop_front();
         }
         let oldest = self.oldest_ns()?;
-        let queues = [&mut self.truth, &mut self.samples, &mut self.sweeps];
+        let queues = [
+            &mut self.truth,
+            &mut self.samples,
+            &mut self.twists,
+            &mut self.sweeps,
+        ];
         let queue = queues
             .into_iter()
             .find(|q| q.front().is_some_and(|e| e.stamp_ns() == oldest))?;
@@ -85,6 +96,7 @@ impl<S: Source> Source for InOrder<S> {
             match event {
                 Event::Scan(_) => self.sweeps.push_back(event),
                 Event::Imu(_) => self.samples.push_back(event),
+                Event::Twist(_) => self.twists.push_back(event),
                 Event::Truth(_) => self.truth.push_back(event),
             }
         }

@@ -33,6 +33,10 @@ pub struct Options {
     pub radar_topic: Option<String>,
     /// IMU topic of a bag; without it the Imu topic with the most messages.
     pub imu_topic: Option<String>,
+    /// Topic of a bag with the robot's velocity (Odometry, TwistStamped,
+    /// TwistWithCovarianceStamped); none without it, because it may be of another estimate, or the
+    /// truth.
+    pub twist_topic: Option<String>,
     /// What a point cloud's stamp means.
     pub stamp: StampMeaning,
     /// Sense of rotation of a point cloud's radar.
@@ -56,6 +60,7 @@ impl Default for Options {
         Self {
             radar_topic: None,
             imu_topic: None,
+            twist_topic: None,
             stamp: StampMeaning::default(),
             rotation: Rotation::default(),
             period_s: None,

@@ -5,6 +5,7 @@ pub(crate) mod imu;
 mod recording;
 mod source;
 mod transform;
+pub(crate) mod twist;
 mod wire;
 
 pub(crate) use cloud::Cloud;

@@ -6,3 +6,4 @@ mod learning;
 mod mounting;
 mod oxford;
 mod support;
+mod twists;

@@ -19,6 +19,7 @@ mod route;
 mod shape;
 mod simulation;
 mod surface;
+mod wheels;
 mod world;
 
 pub use caster::{Caster, Hit};
@@ -32,4 +33,5 @@ pub use random::Random;
 pub use randt_messages::Event;
 pub use simulation::{Robot, START_NS, Simulation};
 pub use surface::BeamSurface;
+pub use wheels::{WheelFault, WheelProfile};
 pub use world::{Wall, World};

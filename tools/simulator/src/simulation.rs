@@ -3,7 +3,10 @@
 use crate::caster::Caster;
 use crate::inertial::Imu;
 use crate::radar::Radar;
-use crate::{BeamSurface, Drive, Ground, ImuProfile, MotionProfile, RadarProfile, World};
+use crate::wheels::Wheels;
+use crate::{
+    BeamSurface, Drive, Ground, ImuProfile, MotionProfile, RadarProfile, WheelProfile, World,
+};
 use randt_geometry::Pose2;
 use randt_messages::{Event, Header, Message, RadarScan, SensorKind, TruthPose};
 
@@ -26,6 +29,8 @@ pub struct Robot {
     pub radar_late_ns: i64,
     /// The IMU; it sits upright in the middle of `base_link`.
     pub imu: ImuProfile,
+    /// Wheel odometry, where the robot has it.
+    pub wheels: Option<WheelProfile>,
     /// The driver.
     pub motion: MotionProfile,
 }
@@ -38,6 +43,7 @@ impl Default for Robot {
             radar_mounting: Pose2::new(0.12, 0.0, 0.0),
             radar_late_ns: 0,
             imu: ImuProfile::default(),
+            wheels: None,
             motion: MotionProfile::default(),
         }
     }
@@ -77,6 +83,7 @@ pub struct Simulation {
     radar: Radar,
     radar_late_ns: i64,
     imu: Imu,
+    wheels: Option<Wheels>,
     ground: Ground,
     scans_left: u64,
     end_ns: i64,
@@ -95,6 +102,7 @@ impl Simulation {
             radar: Radar::new(robot.radar, robot.radar_mounting, caster, ground, seed),
             radar_late_ns: robot.radar_late_ns,
             imu: Imu::new(robot.imu, seed),
+            wheels: robot.wheels.map(|wheels| Wheels::new(wheels, seed)),
             ground: world.ground.clone(),
             scans_left: scans,
             end_ns: i64::MAX,
@@ -171,7 +179,8 @@ impl Iterator for Simulation {
             _ => self.radar.next_ns(),
         };
         let imu_ns = self.imu.next_ns();
-        let next_ns = imu_ns.min(scan_ns).min(self.next_truth_ns);
+        let wheels_ns = self.wheels.as_ref().map_or(i64::MAX, Wheels::next_ns);
+        let next_ns = imu_ns.min(scan_ns).min(self.next_truth_ns).min(wheels_ns);
         if next_ns > self.end_ns || (self.scans_left == 0 && self.end_ns == i64::MAX) {
             return None;
         }
@@ -183,6 +192,11 @@ impl Iterator for Simulation {
             sample.header.stamp_ns += START_NS;
             sample.arrival_ns += START_NS;
             Event::Imu(sample)
+        } else if let Some(wheels) = self.wheels.as_mut().filter(|_| next_ns == wheels_ns) {
+            let mut twist = wheels.measure(&self.drive.at(wheels_ns));
+            twist.header.stamp_ns += START_NS;
+            twist.arrival_ns += START_NS;
+            Event::Twist(twist)
         } else {
             self.next_truth_ns += TRUTH_NS;
             self.truth(next_ns)

@@ -7,7 +7,7 @@ use randt_messages::{
     LogDrop, LogDropTopic, MapperCorrection, MapperGraph, MapperGrid, Message, OdometryState,
     OdometryStateTopic, PointsHead, PortHealth, RadarPoints, RadarScan, Return, ScanHead,
     SensorKind, StageHealth, StageHealthTopic, StageState, SweepHead, TILE_CELLS, TileHead, Topic,
-    Trust, TruthPose, TruthPoseTopic,
+    Trust, TruthPose, TruthPoseTopic, Twist, TwistTopic,
 };
 
 /// A header with another value in each field of each message.
@@ -86,6 +86,16 @@ pub fn sample() -> Message<ImuSampleTopic> {
         arrival_ns: 42,
         rate_rad_s: [0.1, -0.2, 0.3],
         acceleration_m_s2: [0.4, 0.5, 9.81],
+    };
+    message(head, Vec::new())
+}
+
+pub fn twist() -> Message<TwistTopic> {
+    let head = Twist {
+        header: header(12),
+        arrival_ns: 43,
+        velocity: [0.75, -0.03125, 0.25],
+        covariance: [1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8.5, 9.5],
     };
     message(head, Vec::new())
 }

@@ -42,7 +42,7 @@ impl States {
                     odometry.push_points(points.as_ref(), &mut states);
                 }
                 Event::Imu(sample) => odometry.push_imu(sample, &mut states),
-                Event::Truth(_) => {}
+                Event::Twist(_) | Event::Truth(_) => {}
             }
         }
         odometry.finish(&mut states);
@@ -210,6 +210,7 @@ fn shift(event: &mut Event, by_ns: i64) {
             }
         }
         Event::Imu(sample) => sample.header.stamp_ns += by_ns,
+        Event::Twist(twist) => twist.header.stamp_ns += by_ns,
         Event::Truth(pose) => pose.header.stamp_ns += by_ns,
     }
 }

@@ -63,11 +63,7 @@ impl<S: Source> Source for FaultInjector<S> {
 
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
         while let Some(mut event) = self.source.next_event()? {
-            let stamp_ns = match &event {
-                Event::Scan(scan) => scan.head.header.stamp_ns,
-                Event::Imu(sample) => sample.header.stamp_ns,
-                Event::Truth(pose) => pose.header.stamp_ns,
-            };
+            let stamp_ns = event.stamp_ns();
             let begin_ns = *self.begin_ns.get_or_insert(stamp_ns);
             let at_s = (stamp_ns - begin_ns) as f64 * 1e-9;
             if (self.injection.change)(&mut event, at_s) {

@@ -53,7 +53,7 @@ pub(super) fn people(mut random: Random) -> Change {
     Box::new(move |event, at_s| {
         match event {
             Event::Truth(truth) => robot = Pose2::from_array(truth.pose),
-            Event::Imu(_) => {}
+            Event::Imu(_) | Event::Twist(_) => {}
             Event::Scan(scan) => {
                 let person = |(index, phase): (usize, &f64)| {
                     // Half of them one way round, half the other; a metre a second.
@@ -92,6 +92,7 @@ pub(super) fn kidnapped(from_s: f64) -> Change {
         match event {
             Event::Scan(scan) => shift(scan, by_ns),
             Event::Imu(sample) => sample.header.stamp_ns += by_ns,
+            Event::Twist(twist) => twist.header.stamp_ns += by_ns,
             Event::Truth(pose) => pose.header.stamp_ns += by_ns,
         }
         at_s >= from_s + CARRIED_S

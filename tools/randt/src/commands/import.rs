@@ -7,7 +7,7 @@ use crate::output::{finish, head_only, log_options, may_write, print};
 use crate::progress;
 use anyhow::ensure;
 use randt_log::{LogFile, ROBOT_METADATA, Robot};
-use randt_messages::{ImuSampleTopic, TruthPoseTopic};
+use randt_messages::{ImuSampleTopic, TruthPoseTopic, TwistTopic};
 use randt_readers::{Counter, Event, InputInfo};
 use std::path::PathBuf;
 
@@ -55,6 +55,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
                 file.write(head_only::<ImuSampleTopic>(&sample))?;
                 samples += 1;
             }
+            Event::Twist(twist) => file.write(head_only::<TwistTopic>(&twist))?,
             Event::Truth(pose) => {
                 file.write(head_only::<TruthPoseTopic>(&pose))?;
                 truths += 1;

@@ -9,8 +9,8 @@ use anyhow::{Context as _, ensure};
 use randt_evaluation::stamp_text;
 use randt_geometry::Pose2;
 use randt_log::{LogFile, ROBOT_METADATA};
-use randt_messages::{ImuSampleTopic, TruthPose, TruthPoseTopic};
-use randt_simulator::{Event, Robot, Simulation, World};
+use randt_messages::{ImuSampleTopic, TruthPose, TruthPoseTopic, TwistTopic};
+use randt_simulator::{Event, Robot, Simulation, WheelProfile, World};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -47,6 +47,10 @@ pub struct Arguments {
     /// How late the radar's stamps are against the gyro's and the truth's, ms
     #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = lateness, allow_hyphen_values = true)]
     radar_late: f64,
+    /// Wheel odometry at 50 Hz: its scale, how much more wheels turn in curves (0.05), its noise
+    /// in m/s, and a fault (stuck, reversed, spinning) from some second on
+    #[arg(long, value_name = "scale=S,slip=S,noise=N,fault=F,from=T")]
+    wheels: Option<WheelProfile>,
     /// A drive for `randt calibrate`: the robot stops often and turns on the spot, to the left and
     /// to the right by turns
     #[arg(long)]
@@ -112,6 +116,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
                 bar.inc(1);
             }
             Event::Imu(sample) => log.write(head_only::<ImuSampleTopic>(&sample))?,
+            Event::Twist(twist) => log.write(head_only::<TwistTopic>(&twist))?,
             Event::Truth(pose) => {
                 log.write(head_only::<TruthPoseTopic>(&pose))?;
                 truth = pose;
@@ -159,6 +164,7 @@ fn robot(world: &World, arguments: &Arguments) -> Robot {
     let mut robot = Robot::for_world(world);
     robot.radar_mounting = arguments.radar_mounting.unwrap_or(robot.radar_mounting);
     robot.radar_late_ns = (arguments.radar_late * 1e6) as i64;
+    robot.wheels = arguments.wheels;
     if arguments.turns {
         robot.motion = robot.motion.for_calibration();
     }

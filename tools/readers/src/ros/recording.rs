@@ -1,6 +1,7 @@
 //! What a bag of any format gives: serialised messages of named channels, in the order of
 //! recording.
 
+use super::twist::TwistKind;
 use super::wire::Encoding;
 use crate::{Error, counters::Counters};
 
@@ -9,6 +10,7 @@ use crate::{Error, counters::Counters};
 pub(crate) enum Kind {
     Cloud,
     Imu,
+    Twist(TwistKind),
     /// Transforms that hold for the whole recording.
     StaticTransforms,
     /// Transforms of which some may never change.
@@ -22,6 +24,9 @@ impl Kind {
         match type_name.replace("/msg/", "/").as_str() {
             "sensor_msgs/PointCloud2" => Self::Cloud,
             "sensor_msgs/Imu" => Self::Imu,
+            "nav_msgs/Odometry" => Self::Twist(TwistKind::Odometry),
+            "geometry_msgs/TwistStamped" => Self::Twist(TwistKind::Plain),
+            "geometry_msgs/TwistWithCovarianceStamped" => Self::Twist(TwistKind::WithCovariance),
             "tf2_msgs/TFMessage" | "tf/tfMessage" if topic.ends_with("tf_static") => {
                 Self::StaticTransforms
             }

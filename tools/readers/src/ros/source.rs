@@ -1,16 +1,17 @@
-//! A ROS recording as a log of sweeps and IMU samples.
+//! A ROS recording as a log of sweeps, IMU samples and twists.
 
 use super::Cloud;
 use super::decode_transforms;
 use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
 use super::transform::{Transform, Tree};
+use super::twist::{RosTwist, find_twist};
 use super::wire::{Encoding, Malformed};
 use crate::limit::{is_instant, is_misread, no_instant};
 use crate::sweep::{Polar, Turn};
 use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, counters::Counters};
 use randt_geometry::{Pose2, elementary::atan2};
-use randt_messages::{Header, ImuSample, SensorKind};
+use randt_messages::{Header, ImuSample, SensorKind, Twist};
 use std::collections::VecDeque;
 use std::path::Path;
 
@@ -19,7 +20,8 @@ const LEARN_SWEEPS: usize = 8;
 /// Most IMU samples held meanwhile: over a minute at 250 Hz.
 const LEARN_SAMPLES: usize = 20_000;
 
-/// A bag of any format that is being read.
+/// A bag of any format that is being read. Its fields are the recording, the topics that matter,
+/// what was learned of them, and what was counted.
 pub(crate) struct RosSource {
     recording: Box<dyn Recording>,
     channels: Vec<Channel>,
@@ -29,18 +31,21 @@ pub(crate) struct RosSource {
     counters: Counters,
     radar: Option<usize>,
     imu: Option<usize>,
+    twist: Option<usize>,
     /// Whether the radar hangs upside down.
     mirrored: bool,
     turn: Option<Turn>,
     waiting: VecDeque<Decoded>,
     sweeps: u64,
     samples: u64,
+    twists: u64,
 }
 
 /// A message that matters, before it gets its number.
 enum Decoded {
     Cloud(Cloud),
     Imu(RosImu, i64),
+    Twist(RosTwist, i64),
     Transforms(Vec<Transform>),
 }
 
@@ -61,6 +66,7 @@ impl RosSource {
         };
         let radar = choose(Kind::Cloud, &options.radar_topic)?;
         let imu = choose(Kind::Imu, &options.imu_topic)?;
+        let twist = find_twist(&channels, options.twist_topic.as_deref(), path)?;
         if radar.is_none() && options.radar_required {
             // It may be the damage that hides the radar: read on to name it.
             while recording.next_message(&mut counters)?.is_some() {}
@@ -88,11 +94,13 @@ impl RosSource {
             counters,
             radar,
             imu,
+            twist,
             mirrored: false,
             turn: None,
             waiting: VecDeque::new(),
             sweeps: 0,
             samples: 0,
+            twists: 0,
         };
         source.learn(options, encoding)?;
         Ok(source)
@@ -118,7 +126,7 @@ impl RosSource {
                 Decoded::Transforms(transforms) => transforms.into_iter().for_each(|t| tree.add(t)),
                 other => {
                     clouds += usize::from(matches!(other, Decoded::Cloud(_)));
-                    samples += usize::from(matches!(other, Decoded::Imu(..)));
+                    samples += usize::from(matches!(other, Decoded::Imu(..) | Decoded::Twist(..)));
                     self.waiting.push_back(other);
                 }
             }
@@ -185,6 +193,9 @@ impl RosSource {
                 Cloud::decode(bytes, encoding).map(Decoded::Cloud)
             } else if Some(index) == self.imu {
                 RosImu::decode(bytes, encoding).map(|imu| Decoded::Imu(imu, arrival_ns))
+            } else if let (true, Kind::Twist(kind)) = (Some(index) == self.twist, kind) {
+                RosTwist::decode(bytes, encoding, kind)
+                    .map(|twist| Decoded::Twist(twist, arrival_ns))
             } else if kind == Kind::Transforms && self.turn.is_none() {
                 decode_transforms(bytes, encoding).map(Decoded::Transforms)
             } else {
@@ -207,6 +218,7 @@ impl RosSource {
         let header = match decoded {
             Decoded::Cloud(cloud) => &mut cloud.header,
             Decoded::Imu(imu, _) => &mut imu.header,
+            Decoded::Twist(twist, _) => &mut twist.header,
             Decoded::Transforms(_) => return true,
         };
         if header.stamp_ns == 0 {
@@ -227,6 +239,7 @@ impl RosSource {
         let name = match channel {
             index if Some(index) == self.radar => "sweeps_malformed",
             index if Some(index) == self.imu => "imu_samples_malformed",
+            index if Some(index) == self.twist => "twists_malformed",
             _ => "transforms_malformed",
         };
         let path = &self.path;
@@ -274,6 +287,20 @@ impl RosSource {
                     acceleration_m_s2,
                 }))
             }
+            Decoded::Twist(twist, arrival_ns) => {
+                let header = Header {
+                    sequence: self.twists,
+                    stamp_ns: twist.header.stamp_ns,
+                    ..Header::default()
+                };
+                self.twists += 1;
+                Some(Event::Twist(Twist {
+                    header,
+                    arrival_ns,
+                    velocity: twist.velocity,
+                    covariance: twist.covariance,
+                }))
+            }
             Decoded::Transforms(_) => None,
         }
     }
@@ -305,7 +332,7 @@ impl Source for RosSource {
 }
 
 /// The topics of a recording with their types, for an error's text.
-fn list(channels: &[Channel]) -> String {
+pub(super) fn list(channels: &[Channel]) -> String {
     if channels.is_empty() {
         return "no topic".to_owned();
     }

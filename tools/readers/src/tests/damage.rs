@@ -347,7 +347,7 @@ fn values_that_are_not_finite_are_left_out_and_counted() {
     assert_eq!(events.len(), 9 * 51 + 1);
     let last = events.iter().rev().find_map(|event| match event {
         Event::Scan(scan) => Some(scan),
-        Event::Imu(_) | Event::Truth(_) => None,
+        Event::Imu(_) | Event::Twist(_) | Event::Truth(_) => None,
     });
     assert_eq!(
         (

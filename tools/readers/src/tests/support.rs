@@ -142,6 +142,7 @@ pub fn fingerprint(events: &[Event]) -> Vec<Vec<u8>> {
             Event::Scan(scan) => scan.as_ref().write_bytes(&mut out),
             // Arrival is the recorder's.
             Event::Imu(sample) => out.extend_from_slice(format!("{sample:?}").as_bytes()),
+            Event::Twist(twist) => out.extend_from_slice(format!("{twist:?}").as_bytes()),
             Event::Truth(pose) => out.extend_from_slice(format!("{pose:?}").as_bytes()),
         }
         out
@@ -152,7 +153,7 @@ pub fn fingerprint(events: &[Event]) -> Vec<Vec<u8>> {
 /// These events as one of our logs.
 pub fn log_of(events: &[Event], info: &crate::InputInfo) -> Vec<u8> {
     use randt_log::{LogWriter, Options, ROBOT_METADATA, Robot};
-    use randt_messages::{ImuSampleTopic, Message};
+    use randt_messages::{ImuSampleTopic, Message, TwistTopic};
     let sink = std::io::Cursor::new(Vec::new());
     let mut writer = LogWriter::new(sink, "test.mcap", Options::default()).unwrap();
     let robot = Robot {
@@ -173,6 +174,11 @@ pub fn log_of(events: &[Event], info: &crate::InputInfo) -> Vec<u8> {
             Event::Imu(sample) => {
                 let mut message = Message::<ImuSampleTopic>::default();
                 *message.head = *sample;
+                writer.write(message.as_ref()).unwrap();
+            }
+            Event::Twist(twist) => {
+                let mut message = Message::<TwistTopic>::default();
+                *message.head = *twist;
                 writer.write(message.as_ref()).unwrap();
             }
             Event::Truth(_) => {}

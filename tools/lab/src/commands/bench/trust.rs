@@ -14,7 +14,7 @@ use randt::output::{prepare_folder, print};
 use randt::{digest, job, progress};
 use randt_config::SelectionArguments;
 use randt_readers::Source;
-use randt_simulator::{Robot, World};
+use randt_simulator::{Robot, WheelProfile, World};
 use std::collections::VecDeque;
 use std::fmt::{Display, Write};
 use std::num::NonZeroUsize;
@@ -39,6 +39,9 @@ pub struct Arguments {
     /// Radar sweeps of each drive; if not given, two laps, and 800 with a fault
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     scans: Option<u64>,
+    /// Wheel odometry at 50 Hz, as of `randt simulate`
+    #[arg(long, value_name = "scale=S,slip=S,noise=N,fault=F,from=T")]
+    wheels: Option<WheelProfile>,
     /// The short form: two worlds, one seed, half a minute
     #[arg(long, conflicts_with_all = ["worlds", "faults", "seeds", "scans"])]
     quick: bool,
@@ -98,7 +101,8 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let (record, done) = Record::open(out)?;
     let is_done = |trial: &Trial| done.iter().any(|c| c.build == build && c.trial == *trial);
     let left: Vec<Trial> = trials.iter().filter(|t| !is_done(t)).cloned().collect();
-    compute(&arguments, &build, work(&worlds, left), record)?;
+    let work = work(&worlds, left, arguments.wheels);
+    compute(&arguments, &build, work, record)?;
 
     // As the file has them: a table is the same whether its drives were computed now or before.
     let all = record::read(out)?;
@@ -140,22 +144,29 @@ fn build(arguments: &Arguments) -> anyhow::Result<Build> {
     let program = std::env::current_exe().context("this program's file")?;
     let mut binary_sha256 = digest::of_path(&program)?;
     binary_sha256.truncate(HASH_DIGITS);
+    let wheels = arguments.wheels.map(|w| {
+        let (scale, slip, noise) = (w.scale, w.slip, w.noise_m_s);
+        let (fault, from) = (w.fault, w.fault_from_s);
+        format!(" wheels scale={scale} slip={slip} noise={noise} fault={fault:?} from={from}")
+    });
+    let wheels = wheels.unwrap_or_default();
     Ok(Build {
         binary_sha256,
         randt: randt_version::VERSION.to_owned(),
-        settings: arguments.selection.description(),
+        settings: arguments.selection.description() + &wheels,
     })
 }
 
 /// Drives that share a simulation together.
-fn work(worlds: &[World], trials: Vec<Trial>) -> VecDeque<Work<'_>> {
+fn work(worlds: &[World], trials: Vec<Trial>, wheels: Option<WheelProfile>) -> VecDeque<Work<'_>> {
     let mut all: VecDeque<Work<'_>> = VecDeque::new();
     for trial in trials {
         let named = |world: &&World| world.name == trial.world;
         let Some(world) = worlds.iter().find(named) else {
             continue;
         };
-        let robot = trial.fault.robot(Robot::for_world(world));
+        let mut robot = trial.fault.robot(Robot::for_world(world));
+        robot.wheels = wheels;
         let same = |work: &&mut Work<'_>| {
             let [mine, theirs] = [&trial, work.trials.first().unwrap_or(&trial)]
                 .map(|trial| (trial.world.clone(), trial.seed, trial.scans));

@@ -96,7 +96,7 @@ impl Path {
                         odometry.push_imu(&sample, &mut results);
                     }
                 }
-                Event::Truth(_) => {}
+                Event::Twist(_) | Event::Truth(_) => {}
             }
         }
         odometry.finish(&mut results);

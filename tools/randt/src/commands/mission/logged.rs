@@ -12,7 +12,7 @@ use randt_config::Config;
 use randt_filter::check_sweep;
 use randt_log::LogReader;
 use randt_messages::{
-    Header, ImuSampleTopic, LogDropTopic, OdometryState, OdometryStateTopic, RadarScan,
+    Header, ImuSampleTopic, LogDropTopic, OdometryState, OdometryStateTopic, RadarScan, TwistTopic,
 };
 use randt_odometry::{MessageId, Sink};
 use randt_readers::Event;
@@ -97,6 +97,10 @@ impl Logged {
                 self.imu_samples += 1;
                 if goes_on && is_after(&sample.head.header, pipeline.odometry().last_imu()) {
                     pipeline.push(&Event::Imu(*sample.head), computed);
+                }
+            } else if let Some(twist) = entry.decode::<TwistTopic>()? {
+                if goes_on && is_after(&twist.head.header, pipeline.odometry().last_twist()) {
+                    pipeline.push(&Event::Twist(*twist.head), computed);
                 }
             } else if let Some(scan) = entry.decode::<RadarScan>()? {
                 let is_new = is_after(&scan.head.header, pipeline.odometry().last_scan());

@@ -1,7 +1,7 @@
 //! Sends a log's events when they are due.
 
 use crate::output::head_only;
-use randt_messages::{ImuSampleTopic, RadarScan};
+use randt_messages::{ImuSampleTopic, RadarScan, TwistTopic};
 use randt_readers::{Event, Source};
 use randt_stage::{Domain, Error, Publisher, Stage, WakeReason};
 use std::time::{Duration, Instant};
@@ -26,6 +26,7 @@ pub struct Player {
 struct Ports {
     scans: Publisher<RadarScan>,
     samples: Publisher<ImuSampleTopic>,
+    twists: Publisher<TwistTopic>,
     stage: Stage,
 }
 
@@ -34,17 +35,19 @@ impl Ports {
         let mut stage = Stage::open("play", domain)?;
         let scans = stage.publisher()?;
         let samples = stage.publisher()?;
+        let twists = stage.publisher()?;
         stage.running()?;
         Ok(Self {
             scans,
             samples,
+            twists,
             stage,
         })
     }
 }
 
 impl Player {
-    /// Opens both topics.
+    /// Opens the sensors' topics.
     pub fn open(domain: Domain, rate: f64) -> anyhow::Result<Self> {
         Ok(Self {
             ports: Some(Ports::open(&domain)?),
@@ -157,6 +160,11 @@ impl Player {
                 sample.header.stamp_ns += shift_ns;
                 sample.arrival_ns += shift_ns;
                 self.ports()?.samples.publish(head_only(&sample))?;
+            }
+            Event::Twist(mut twist) => {
+                twist.header.stamp_ns += shift_ns;
+                twist.arrival_ns += shift_ns;
+                self.ports()?.twists.publish(head_only(&twist))?;
             }
             // The robot does not know it either.
             Event::Truth(_) => {}

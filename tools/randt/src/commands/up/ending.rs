@@ -103,7 +103,7 @@ impl Ending<'_> {
             match event {
                 Event::Truth(truth) => results.add_truth(&truth),
                 Event::Imu(_) => imu_samples += 1,
-                Event::Scan(_) => {}
+                Event::Scan(_) | Event::Twist(_) => {}
             }
         }
         counters.append(report::reader_counters(path, &source.counters()));

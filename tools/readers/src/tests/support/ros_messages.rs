@@ -177,6 +177,40 @@ pub fn imu(style: Style, stamp_ns: i64, rate: [f64; 3], acceleration: [f64; 3]) 
     pen.bytes
 }
 
+/// An odometry message of wheels: forward, left, yaw rate, with variances of 1, 2 and 6
+/// hundredths.
+pub fn odometry(style: Style, stamp_ns: i64, velocity: [f64; 3]) -> Vec<u8> {
+    let mut pen = Pen::new(style);
+    pen.header(stamp_ns, "odom");
+    pen.string("base_link");
+    (0..7 + 36).for_each(|i| pen.f64(f64::from(i)));
+    twist_with_covariance(&mut pen, velocity);
+    pen.bytes
+}
+
+/// A twist without covariance, or with it.
+pub fn twist(style: Style, stamp_ns: i64, velocity: [f64; 3], covariance: bool) -> Vec<u8> {
+    let mut pen = Pen::new(style);
+    pen.header(stamp_ns, "base_link");
+    match covariance {
+        true => twist_with_covariance(&mut pen, velocity),
+        false => axes(velocity).iter().for_each(|value| pen.f64(*value)),
+    }
+    pen.bytes
+}
+
+fn axes([forward, left, yaw_rate]: [f64; 3]) -> [f64; 6] {
+    [forward, left, 9.0, 9.0, 9.0, yaw_rate]
+}
+
+fn twist_with_covariance(pen: &mut Pen, velocity: [f64; 3]) {
+    axes(velocity).iter().for_each(|value| pen.f64(*value));
+    for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row, column))) {
+        let variance = 0.01 * f64::from(row + 1);
+        pen.f64(if row == column { variance } else { 0.0 });
+    }
+}
+
 /// (parent, child, translation, quaternion x y z w).
 pub type TestTransform = (&'static str, &'static str, [f64; 3], [f64; 4]);
 
@@ -205,5 +239,8 @@ pub struct TestMessage {
 }
 
 pub const CLOUD: &str = "sensor_msgs/PointCloud2";
+pub const ODOMETRY: &str = "nav_msgs/Odometry";
+pub const TWIST: &str = "geometry_msgs/TwistStamped";
+pub const TWIST_WITH_COVARIANCE: &str = "geometry_msgs/TwistWithCovarianceStamped";
 pub const IMU: &str = "sensor_msgs/Imu";
 pub const TF: &str = "tf2_msgs/TFMessage";

@@ -140,7 +140,7 @@ mod tests {
                     unwrapped += wrap(truth.pose[2] - unwrapped);
                     headings.push((truth.header.stamp_ns, unwrapped));
                 }
-                Event::Imu(_) => {}
+                Event::Imu(_) | Event::Twist(_) => {}
             }
         }
         sense(&sweeps, |stamp_ns| {
