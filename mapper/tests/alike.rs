@@ -1,7 +1,7 @@
 //! Places that look alike all the way: whichever loops are taken there are true.
 
 use randt_drives::{Drive, config};
-use randt_geometry::elementary::wrap;
+use randt_geometry::elementary::{sin_cos, wrap};
 use randt_mapper::Mapper;
 use randt_simulator::World;
 use std::f64::consts::TAU;
@@ -16,7 +16,7 @@ fn ring() -> World {
     let circle = |radius_m: f64, corners: u32| {
         let angle = |i: u32| TAU * f64::from(i) / f64::from(corners);
         (0..=corners).fold(String::new(), |mut text, i| {
-            let (sin, cos) = angle(i).sin_cos();
+            let (sin, cos) = sin_cos(angle(i));
             write!(text, " {:.3},{:.3}", radius_m * cos, radius_m * sin).unwrap();
             text
         })

@@ -19,10 +19,11 @@ use randt_geometry::{
 
 /// Standard deviations of the estimate that the line reaches to either side of it.
 const REACH_DEVIATIONS: f64 = 3.0;
-/// Poses of the line are this many cells apart: a registration begins at most half of that from
-/// its end, and repetitions of a whole number of cells are among them.
+/// Poses of the line are this many cells apart, so that every end of a registration has a beginning
+/// within a quarter of a cell; repetitions of a whole number of cells are among them.
 const STEP_CELLS: f64 = 0.5;
-/// Steps of a line to either side at most: a certainty of 20 m, beyond which nothing is known.
+/// Steps of a line to either side at most: a standard deviation of 20 m, beyond which nothing is
+/// known.
 const STEPS_MAX: f64 = 128.0;
 /// Maxima that are registered, the best first.
 const MAXIMA_MAX: usize = 8;

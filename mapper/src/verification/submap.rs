@@ -232,7 +232,7 @@ mod tests {
             speed_m_s: 1.0,
             path_m: 0.5 * f64::from(i),
             drift_m2: 1e-4 * f64::from(i),
-            sees_all: i % 20 == 0,
+            sees_all: i.is_multiple_of(20),
             observation: LazyObservation::from(Observation {
                 beams: Vec::new(),
                 points: (0..40)
