@@ -17,7 +17,7 @@ use randt_geometry::{
     elementary::{atan2, sin_cos},
 };
 
-/// Standard deviations of the estimate that the line reaches to either side of it.
+/// Standard deviations of the estimate that the line covers to either side.
 const REACH_DEVIATIONS: f64 = 3.0;
 /// Poses of the line are this many cells apart, so that every end of a registration has a beginning
 /// within a quarter of a cell; repetitions of a whole number of cells are among them.
