@@ -9,6 +9,7 @@ mod confirm;
 mod divergence;
 mod gates;
 mod merge;
+mod profile;
 mod registration;
 mod submap;
 
@@ -22,7 +23,7 @@ use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::place_recognition::{CandidateOrigin, LoopCandidate, NEAR_MAX_M};
 use crate::pose_graph::{KeyframeGraph, Prior, deviation};
 use divergence::divergence;
-use gates::judge;
+use gates::{is_tight, judge};
 use randt_config::Config;
 use randt_geometry::{Pose2, elementary::PI};
 
@@ -118,14 +119,13 @@ impl LoopVerification {
         let starts = self.starts(candidate, root, keyframes, prior.as_ref());
         let mut closure = self.measure([root, newest], &starts, candidate.origin, keyframes);
         if let Some(prior) = prior {
-            closure.scores.prior_sigma_m = Some(prior.sigma_m());
+            closure.weigh(&prior);
             if starts.is_empty() {
                 closure.older_from_newer = prior.older_from_newer;
+                closure.scores.chi2 = None;
                 closure.status = LoopStatus::AgainstOdometry;
                 return Some(closure);
             }
-            let covariance = closure.information.try_inverse();
-            closure.scores.chi2 = covariance.map(|c| prior.chi2(&closure.older_from_newer, &c));
         }
         if closure.scores.forward.is_none() {
             return Some(closure);
@@ -135,13 +135,24 @@ impl LoopVerification {
             let pose = closure.older_from_newer;
             let flipped = Pose2::new(pose.x_m, pose.y_m, pose.yaw_rad + PI);
             let flipped = self.register(root, &[flipped], keyframes);
-            closure.scores.flipped = Some(flipped.map_or(0.0, |flipped| flipped.fit()));
+            closure.scores.rival = Some(flipped.map_or(0.0, |flipped| flipped.fit()));
         }
-        closure.status = match judge(&closure.scores, &self.config.loops) {
-            Err(status) if verify => status,
-            _ => LoopStatus::Unconfirmed,
-        };
+        closure.status = self.status(&closure.scores);
+        if let Some(prior) = prior
+            && !is_tight(&prior)
+            && closure.status == LoopStatus::Unconfirmed
+        {
+            self.seek_rivals(&mut closure, &prior, keyframes);
+            closure.status = self.status(&closure.scores);
+        }
         Some(closure)
+    }
+
+    /// What the gates say.
+    fn status(&self, scores: &Scores) -> LoopStatus {
+        let loops = &self.config.loops;
+        let refused = judge(scores, loops).err().filter(|_| loops.verify);
+        refused.unwrap_or(LoopStatus::Unconfirmed)
     }
 
     /// Registers the query, which ends at the newer keyframe, to the submap of the older one; what
@@ -167,11 +178,12 @@ impl LoopVerification {
         closure.information = registration.information;
         let range_m = DIVERGENCE_RANGE_SHARE * self.config.range_used_m();
         let grid = self.submaps.grid(older, keyframes);
+        let sees_all = self.query.sees_all && self.submaps.sees_all(older, keyframes);
         closure.scores = Scores {
             forward: Some(registration.forward),
             backward: Some(registration.backward),
             displaced: Some(registration.displaced),
-            sigma_m: Some(registration.sigmas_m()[0]),
+            sigma_m: sees_all.then(|| registration.sigmas_m()[0]),
             divergence: grid.map(|grid| divergence(grid, &self.query.grid, &pose, range_m)),
             ..Scores::default()
         };

@@ -6,6 +6,7 @@
     reason = "a test says by panicking what is wrong"
 )]
 
+mod alike;
 mod components;
 mod grid;
 mod growth;

@@ -3,7 +3,7 @@
 
 use crate::index::KeyframeIdx;
 use crate::place_recognition::CandidateOrigin;
-use crate::pose_graph::Edge;
+use crate::pose_graph::{Edge, Prior};
 use nalgebra::Matrix3;
 use randt_geometry::Pose2;
 use randt_persist::{persist, persist_enum};
@@ -31,7 +31,7 @@ pub enum LoopStatus {
     Divergent,
     /// Along a bare wall the position is free.
     Degenerate,
-    /// The opposite heading fits nearly as well.
+    /// Another pose that the estimate leaves open fits nearly as well.
     Ambiguous,
 }
 
@@ -78,14 +78,16 @@ pub struct Scores {
     pub forward: Option<f64>,
     /// The other way round.
     pub backward: Option<f64>,
-    /// The better-fitting share under the opposite heading, where that was possible.
-    pub flipped: Option<f64>,
+    /// The best fit of another pose that the estimate leaves open: the opposite heading, or
+    /// elsewhere along its least certain direction.
+    pub rival: Option<f64>,
     /// Largest share explained of the newer surroundings where they are moved along their least
     /// certain direction.
     pub displaced: Option<f64>,
     /// Cauchy-Schwarz divergence.
     pub divergence: Option<f64>,
-    /// Standard deviation of the position along its least certain direction, m.
+    /// Standard deviation of the position along its least certain direction, m, where scans of both
+    /// keyframes' surroundings saw every direction: else what the least squares say is the grid's.
     pub sigma_m: Option<f64>,
     /// Squared deviation from the estimate, weighed by both covariances (3 degrees of freedom).
     pub chi2: Option<f64>,
@@ -95,13 +97,21 @@ pub struct Scores {
 persist!(Scores {
     forward,
     backward,
-    flipped,
+    rival,
     displaced,
     divergence,
     sigma_m,
     chi2,
     prior_sigma_m,
 });
+
+impl Scores {
+    /// The smaller share: both must agree.
+    pub fn fit(&self) -> f64 {
+        let shares = self.forward.zip(self.backward);
+        shares.map_or(0.0, |(a, b)| a.min(b))
+    }
+}
 
 /// Two keyframes that may show one place, registered and judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -133,6 +143,13 @@ persist!(LoopClosure {
 });
 
 impl LoopClosure {
+    /// Holds it against the estimate.
+    pub(super) fn weigh(&mut self, prior: &Prior) {
+        let covariance = self.information.try_inverse();
+        self.scores.prior_sigma_m = Some(prior.sigma_m());
+        self.scores.chi2 = covariance.map(|c| prior.chi2(&self.older_from_newer, &c));
+    }
+
     /// Its edge of the graph.
     pub(crate) fn edge(&self) -> Edge {
         Edge {

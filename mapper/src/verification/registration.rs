@@ -17,6 +17,8 @@ use randt_ndt::{AdaptiveLoss, Association, Cell, Grid, ScanCell, evaluate};
 /// Factors on c^2, one solve each: a loop starts farther from its end than a scan does, so the
 /// basin begins wider.
 const GRADUATION: [f64; 3] = [16.0, 4.0, 1.0];
+/// Factor on c^2 along a line of poses, between which the basin must not be missed: half a cell.
+const LINE_MU: f64 = 4.0;
 /// Steps at the wide scales, which only lead into the next one's basin, and at the last.
 const STEPS_WIDE: u32 = 3;
 const STEPS_MAX: u32 = 8;
@@ -160,6 +162,25 @@ impl Registrar {
         Some(registration)
     }
 
+    /// The poses of a line at which the submap explains most of the query, the best first.
+    pub fn maxima(&mut self, map: &Grid, query: &QuerySubmap, line: &[Pose2]) -> Vec<Pose2> {
+        let (alpha, scale) = (self.odometry.loss_alpha, self.odometry.loss_scale);
+        let loss = AdaptiveLoss::new(alpha, scale, LINE_MU);
+        let explained = line.iter().map(|pose| {
+            let share = self.explained(map, &query.cells, pose, &loss);
+            (share, *pose)
+        });
+        let shares: Vec<(f64, Pose2)> = explained.collect();
+        let share = |index: Option<usize>| index.and_then(|i| shares.get(i)).map_or(0.0, |s| s.0);
+        let is_maximum = |(index, (here, _)): &(usize, &(f64, Pose2))| {
+            *here > share(index.checked_sub(1)) && *here >= share(index.checked_add(1))
+        };
+        let maxima = shares.iter().enumerate().filter(is_maximum);
+        let mut maxima: Vec<(f64, Pose2)> = maxima.map(|(_, maximum)| *maximum).collect();
+        maxima.sort_by(|a, b| b.0.total_cmp(&a.0));
+        maxima.into_iter().map(|(_, pose)| pose).collect()
+    }
+
     /// Share of the query submap that the submap still explains where the query submap is moved
     /// along the least certain direction: as much as before in a bare corridor, even where the
     /// information claims otherwise.
@@ -256,6 +277,8 @@ mod tests {
             step_covariance: Matrix3::identity(),
             speed_m_s: 0.0,
             path_m: 0.0,
+            drift_m2: 0.0,
+            sees_all: true,
             observation: LazyObservation::from(Observation {
                 beams: Vec::new(),
                 points: points.collect(),
@@ -290,6 +313,21 @@ mod tests {
             prop_assert!(off.translation().norm() < 0.08 && off.yaw_rad.abs() < 0.04, "{off:?}");
             prop_assert!(found.fit() > 0.5, "{found:?}");
         }
+    }
+
+    #[test]
+    fn a_line_across_a_room_has_its_maximum_where_the_room_is() {
+        let config = Config::default();
+        let mut submaps = Submaps::new(&config);
+        let keyframes = [keyframe(&Pose2::IDENTITY, true)];
+        submaps.push(&keyframes);
+        let mut query = QuerySubmap::new(&config);
+        query.build(&keyframes);
+        let map = submaps.grid(KeyframeIdx(0), &keyframes).unwrap();
+        let line = |half: i32| Pose2::new(0.5 * f64::from(half), 0.0, 0.0);
+        let line: Vec<Pose2> = (-6..=6).map(line).collect();
+        let maxima = Registrar::new(&config).maxima(map, &query, &line);
+        assert_eq!(maxima[0], Pose2::IDENTITY);
     }
 
     #[test]

@@ -43,9 +43,9 @@ pub struct Entry {
     /// The other way round.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub backward: Option<f64>,
-    /// The same under the opposite heading.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub flipped: Option<f64>,
+    /// The best fit of another pose that the estimate leaves open.
+    #[serde(alias = "flipped", skip_serializing_if = "Option::is_none")]
+    pub rival: Option<f64>,
     /// The largest share that is explained where they are moved along their least certain
     /// direction.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -90,7 +90,7 @@ fn entry(mapper: &Mapper, closure: &LoopClosure) -> Entry {
     let Scores {
         forward,
         backward,
-        flipped,
+        rival,
         displaced,
         divergence,
         sigma_m,
@@ -109,7 +109,7 @@ fn entry(mapper: &Mapper, closure: &LoopClosure) -> Entry {
         },
         forward,
         backward,
-        flipped,
+        rival,
         displaced,
         divergence,
         sigma_m,
