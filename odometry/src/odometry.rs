@@ -163,22 +163,6 @@ impl Odometry {
         self.synchronizer.deadline_ns()
     }
 
-    /// What was dropped, repaired or lacked support so far.
-    pub fn counters(&self) -> Counters {
-        let mut counters = self.counters;
-        counters.points_outside = self.submaps.outside;
-        if let Some(gyro) = &self.gyro {
-            counters.imu_rejected += gyro.rejected;
-            counters.imu_holes = gyro.holes;
-            counters.imu_without_gravity = gyro.gravity().missing;
-            counters.imu_gravity_mm_s2 = (gyro.gravity().shown_m_s2 * 1e3) as i64;
-            counters.gyro_spikes = gyro.rates().spikes;
-            counters.gyro_fault = self.gyro_check.fault();
-        }
-        counters.twists_rejected += self.twist.rejected();
-        counters
-    }
-
     /// Processes waiting scans as far as the IMU covers them.
     fn process_covered(&mut self, sink: &mut impl Sink) {
         while let Some(scan) = self.synchronizer.take_covered(self.gyro.as_ref()) {

@@ -1,5 +1,6 @@
 //! What went wrong, counted.
 
+use super::Odometry;
 use crate::gyro_check::GyroFault;
 use randt_persist::persist;
 
@@ -156,6 +157,24 @@ impl Counters {
     pub fn gravity_text(&self) -> String {
         let shown_m_s2 = self.imu_gravity_mm_s2 as f64 * 1e-3;
         format!("acceleration shows no gravity ({shown_m_s2:.1} m/s2): tilt not used")
+    }
+}
+
+impl Odometry {
+    /// What was dropped, repaired or lacked support so far.
+    pub fn counters(&self) -> Counters {
+        let mut counters = self.counters;
+        counters.points_outside = self.submaps.outside;
+        if let Some(gyro) = &self.gyro {
+            counters.imu_rejected += gyro.rejected;
+            counters.imu_holes = gyro.holes;
+            counters.imu_without_gravity = gyro.gravity().missing;
+            counters.imu_gravity_mm_s2 = (gyro.gravity().shown_m_s2 * 1e3) as i64;
+            counters.gyro_spikes = gyro.rates().spikes;
+            counters.gyro_fault = self.gyro_check.fault();
+        }
+        counters.twists_rejected += self.twist.rejected();
+        counters
     }
 }
 
