@@ -120,8 +120,8 @@ impl fmt::Display for GyroFault {
             ),
             Self::Delayed(ms) => write!(
                 f,
-                "the gyro's stamps are {:.2} s late against the radar's: odometry.radar_late_s",
-                whole(ms)
+                "the radar's stamps are {:.2} s late against the gyro's: odometry.radar_late_s",
+                -whole(ms)
             ),
         }
     }

@@ -14,6 +14,10 @@ impl Odometry {
         let (Some(gyro), Some(solution)) = (&self.gyro, solution) else {
             return solution;
         };
+        if !self.config.odometry.deskew {
+            // A scan that is not de-skewed turns half a sweep late by itself.
+            return Some(solution);
+        }
         let Some(scan) = self.window.newest() else {
             return Some(solution);
         };
