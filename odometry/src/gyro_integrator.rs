@@ -345,6 +345,11 @@ impl GyroIntegrator {
         })
     }
 
+    /// The speed that was carried so far is not to be believed.
+    pub fn restart_inertial_speed(&mut self) {
+        self.inertial_speed.restart();
+    }
+
     /// The speed as IMU and radar know it.
     pub fn inertial_speed(&self) -> &InertialSpeed {
         &self.inertial_speed

@@ -28,7 +28,15 @@ impl Odometry {
         // A wrong gyro lets the scan show another world, too.
         let is_poor = solution.fit < fit_min || self.overlap.is_strange();
         let rates = gyro.rates();
+        let was_refused = self.gyro_check.is_refused();
         let verdict = self.gyro_check.observe(scan, is_clear, is_poor, rates);
+        if was_refused
+            && !self.gyro_check.is_refused()
+            && let Some(gyro) = &mut self.gyro
+        {
+            // The speed was carried by rates that were wrong.
+            gyro.restart_inertial_speed();
+        }
         if verdict == Verdict::Keep {
             return Some(solution);
         }

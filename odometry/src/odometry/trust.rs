@@ -13,7 +13,8 @@ impl Odometry {
         let mut status = match solution {
             Some(solution) => {
                 let gyro = self.gyro.as_ref();
-                let disagrees = gyro.is_some_and(|gyro| gyro.inertial_speed().disagrees());
+                let disagrees = !self.gyro_check.is_refused()
+                    && gyro.is_some_and(|gyro| gyro.inertial_speed().disagrees());
                 let stamp_ns = scan.message.head.sweep.end_ns;
                 let is_undecided = self.gyro_check.is_undecided(stamp_ns);
                 let doubts = TrustReason::Imu.bit_if(disagrees || is_undecided)
