@@ -55,6 +55,14 @@ fn a_gyro_that_lies_is_named_and_not_believed() {
             "{fault}"
         );
     }
+    // Followed, and said.
+    let (found, counters) = judged(&drive, Fault::BiasCreep);
+    assert!(counters.has_imu_fault() && found.silent_m == 0);
+    assert!(
+        counters.imu_text().contains("bias"),
+        "{}",
+        counters.imu_text()
+    );
     // Either may be.
     for fault in [Fault::YawSign, Fault::RadarMirrored] {
         let (found, counters) = judged(&drive, fault);

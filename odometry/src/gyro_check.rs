@@ -97,6 +97,8 @@ pub struct GyroCheck {
     earned_bias_rad_s: Option<f64>,
     /// Whether the bias is unknown from the next scan on.
     loosens: bool,
+    /// How often it became so.
+    pub bias_changes: u64,
     /// The gyro's turn since the scan before.
     turn: Option<Turn>,
 }
@@ -114,6 +116,7 @@ persist!(GyroCheck {
     unsteady_until_ns,
     earned_bias_rad_s,
     loosens,
+    bias_changes,
 } kept {
     turn,
 } sound is_sound);
@@ -148,6 +151,7 @@ impl GyroCheck {
             unsteady_until_ns: 0,
             earned_bias_rad_s: None,
             loosens: false,
+            bias_changes: 0,
             turn: None,
         }
     }
@@ -156,6 +160,7 @@ impl GyroCheck {
         self.wanted_deg.len() <= WANTED_SCANS
             && self.poor_fits >> FIT_SCANS == 0
             && self.refusals <= u32::MAX / 2
+            && self.bias_changes <= u64::MAX / 2
     }
 
     /// Whether the gyro is not used.
@@ -290,6 +295,7 @@ impl GyroCheck {
         (self.poor_fits, self.since_tried) = (0, 0);
         if std::mem::take(&mut self.is_unsteady) {
             self.loosens = true;
+            self.bias_changes += 1;
             self.unsteady_until_ns = stamp_ns.saturating_add(UNSTEADY_NS);
             self.wanted_deg.clear();
         }

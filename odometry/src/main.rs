@@ -146,8 +146,9 @@ fn set_status(stage: &mut Stage, feed: &Feed, logged: &mut Logged) {
     if counters.has_imu_fault() {
         remark = counters.imu_text();
         // Another fault is another line.
-        if logged.gyro_fault != counters.gyro_fault {
-            logged.gyro_fault = counters.gyro_fault;
+        let kind = (counters.gyro_fault, counters.gyro_bias_changes > 0);
+        if logged.imu != kind {
+            logged.imu = kind;
             stage.log_info(&remark);
         }
     }
@@ -161,7 +162,8 @@ fn set_status(stage: &mut Stage, feed: &Feed, logged: &mut Logged) {
 struct Logged {
     /// Scans whose samples came too late.
     late: u64,
-    gyro_fault: GyroFault,
+    /// The gyro's fault, and whether its bias has moved.
+    imu: (GyroFault, bool),
 }
 
 /// The topics that it writes.

@@ -32,6 +32,8 @@ pub struct Counters {
     pub scans_gyro_refused: u64,
     /// ... and how, as last found.
     pub gyro_fault: GyroFault,
+    /// How often the gyro's bias was no longer what it had been, and was estimated anew.
+    pub gyro_bias_changes: u64,
     /// Spikes of the gyro's rate, left out.
     pub gyro_spikes: u64,
     /// Odometry frames opened after the first.
@@ -74,6 +76,7 @@ persist!(Counters {
     scans_without_imu,
     scans_gyro_refused,
     gyro_fault,
+    gyro_bias_changes,
     gyro_spikes,
     frames_reopened,
     solver_failures,
@@ -127,6 +130,7 @@ impl Counters {
             self.solver_failures,
             self.imu_rejected,
             self.imu_without_gravity,
+            self.gyro_bias_changes,
             self.gyro_spikes,
             self.twists_rejected,
             self.scans_by_twist,
@@ -140,7 +144,7 @@ impl Counters {
 impl Counters {
     /// Whether something is wrong with the IMU.
     pub fn has_imu_fault(&self) -> bool {
-        self.scans_gyro_refused > 0 || self.imu_without_gravity > 0
+        self.scans_gyro_refused + self.imu_without_gravity + self.gyro_bias_changes > 0
     }
 
     /// What that is, in words and with what to set.
@@ -148,9 +152,16 @@ impl Counters {
         if self.scans_gyro_refused > 0 {
             let scans = self.scans_gyro_refused;
             format!("{}; {scans} scans without it", self.gyro_fault)
-        } else {
+        } else if self.imu_without_gravity > 0 {
             self.gravity_text()
+        } else {
+            self.bias_text()
         }
+    }
+
+    /// That the gyro's bias moved.
+    pub fn bias_text(&self) -> String {
+        "the gyro's bias moved more than a gyro's does: it is estimated anew by the radar".into()
     }
 
     /// That the acceleration shows no gravity.
@@ -170,6 +181,7 @@ impl Odometry {
             counters.imu_holes = gyro.holes;
             counters.imu_without_gravity = gyro.gravity().missing;
             counters.imu_gravity_mm_s2 = (gyro.gravity().shown_m_s2 * 1e3) as i64;
+            counters.gyro_bias_changes = self.gyro_check.bias_changes;
             counters.gyro_spikes = gyro.rates().spikes;
             counters.gyro_fault = self.gyro_check.fault();
         }

@@ -222,6 +222,7 @@ pub fn reader_counters(path: &Path, input: &[Counter]) -> Counters {
 /// Counters whose text says what is wrong.
 const GYRO_REFUSED: &str = "odometry_scans_gyro_refused";
 const WITHOUT_GRAVITY: &str = "odometry_imu_without_gravity";
+const BIAS_CHANGES: &str = "odometry_gyro_bias_changes";
 
 /// All counters of odometry and mapper that are not zero.
 pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
@@ -245,6 +246,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_scans_imu_overtaken", odometry.scans_imu_overtaken),
         ("odometry_scans_without_imu", odometry.scans_without_imu),
         (WITHOUT_GRAVITY, odometry.imu_without_gravity),
+        (BIAS_CHANGES, odometry.gyro_bias_changes),
         ("odometry_gyro_spikes", odometry.gyro_spikes),
         ("odometry_scans_by_twist", odometry.scans_by_twist),
         ("odometry_scans_twist_refused", odometry.scans_twist_refused),
@@ -266,6 +268,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         let first = match name {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
             WITHOUT_GRAVITY => odometry.gravity_text(),
+            BIAS_CHANGES => odometry.bias_text(),
             "odometry_scans_twist_refused" => odometry.twist_refused_text(),
             _ => String::new(),
         };
