@@ -95,7 +95,7 @@ impl fmt::Display for GyroFault {
             ),
             Self::Opposite => write!(
                 f,
-                "gyro and radar turn opposite ways: the gyro's sign or axis, or a radar read in a mirror: robot.imu_roll_rad, sensor.clockwise"
+                "gyro and radar turn opposite ways: the gyro's sign or axis, or a radar read in a mirror: imu.rate_axes, robot.imu_roll_rad, or the sense in which the bridge counts azimuths"
             ),
             Self::Scaled(permille) if whole(permille).abs() > DEGREES_MIN => write!(
                 f,
@@ -124,5 +124,32 @@ impl fmt::Display for GyroFault {
                 -whole(ms)
             ),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_config::Config;
+
+    #[test]
+    fn what_is_to_be_set_exists() {
+        let faults = [
+            GyroFault::UpsideDown,
+            GyroFault::Opposite,
+            GyroFault::Delayed(-100),
+        ];
+        let mut named = 0;
+        for fault in faults {
+            let text = fault.to_string();
+            let words = text.split(|c: char| !(c.is_alphanumeric() || "._".contains(c)));
+            let keys = words.filter_map(|word| word.split_once('.'));
+            for (section, key) in keys.filter(|(section, _)| section.parse::<u32>().is_err()) {
+                let found = Config::default().get(section, key);
+                assert!(found.is_some(), "{text}: {section}.{key}");
+                named += 1;
+            }
+        }
+        assert_eq!(named, 4);
     }
 }
