@@ -6,6 +6,7 @@ mod demo;
 mod doctor;
 mod emulate;
 mod import;
+mod layout;
 mod log;
 mod mission;
 mod play;
@@ -27,6 +28,7 @@ pub const GROUPS: &[Group] = &[
     ("Missions", &["mission"]),
     ("Check and calibrate", &["doctor", "config", "calibrate"]),
     ("Without a robot", &["simulate", "emulate"]),
+    ("Programs of your own", &["layout"]),
 ];
 
 /// What `--help` ends with.
@@ -77,6 +79,8 @@ pub enum Command {
     /// Estimate where the radar sits, and how late its stamps are
     #[command(subcommand)]
     Calibrate(calibrate::What),
+    /// Print the messages of the bus for a program in Python, C or Rust
+    Layout(layout::Arguments),
     /// Show or check a configuration
     #[command(subcommand)]
     Config(config::Action),
@@ -100,6 +104,7 @@ impl Command {
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Calibrate(what) => calibrate::run(what),
+            Self::Layout(arguments) => layout::run(arguments),
             Self::Config(action) => config::run(action),
         }
     }
