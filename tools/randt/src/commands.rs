@@ -6,7 +6,7 @@ mod demo;
 mod doctor;
 mod emulate;
 mod import;
-mod layout;
+pub mod layout;
 mod log;
 mod mission;
 mod play;
@@ -18,8 +18,8 @@ mod top;
 mod up;
 
 use crate::exit::Outcome;
-use crate::help::Group;
-use clap::Subcommand;
+use crate::help::{self, Group};
+use clap::{Parser, Subcommand};
 
 /// The commands by what they serve, as `--help` lists them.
 pub const GROUPS: &[Group] = &[
@@ -42,6 +42,16 @@ Examples:
 
 `randt COMMAND --help` lists a command's options. What research needs (accuracy,
 ablation, scan registration, pose graphs, IMU recordings) is in randt-lab.";
+
+/// Radar SLAM for robots that work where cameras and LiDAR are blind: smoke, dust, fog.
+#[derive(Debug, Parser)]
+#[command(name = "randt", max_term_width = 100)]
+#[command(help_template = help::template::<Command>(GROUPS), after_help = EXAMPLES)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
 
 /// The commands.
 #[derive(Debug, Subcommand)]
@@ -113,7 +123,6 @@ impl Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::help;
 
     #[test]
     fn every_command_is_in_one_group_and_the_page_fits_a_terminal() {

@@ -24,6 +24,11 @@ pub struct Arguments {
     rust: bool,
 }
 
+/// The Python module: what the Python package reads the bus by.
+pub fn python_module() -> anyhow::Result<String> {
+    Ok(python::module(&BusLayout::of_this_build()?))
+}
+
 /// Prints the layout.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let layout = BusLayout::of_this_build()?;
