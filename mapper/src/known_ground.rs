@@ -1,16 +1,22 @@
 //! Known ground: keyframes that show what others have shown are taken out of the graph.
 //!
-//! A place keeps the keyframes of its first laps. Later laps find their way by loops to these; once
-//! they lie behind, their keyframes stand on the kept ones, so that the graph grows with the
+//! A place keeps the keyframes of its first laps. Later laps find their way by loops to these;
+//! once they lie behind, their keyframes stand on the kept ones, so that the graph grows with the
 //! ground and not with the way.
+//!
+//! What they saw goes with them, but for what is newest at its place: the grid shows that.
 //!
 //! Responsible for which keyframes go. Not responsible for what is left of their constraints
 //! ([`crate::pose_graph::PoseGraph::marginalize`]): it is less than was measured, never more.
 
+mod observations;
+
 use crate::index::KeyframeIdx;
+use crate::journal::AttachedPose;
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::pose_graph::KeyframeGraph;
-use crate::verification::{LoopClosure, LoopStatus, LoopVerification};
+use crate::verification::{LoopClosure, LoopStatus, LoopVerification, Submaps};
+use observations::LeftObservations;
 use randt_config::Config;
 use randt_persist::persist;
 use std::ops::Range;
@@ -28,6 +34,10 @@ pub(crate) struct KnownGround {
     next: KeyframeIdx,
     /// Loops of the graph at kept keyframes since the ground was last unknown.
     holding: usize,
+    /// Of keyframes that have left.
+    observations: LeftObservations,
+    /// The newest keyframe, where a compacted journal has it as one that has left.
+    leaving: Option<(KeyframeIdx, AttachedPose)>,
     laps_max: usize,
     behind_m: f64,
     /// Keyframes within this distance of each other show one place, m.
@@ -35,7 +45,8 @@ pub(crate) struct KnownGround {
     /// Path after which a place is met again, m.
     lap_min_m: f64,
 }
-persist!(KnownGround { next, holding } kept { laps_max, behind_m, step_m, lap_min_m });
+// What is held follows from the graph, who leaves from the journal.
+persist!(KnownGround { next, holding } kept { observations, leaving, laps_max, behind_m, step_m, lap_min_m });
 
 impl KnownGround {
     /// Nothing judged yet.
@@ -43,6 +54,8 @@ impl KnownGround {
         Self {
             next: KeyframeIdx(0),
             holding: 0,
+            observations: LeftObservations::new(Submaps::new(config).reach_m()),
+            leaving: None,
             laps_max: match config.loops.verify {
                 true => config.loops.laps_max as usize,
                 false => 0,
@@ -53,31 +66,84 @@ impl KnownGround {
         }
     }
 
-    /// Judges the submaps that lie far enough behind the newest keyframe.
+    /// Judges the submaps that lie far enough behind the newest keyframe. Gives the keyframes that
+    /// have left the graph and that nobody asks for any more, rising: what they saw is to be
+    /// forgotten.
     pub fn thin(
         &mut self,
         keyframes: &KeyframeStore,
         verification: &mut LoopVerification,
         graph: &mut KeyframeGraph,
-    ) {
-        if self.laps_max == 0 {
-            return;
-        }
-        while let Some(stretch) = self.next_stretch(keyframes, verification) {
+    ) -> Vec<KeyframeIdx> {
+        let mut is_thinned = self.leave(keyframes, verification, graph);
+        while self.laps_max > 0
+            && let Some(stretch) = self.next_stretch(keyframes, verification)
+        {
             self.next = KeyframeIdx(stretch.end);
             let stands_on = self.stands_on(&stretch, keyframes, graph);
             let loops = Loops::new(&stretch, &verification.closures, graph);
             match stands_on.filter(|_| loops.show_known_ground()) {
                 Some(stands_on) if self.holding >= HOLDING_MIN && loops.behind >= HOLDING_MIN => {
                     for (keyframe, to) in stretch.map(KeyframeIdx).zip(stands_on) {
-                        let dropped = graph.marginalize(keyframe, to);
-                        verification.drop_edges(&dropped.unwrap_or_default());
+                        if let Some(dropped) = graph.marginalize(keyframe, to) {
+                            verification.drop_edges(&dropped);
+                            self.observations.push(keyframe);
+                            is_thinned = true;
+                        }
                     }
                 }
                 Some(_) => self.holding += loops.edges,
                 None => self.holding = 0,
             }
         }
+        match is_thinned {
+            true => self.observations.take_unneeded(keyframes, graph),
+            false => Vec::new(),
+        }
+    }
+
+    /// The newest keyframe is one that has left before: it leaves with the next one.
+    pub fn is_leaving(&mut self, keyframe: KeyframeIdx, attached: AttachedPose) {
+        self.leaving = Some((keyframe, attached));
+    }
+
+    /// The newest keyframe is one that has not.
+    pub fn stays(&mut self) {
+        self.leaving = None;
+    }
+
+    /// Lets it go, once there is one behind it; gives whether it went.
+    fn leave(
+        &mut self,
+        keyframes: &KeyframeStore,
+        verification: &mut LoopVerification,
+        graph: &mut KeyframeGraph,
+    ) -> bool {
+        let Some((keyframe, attached)) = self.leaving.take() else {
+            return false;
+        };
+        let to = keyframes.find(attached.to);
+        let dropped = to.and_then(|to| graph.marginalize_forgotten(keyframe, to, attached.pose()));
+        if let Some(dropped) = &dropped {
+            verification.drop_edges(dropped);
+            self.observations.push(keyframe);
+        }
+        dropped.is_some()
+    }
+
+    /// Finds out whose observations a map that comes back holds; gives the other keyframes that
+    /// have left, as [`Self::thin`] does.
+    pub fn recall(&mut self, keyframes: &[MapKeyframe], graph: &KeyframeGraph) -> Vec<KeyframeIdx> {
+        let all = (0..keyframes.len()).map(KeyframeIdx);
+        for keyframe in all.filter(|keyframe| !graph.is_unknown(*keyframe)) {
+            self.observations.push(keyframe);
+        }
+        self.observations.take_unneeded(keyframes, graph)
+    }
+
+    /// Whether it is remembered what a keyframe that has left the graph saw.
+    pub fn remembers(&self, keyframe: KeyframeIdx) -> bool {
+        self.observations.holds(keyframe)
     }
 
     /// The next keyframes that are of one submap, once they and the way behind them are there.
@@ -97,8 +163,8 @@ impl KnownGround {
         is_behind.then(|| self.next.0..self.next.0 + count)
     }
 
-    /// For each keyframe of a stretch the nearest kept one; `None` where one is of too few laps, or
-    /// begins or ends a frame of odometry.
+    /// For each keyframe of a stretch the kept one to stand on; `None` where one is of too few
+    /// laps, or begins or ends a frame of odometry.
     fn stands_on(
         &self,
         stretch: &Range<usize>,
@@ -114,24 +180,29 @@ impl KnownGround {
         let kept: Vec<usize> = (0..stretch.start)
             .filter(|index| graph.is_unknown(KeyframeIdx(*index)))
             .collect();
-        stretch
-            .clone()
-            .map(|index| self.nearest_of_laps(KeyframeIdx(index), &kept, keyframes, graph))
-            .collect()
+        let mut stands_on = Vec::with_capacity(stretch.len());
+        for keyframe in stretch.clone().map(KeyframeIdx) {
+            let to = self.longest_alone(keyframe, &kept, &stands_on, keyframes, graph)?;
+            stands_on.push(to);
+        }
+        Some(stands_on)
     }
 
-    /// The nearest of the kept keyframes at a keyframe's place, where they are of enough laps.
-    fn nearest_of_laps(
+    /// Of the kept keyframes at a keyframe's place the one that was passed longest ago, where they
+    /// are of enough laps. As many laps later the newest is seen at all of them. Those that are
+    /// `taken` come last.
+    fn longest_alone(
         &self,
         keyframe: KeyframeIdx,
         kept: &[usize],
+        taken: &[KeyframeIdx],
         keyframes: &[MapKeyframe],
         graph: &KeyframeGraph,
     ) -> Option<KeyframeIdx> {
         let component = graph.component_of(keyframe);
         let here = graph.pose(keyframe)?.translation();
         let path_m = keyframes.get(keyframe.0)?.path_m;
-        let (mut nearest, mut laps, mut lap_m) = (None, 0, f64::NEG_INFINITY);
+        let (mut longest, mut laps, mut lap_m) = (None, 0, f64::NEG_INFINITY);
         for other in kept.iter().copied().map(KeyframeIdx) {
             let other_m = keyframes.get(other.0)?.path_m;
             let away_m = (graph.pose(other)?.translation() - here).norm();
@@ -141,13 +212,12 @@ impl KnownGround {
                     laps += 1;
                     lap_m = other_m;
                 }
-                if nearest.is_none_or(|(least_m, _)| away_m < least_m) {
-                    nearest = Some((away_m, other));
-                }
+                let passed = (taken.contains(&other), graph.newest_at(other), other);
+                longest = Some(longest.map_or(passed, |least| passed.min(least)));
             }
         }
-        let (_, nearest) = nearest?;
-        (laps >= self.laps_max).then_some(nearest)
+        let (_, _, longest) = longest?;
+        (laps >= self.laps_max).then_some(longest)
     }
 }
 

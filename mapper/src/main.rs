@@ -49,7 +49,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         publisher.publish(&mut ingest, at_once)?;
         let pause = match ingest.is_behind() {
             true => Some(Duration::ZERO),
-            false => Some(publisher.pause()),
+            false => Some(publisher.pause().min(ingest.writer.pause())),
         };
         if stage.wait(&[&keyframes], pause)? == WakeReason::Stop {
             break;

@@ -1,12 +1,14 @@
 //! The mapper: keyframes in, the global map out (paper, III-D).
 
 use crate::index::{ComponentIdx, KeyframeIdx};
+use crate::journal::AttachedPose;
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::known_ground::KnownGround;
-use crate::occupancy::{Grid, GridUpdate};
+use crate::occupancy::{Grid, GridKeyframe, GridUpdate};
 use crate::place_recognition::PlaceRecognition;
 use crate::pose_graph::{KeyframeGraph, Loop};
 use crate::verification::{ComponentMerger, LoopClosure, LoopStatus, LoopVerification};
+use nalgebra::Matrix3;
 use randt_config::Config;
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, KeyframeHead, MessageRef};
@@ -83,8 +85,29 @@ impl Mapper {
             self.close_loops();
         }
         let verification = &mut self.verification;
-        (self.known_ground).thin(&self.keyframes, verification, &mut self.graph);
+        let unneeded = (self.known_ground).thin(&self.keyframes, verification, &mut self.graph);
+        self.forget(&unneeded);
         true
+    }
+
+    /// Forgets what keyframes that have left the graph saw; the grid no longer shows it.
+    pub(crate) fn forget(&mut self, unneeded: &[KeyframeIdx]) {
+        let (keyframes, poses) = (&self.keyframes, self.graph.poses());
+        let observed = |keyframe: &KeyframeIdx| {
+            let (keyframe, map_from_base) = keyframes.get(keyframe.0).zip(poses.get(keyframe.0))?;
+            Some(GridKeyframe {
+                id: keyframe.keyframe_id,
+                map_from_base: *map_from_base,
+                observation: &keyframe.observation,
+            })
+        };
+        let observed: Vec<GridKeyframe<'_>> = unneeded.iter().filter_map(observed).collect();
+        self.grid.remove(&observed);
+        for keyframe in unneeded {
+            self.keyframes.forget(*keyframe);
+            self.recognition.forget(*keyframe);
+            self.verification.submaps.forget(*keyframe);
+        }
     }
 
     /// Searches for loops of the newest keyframe, takes those that hold, and merges components
@@ -127,6 +150,37 @@ impl Mapper {
     /// Whether a keyframe is a node of the graph; on known ground it stands on one.
     pub fn is_node(&self, keyframe: KeyframeIdx) -> bool {
         self.graph.is_unknown(keyframe)
+    }
+
+    /// Where a node of the graph is seen from an older one, and the covariance of that (x, y,
+    /// yaw), in the frame of the newer one; m^2, m rad, rad^2.
+    pub fn relative(
+        &mut self,
+        older: KeyframeIdx,
+        newer: KeyframeIdx,
+    ) -> Option<(Pose2, Matrix3<f64>)> {
+        let prior = self.graph.prior(older, newer)?;
+        Some((prior.older_from_newer, prior.covariance))
+    }
+
+    /// Whether the map still has what a keyframe saw.
+    pub fn remembers(&self, keyframe: KeyframeIdx) -> bool {
+        self.is_node(keyframe) || self.known_ground.remembers(keyframe)
+    }
+
+    /// The keyframes that have left the graph and are forgotten, with where they stand, rising.
+    pub(crate) fn forgotten(&self) -> impl Iterator<Item = (u64, AttachedPose)> {
+        let keyframes = self.keyframes.iter().enumerate();
+        keyframes.filter_map(|(index, keyframe)| {
+            let attachment = self.graph.attachment(KeyframeIdx(index))?;
+            let to = self.keyframes.get(attachment.to.0)?.keyframe_id;
+            let attached = AttachedPose {
+                to,
+                to_from_base: attachment.pose.to_array(),
+            };
+            let is_forgotten = !self.known_ground.remembers(KeyframeIdx(index));
+            is_forgotten.then_some((keyframe.keyframe_id, attached))
+        })
     }
 
     /// The component of the map that a keyframe belongs to.

@@ -88,9 +88,9 @@ impl Grid {
         }
     }
 
-    /// Brings the grid up to the keyframes of the largest component and where they are now; those
-    /// of others are taken out. After `paintings_max` the others are left as they are: a keyframe
-    /// that has moved is painted twice.
+    /// Brings the grid up to the keyframes of the largest component and where they are now, of
+    /// those at one node of the graph the newest; all others are taken out. After `paintings_max`
+    /// the others are left as they are: a keyframe that has moved is painted twice.
     pub(crate) fn follow(
         &mut self,
         keyframes: &[MapKeyframe],
@@ -105,7 +105,9 @@ impl Grid {
                 map_from_base: *map_from_base,
                 observation: &keyframe.observation,
             };
-            (graph.component_of(KeyframeIdx(index)) == component, painted)
+            let keyframe = KeyframeIdx(index);
+            let is_of_map = graph.component_of(keyframe) == component;
+            (is_of_map && graph.shows(keyframe), painted)
         });
         let (mut keep, mut leave) = (Vec::new(), Vec::new());
         for (is_kept, painted) in all {
@@ -174,9 +176,11 @@ impl Grid {
     pub fn remove(&mut self, keyframes: &[GridKeyframe<'_>]) -> usize {
         let mut removed = 0;
         for keyframe in keyframes {
-            let old = self.painted.remove(&keyframe.id);
-            removed += usize::from(old.is_some());
-            self.paint(keyframe, old, None);
+            // What was never painted is not even unpacked.
+            if let Some(old) = self.painted.remove(&keyframe.id) {
+                removed += 1;
+                self.paint(keyframe, Some(old), None);
+            }
         }
         self.tiles.finish(&BTreeMap::new());
         removed

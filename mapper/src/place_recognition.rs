@@ -114,6 +114,17 @@ impl PlaceRecognition {
         Some(())
     }
 
+    /// Forgets what a keyframe that has left the graph looks like: no search asks for it.
+    pub(crate) fn forget(&mut self, keyframe: KeyframeIdx) {
+        let (key, context) = (
+            self.keys.get_mut(keyframe.0),
+            self.contexts.get_mut(keyframe.0),
+        );
+        if let Some((key, context)) = key.zip(context) {
+            (*key, *context) = (RingKey::default(), OnceCell::new());
+        }
+    }
+
     /// Whether a search is due at this path; it counts as done. Neither turning on the spot nor a
     /// step shows anything new.
     pub(crate) fn is_due(&mut self, path_m: f64) -> bool {

@@ -47,6 +47,7 @@ mod system;
 mod tail;
 #[cfg(test)]
 mod testing;
+mod visitors;
 
 pub use consensus::Recheck;
 pub use edge::Edge;
@@ -56,3 +57,4 @@ pub(crate) use keyframe_graph::KeyframeGraph;
 pub(crate) use prior::{Prior, deviation, position_sigma_m};
 pub(crate) use saved::SavedGraph;
 pub use solver::Report;
+pub(crate) use visitors::Visitors;

@@ -1,17 +1,20 @@
 //! Laps of one hall: known ground costs few edges, few factorisations, and no nodes.
 
+use crate::laps::Laps;
 use randt_config::Config;
 use randt_drives::{Drive, config};
 use randt_geometry::{Pose2, elementary::atan2};
+use randt_mapper::journal::JournalFile;
 use randt_mapper::publication::fill_graph;
-use randt_mapper::{KeyframeIdx, Mapper};
+use randt_mapper::{KeyframeIdx, MapKeyframe, Mapper};
 use randt_messages::{MapperGraph, Message};
 use randt_simulator::World;
 use std::sync::LazyLock;
 use std::time::Duration;
+use tempfile::TempDir;
 
-/// 14 x 9 m of rooms and furniture, a lap of 50 m again and again.
-const HALL: &str = "\
+/// 14 x 9 m of rooms and furniture, a lap of 29 m again and again.
+pub const HALL: &str = "\
 wall concrete 0,0 14,0 14,9 0,9 0,0 doors 4..5
 wall plaster 7,0 7,3.4
 wall plaster 7,5.6 7,9
@@ -22,6 +25,13 @@ post metal 4.2,1.4 0.15
 speed 0.8
 route 2,2 5,2.2 7,4.5 10,3 12,3 12,5.5 10,6.5 7,4.5 5,6.2 2,5
 ";
+
+/// The length of a world's route, m.
+pub fn lap_m(world: &World) -> f64 {
+    let next = world.route_m.iter().cycle().skip(1);
+    let legs = world.route_m.iter().zip(next);
+    legs.map(|(a, b)| (b - a).norm()).sum()
+}
 
 /// Processor time that this thread has used.
 fn processor_time() -> Duration {
@@ -41,7 +51,7 @@ struct Stretch {
 /// Five laps of the hall.
 pub static FIVE_LAPS: LazyLock<Drive> = LazyLock::new(|| Drive::new(&hall(), 1600, 1, &[]));
 
-fn hall() -> World {
+pub fn hall() -> World {
     World::parse("hall", HALL).unwrap()
 }
 
@@ -65,26 +75,103 @@ fn nodes(mapper: &Mapper) -> usize {
         .count()
 }
 
+/// Keyframes of which the map has what they saw.
+fn remembered(mapper: &Mapper) -> usize {
+    let saw = |keyframe: &&MapKeyframe| !keyframe.observation.points.is_empty();
+    mapper.keyframes().iter().filter(saw).count()
+}
+
+/// Memory of this process, MiB; 0 where that is unknown.
+fn resident_mib() -> u64 {
+    let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
+    let pages = text.split(' ').nth(1).and_then(|pages| pages.parse().ok());
+    pages.unwrap_or(0_u64) / 256
+}
+
+/// A journal as the process writes it, but that it waits for its compactions.
+struct Written {
+    folder: TempDir,
+    journal: JournalFile,
+}
+
+impl Written {
+    fn new(config: &Config) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let opened = JournalFile::open(folder.path().join("map.journal"), config).unwrap();
+        Self {
+            folder,
+            journal: opened.journal,
+        }
+    }
+
+    /// The mapper has taken the newest keyframe.
+    fn follow(&mut self, mapper: &Mapper) {
+        let journal = &mut self.journal;
+        if journal.is_snapshot_due(mapper) {
+            journal.append_snapshot(mapper).unwrap();
+        }
+        if journal.is_compaction_due(mapper) {
+            let compaction = journal.begin_compaction(mapper).unwrap();
+            journal
+                .finish_compaction(compaction.run().unwrap())
+                .unwrap();
+        }
+    }
+
+    fn kib(&self) -> u64 {
+        self.journal.length() / 1024
+    }
+
+    /// Time until a mapper is back with as many keyframes.
+    fn restart(self, config: &Config, keyframes: usize) -> Duration {
+        drop(self.journal);
+        let before = processor_time();
+        let opened = JournalFile::open(self.folder.path().join("map.journal"), config).unwrap();
+        let recalled = Mapper::recall(config, opened.contents, None);
+        let took = processor_time() - before;
+        let back = recalled.mapper.keyframes().len() + recalled.to_replay.len();
+        assert_eq!(back, keyframes);
+        took
+    }
+}
+
 /// Gives a mapper a drive and prints what each stretch of it cost.
-fn push_all(config: &Config, drive: &Drive, stretch: usize) -> Mapper {
+fn push_all(
+    config: &Config,
+    drive: &Drive,
+    stretch: usize,
+    mut written: Option<&mut Written>,
+) -> Mapper {
     let mut mapper = Mapper::new(config);
-    println!("keyframes   ms each  slowest ms  factorised   nodes   loops   found  registered");
+    println!(
+        "keyframes   ms each  slowest ms  factorised   nodes  remembered  MiB  journal KiB   loops   found  registered"
+    );
     let mut cost = Stretch::default();
     for keyframe in &drive.keyframes {
+        if let Some(written) = &mut written {
+            let appended = written.journal.append_keyframe(keyframe.as_ref());
+            appended.unwrap();
+        }
         let before = processor_time();
         mapper.push(keyframe.as_ref());
         let took = processor_time() - before;
+        if let Some(written) = &mut written {
+            written.follow(&mapper);
+        }
         cost.keyframes += 1;
         cost.total += took;
         cost.slowest = cost.slowest.max(took);
         if cost.keyframes == stretch {
             println!(
-                "{:9} {:9.3} {:11.3} {:11} {:7} {:7} {:7} {:11}",
+                "{:9} {:9.3} {:11.3} {:11} {:7} {:11} {:4} {:12} {:7} {:7} {:11}",
                 mapper.keyframes().len(),
                 cost.total.as_secs_f64() * 1e3 / stretch as f64,
                 cost.slowest.as_secs_f64() * 1e3,
                 mapper.counters().factorisations,
                 nodes(&mapper),
+                remembered(&mapper),
+                resident_mib(),
+                written.as_ref().map_or(0, |it| it.kib()),
                 mapper.graph_loops().len(),
                 mapper.found().count(),
                 mapper.closures().len(),
@@ -101,6 +188,16 @@ fn push_all(config: &Config, drive: &Drive, stretch: usize) -> Mapper {
 
 /// Root mean square of the keyframes' distances from the truth, after the best rigid alignment, m.
 fn off_m(mapper: &Mapper, drive: &Drive) -> f64 {
+    root_mean(&squares_m2(mapper, drive))
+}
+
+/// The root of a mean of squares.
+pub fn root_mean(squares: &[f64]) -> f64 {
+    (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+}
+
+/// Squares of the keyframes' distances from the truth, after the best rigid alignment of all, m^2.
+pub fn squares_m2(mapper: &Mapper, drive: &Drive) -> Vec<f64> {
     let truth = |keyframe: usize| drive.truth(mapper.keyframes()[keyframe].stamp_ns);
     let pairs: Vec<(Pose2, Pose2)> = mapper
         .poses()
@@ -120,11 +217,11 @@ fn off_m(mapper: &Mapper, drive: &Drive) -> f64 {
         cross += a.x * b.y - a.y * b.x;
     }
     let turn = Pose2::new(0.0, 0.0, atan2(cross, dot));
-    let square = pairs.iter().map(|(a, b)| {
+    let square = |(a, b): &(Pose2, Pose2)| {
         let a = turn.transform(a.translation() - own);
         (a - (b.translation() - other)).norm_squared()
-    });
-    (square.sum::<f64>() / count).sqrt()
+    };
+    pairs.iter().map(square).collect()
 }
 
 /// Five laps. What counts is counted, so that a busy machine changes nothing.
@@ -132,7 +229,7 @@ fn off_m(mapper: &Mapper, drive: &Drive) -> f64 {
 fn known_ground_costs_few_edges_and_few_factorisations() {
     /// Keyframes that odometry may add until the equations are factorised anew.
     const TAIL_MAX: usize = 16;
-    let mapper = push_all(&hall_config(0), &FIVE_LAPS, 50);
+    let mapper = push_all(&hall_config(0), &FIVE_LAPS, 50, None);
     let (keyframes, edges) = (mapper.keyframes().len(), mapper.accepted().count());
     let (found, factorisations) = (mapper.found().count(), mapper.counters().factorisations);
     println!("{keyframes} keyframes, {found} loops, {edges} of them edges");
@@ -151,7 +248,7 @@ fn known_ground_costs_few_edges_and_few_factorisations() {
 /// Of a lap in known ground only what lies before the last metres stays.
 #[test]
 fn known_ground_costs_no_nodes() {
-    let mapper = push_all(&first_lap_only(), &FIVE_LAPS, 50);
+    let mapper = push_all(&first_lap_only(), &FIVE_LAPS, 50, None);
     // A lap has 57 keyframes; those of the last 25 m and of the first loops stay, too.
     let keyframes = mapper.keyframes().len();
     assert!(
@@ -159,6 +256,13 @@ fn known_ground_costs_no_nodes() {
         "{}",
         nodes(&mapper)
     );
+    // What the others saw is forgotten, but for neighbours of nodes and for what is newest at its
+    // place.
+    let remembered = remembered(&mapper);
+    println!("{remembered} of {keyframes} keyframes remembered");
+    assert!(remembered < 220, "{remembered}");
+    let every = (0..keyframes).map(KeyframeIdx);
+    assert_eq!(every.filter(|it| mapper.remembers(*it)).count(), remembered);
     // Every keyframe has its place on the way, and its loops count though they are no edges.
     assert_eq!(mapper.poses().len(), keyframes);
     assert!(mapper.found().count() > 200 && mapper.accepted().count() < 60);
@@ -171,23 +275,38 @@ fn known_ground_costs_no_nodes() {
     assert_eq!((head.loops + head.confirmed_loops) as usize, found);
 }
 
+/// Gives a mapper many laps and prints what each of them is like.
+fn drive_laps(world: &World, scans: u64, stretch: usize) {
+    let laps_max = std::env::var("LAPS_MAX").map_or(3, |laps| laps.parse().unwrap());
+    let mut config = config(world);
+    config.loops.laps_max = laps_max;
+    let drive = Drive::new(world, scans, 1, &[]);
+    let mut written = Written::new(&config);
+    let mapper = push_all(&config, &drive, stretch, Some(&mut written));
+    let restart = written.restart(&config, mapper.keyframes().len());
+    println!("back in {restart:?}");
+    assert!(restart < Duration::from_millis(500));
+    let laps = Laps::new(&mapper, &drive, lap_m(world));
+    laps.print();
+    let (second, last) = (laps.lap(1).unwrap(), laps.last_whole().unwrap());
+    assert!(last.off_m < second.off_m + 0.01, "{last:?} {second:?}");
+    for lap in laps.whole().skip(1) {
+        assert!(lap.false_loops == 0 && lap.recall() > 0.85, "{lap:?}");
+    }
+}
+
 /// `cargo test -p randt-mapper --test integration growth -- --ignored --nocapture`
 #[test]
 #[ignore = "minutes: the long form"]
 fn many_laps_of_a_hall() {
     let scans = std::env::var("SCANS").map_or(8000, |scans| scans.parse().unwrap());
-    let laps_max = std::env::var("LAPS_MAX").map_or(3, |laps| laps.parse().unwrap());
-    push_all(
-        &hall_config(laps_max),
-        &Drive::new(&hall(), scans, 1, &[]),
-        200,
-    );
+    drive_laps(&hall(), scans, 200);
 }
 
 #[test]
 #[ignore = "minutes: the long form"]
 fn many_laps_of_the_building() {
     let world = World::building();
-    let drive = Drive::new(&world, 6 * world.sweeps(), 1, &[]);
-    push_all(&config(&world), &drive, 400);
+    let laps = std::env::var("LAPS").map_or(12, |laps| laps.parse().unwrap());
+    drive_laps(&world, laps * world.sweeps() / 2, 400);
 }

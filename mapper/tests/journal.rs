@@ -1,8 +1,7 @@
 //! A mapper that is killed, at whichever keyframe and in the middle of whichever write, comes back
 //! as if nothing had happened: its map is that of the undisturbed one, to the last bit.
 
-use crate::growth;
-use crate::undisturbed::{LAP, Undisturbed, finished, memory};
+use crate::undisturbed::{KNOWN_GROUND, LAP, Undisturbed, finished, memory};
 use randt_drives::{Drive, config};
 use randt_mapper::{KeyframeIdx, Mapper, journal};
 use randt_messages::{Keyframe, Localizability, Message};
@@ -81,8 +80,7 @@ fn components_come_back_separate_and_merged() {
 
 #[test]
 fn killed_while_known_ground_leaves_the_graph_it_comes_back_to_the_last_bit() {
-    let drive = &growth::FIVE_LAPS;
-    let laps = Undisturbed::new(growth::first_lap_only(), &drive.keyframes[..180]);
+    let laps = &*KNOWN_GROUND;
     let end = laps.keyframes.len();
     let (mut begun, mut gone) = (0, 0);
     for count in 1..end {

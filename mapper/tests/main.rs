@@ -7,11 +7,15 @@
 )]
 
 mod alike;
+mod changes;
+mod compaction;
 mod components;
+mod consistency;
 mod grid;
 mod growth;
 mod journal;
 mod journal_file;
+mod laps;
 mod publication;
 mod snapshots;
 mod undisturbed;

@@ -1,5 +1,6 @@
 //! A drive, what an undisturbed mapper makes of it, and its journals.
 
+use crate::growth;
 use randt_config::Config;
 use randt_drives::{Drive, config};
 use randt_mapper::occupancy::CellCount;
@@ -134,6 +135,12 @@ pub static LAP: LazyLock<Undisturbed> = LazyLock::new(|| {
     // Edges of the graph, and loops that cost none.
     assert!(lap.map.accepted.len() > 10 && has(LoopStatus::Confirmed));
     lap
+});
+
+/// Four laps of a hall of which the first one stays.
+pub static KNOWN_GROUND: LazyLock<Undisturbed> = LazyLock::new(|| {
+    let drive = &growth::FIVE_LAPS;
+    Undisturbed::new(growth::first_lap_only(), &drive.keyframes[..240])
 });
 
 /// A whole record of a kind.

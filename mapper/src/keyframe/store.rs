@@ -1,6 +1,6 @@
 //! All keyframes of the map, in order.
 
-use super::MapKeyframe;
+use super::{MapKeyframe, Observation};
 use crate::index::KeyframeIdx;
 use randt_messages::KeyframeHead;
 use randt_persist::persist;
@@ -53,6 +53,13 @@ impl KeyframeStore {
     /// Takes the next keyframe.
     pub fn push(&mut self, keyframe: MapKeyframe) {
         self.keyframes.push(keyframe);
+    }
+
+    /// Forgets what a keyframe saw.
+    pub fn forget(&mut self, keyframe: KeyframeIdx) {
+        if let Some(keyframe) = self.keyframes.get_mut(keyframe.0) {
+            keyframe.observation = Observation::default().into();
+        }
     }
 
     /// How many keyframes it was given, those left out included.

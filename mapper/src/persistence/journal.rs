@@ -21,6 +21,7 @@
 //! # Ok::<(), journal::Error>(())
 //! ```
 
+mod compaction;
 mod contents;
 mod error;
 mod file;
@@ -32,8 +33,9 @@ mod tail;
 
 pub use contents::{Bytes, Contents, Packed};
 pub use error::Error;
-pub use file::{JournalFile, Opened};
+pub use file::{Compacted, Compaction, JournalFile, Opened, Sync, Synced};
 pub use header::Header;
+pub use keyframe::AttachedPose;
 pub use record::{Damage, Kind, Record, Records};
 
 use super::snapshot::Known;
@@ -83,6 +85,11 @@ pub fn records(bytes: &[u8]) -> Result<(Header, Records<'_>), Error> {
 /// its beams; `false` where it is none.
 pub fn read_head(payload: &[u8], out: &mut KeyframeHead) -> bool {
     keyframe::unpack_numbers(&mut Unpacker(payload), out).is_some()
+}
+
+/// Reads where a keyframe stands of which a compacted journal has no more than its numbers.
+pub fn read_attached(payload: &[u8]) -> Option<AttachedPose> {
+    keyframe::unpack_attached(payload)
 }
 
 /// Reads the payload of a keyframe's record over a message; `false` where it is none.

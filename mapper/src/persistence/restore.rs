@@ -3,6 +3,7 @@
 use super::journal::{self, Bytes, Contents, Damage, Error, Packed};
 use super::snapshot::{Grown, Opened};
 use crate::Mapper;
+use crate::index::KeyframeIdx;
 use crate::keyframe::{MapKeyframe, SavedKeyframes};
 use crate::place_recognition::RingKey;
 use crate::pose_graph::{Edge, SavedGraph};
@@ -95,7 +96,12 @@ impl Mapper {
             self.keyframes.rejected += 1;
             return false;
         }
-        self.push(message.as_ref())
+        let is_taken = self.push(message.as_ref());
+        let newest = self.keyframes.newest().filter(|_| is_taken);
+        if let Some((newest, attached)) = newest.zip(journal::read_attached(payload)) {
+            self.known_ground.is_leaving(newest, attached);
+        }
+        is_taken
     }
 
     /// As of the newest snapshot that fits, or empty; and why it is not the newest.
@@ -181,22 +187,28 @@ impl Mapper {
         for (closure, status) in closures.iter_mut().zip(statuses) {
             closure.status = status;
         }
-        let odometry = self.recall_keyframes(keyframes.ids(), taken, keys)?;
+        let mut forgotten = Vec::new();
+        let odometry = self.recall_keyframes(keyframes.ids(), taken, keys, &mut forgotten)?;
         self.keyframes.restore(&keyframes, taken.len() as u64)?;
         if graph.poses.len() != self.keyframes.len() {
             return None;
         }
         self.graph.restore(graph, odometry, &closures)?;
         self.verification.closures = closures;
+        self.graph.recall_visitors(&forgotten);
+        let unneeded = self.known_ground.recall(&self.keyframes, &self.graph);
+        self.forget(&unneeded);
         Some(())
     }
 
-    /// Makes the keyframes that have these numbers, and gives their constraints of odometry.
+    /// Makes the keyframes that have these numbers, and gives their constraints of odometry. Lists
+    /// those of which the journal has no more than their numbers.
     fn recall_keyframes(
         &mut self,
         mut ids: impl Iterator<Item = u64>,
         keyframes: &[Packed],
         keys: Vec<RingKey>,
+        forgotten: &mut Vec<KeyframeIdx>,
     ) -> Option<Vec<Edge>> {
         let mut next = ids.next();
         let mut keys = keys.into_iter();
@@ -210,6 +222,13 @@ impl Mapper {
                 let keyframe = MapKeyframe::from_head(&head, observation, self.keyframes.last());
                 odometry.extend(self.graph.odometry_constraints(&keyframe, &self.keyframes));
                 self.keyframes.push(keyframe);
+                if let Some(attached) = journal::read_attached(packed) {
+                    let newest = self.keyframes.newest()?;
+                    forgotten.push(newest);
+                    self.known_ground.is_leaving(newest, attached);
+                } else {
+                    self.known_ground.stays();
+                }
                 self.verification.submaps.push(&self.keyframes);
                 self.recognition.recall(&mut keys)?;
             }

@@ -1,7 +1,9 @@
 //! The pose graph of the map: a node for every keyframe, constraints of odometry, loop closures.
 
-use super::saved::{SavedAttachment, SavedEdge, SavedGraph, SavedLoop, SavedPose};
-use super::{Attachment, Edge, Error, Loop, LoopId, PoseGraph, Prior, Report, position_sigma_m};
+use super::saved::{SavedAttachment, SavedEdge, SavedGraph, SavedLoop, SavedPose, bridged};
+use super::{
+    Attachment, Edge, Error, Loop, LoopId, PoseGraph, Prior, Report, Visitors, position_sigma_m,
+};
 use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::verification::LoopClosure;
@@ -33,6 +35,7 @@ pub(crate) struct KeyframeGraph {
     graph: PoseGraph,
     /// Loops of the graph: name there, index of the closure.
     closures: Vec<(LoopId, ClosureIdx)>,
+    visitors: Visitors,
     odometry_covariance_factor: f64,
     is_verified: bool,
     /// Optimisations without a result; the estimate stayed where it was.
@@ -45,6 +48,7 @@ impl KeyframeGraph {
         Self {
             graph: PoseGraph::default(),
             closures: Vec::new(),
+            visitors: Visitors::default(),
             odometry_covariance_factor: config.loops.odometry_covariance_factor,
             is_verified: config.loops.verify,
             failures: 0,
@@ -158,15 +162,61 @@ impl KeyframeGraph {
         keyframe: KeyframeIdx,
         to: KeyframeIdx,
     ) -> Option<Vec<ClosureIdx>> {
+        let dropped = self.drop_node(keyframe, to)?;
+        self.visitors.push(to, keyframe);
+        Some(dropped)
+    }
+
+    /// The same with one that has left before and is forgotten, as it stood then: it shows nothing.
+    pub fn marginalize_forgotten(
+        &mut self,
+        keyframe: KeyframeIdx,
+        to: KeyframeIdx,
+        pose: Pose2,
+    ) -> Option<Vec<ClosureIdx>> {
+        let dropped = self.drop_node(keyframe, to)?;
+        self.graph.stand_at(keyframe, pose);
+        Some(dropped)
+    }
+
+    fn drop_node(&mut self, keyframe: KeyframeIdx, to: KeyframeIdx) -> Option<Vec<ClosureIdx>> {
         let dropped = self.graph.marginalize(keyframe, to).ok()?;
         let is_dropped = |(id, _): &mut (LoopId, _)| dropped.contains(id);
         let closures = self.closures.extract_if(.., is_dropped);
         Some(closures.map(|(_, closure)| closure).collect())
     }
 
+    /// Where a keyframe that has left the graph stands.
+    pub fn attachment(&self, keyframe: KeyframeIdx) -> Option<Attachment> {
+        self.graph.attachments().get(keyframe.0).copied().flatten()
+    }
+
+    /// Finds out which keyframes of a graph that was restored passed its nodes last; those whose
+    /// observations the journal no longer has are none of them.
+    pub fn recall_visitors(&mut self, forgotten: &[KeyframeIdx]) {
+        let attached = self.graph.attachments().iter().enumerate();
+        let visitor = |(index, attachment): (usize, &Option<Attachment>)| {
+            let visitor = KeyframeIdx(index);
+            let is_seen = forgotten.binary_search(&visitor).is_err();
+            Some(((*attachment)?.to, visitor)).filter(|_| is_seen)
+        };
+        self.visitors = attached.filter_map(visitor).collect();
+    }
+
     /// Whether a keyframe is an unknown of the equations; else it stands on another one.
     pub fn is_unknown(&self, keyframe: KeyframeIdx) -> bool {
         self.graph.is_unknown(keyframe)
+    }
+
+    /// The keyframe that passed a node last: of those that stand on it, or itself.
+    pub fn newest_at(&self, node: KeyframeIdx) -> KeyframeIdx {
+        self.visitors.newest(node)
+    }
+
+    /// Whether the grid shows what a keyframe saw: it was the last one at its node.
+    pub fn shows(&self, keyframe: KeyframeIdx) -> bool {
+        let node = self.attachment(keyframe).map_or(keyframe, |it| it.to);
+        self.newest_at(node) == keyframe
     }
 
     /// The estimate of `newer` seen from `older`, where they are of one component.
@@ -306,28 +356,6 @@ impl KeyframeGraph {
         self.failures = saved.failures;
         Some(())
     }
-}
-
-/// The constraints of odometry that marginalized keyframes leave: bridges stand where the steps
-/// did that they lead over. `None` where one is missing.
-fn bridged(
-    odometry: Vec<Edge>,
-    attachments: &[Option<Attachment>],
-    bridges: impl Iterator<Item = Edge>,
-) -> Option<Vec<Edge>> {
-    let is_gone = |node: KeyframeIdx| attachments.get(node.0).is_some_and(Option::is_some);
-    let mut bridges = bridges.peekable();
-    let mut left = Vec::with_capacity(odometry.len());
-    for edge in odometry {
-        match (is_gone(edge.from), is_gone(edge.to)) {
-            (false, false) => left.push(edge),
-            (true, false) if edge.from.0 + 1 == edge.to.0 => {
-                left.push(bridges.next_if(|bridge| bridge.to == edge.to)?);
-            }
-            _ => {}
-        }
-    }
-    bridges.next().is_none().then_some(left)
 }
 
 /// Holds a keyframe that comes next by the root of the submap that odometry registered it to:

@@ -167,6 +167,28 @@ impl SavedLoop {
     }
 }
 
+/// The constraints of odometry that marginalized keyframes leave: bridges stand where the steps
+/// did that they lead over. `None` where one is missing.
+pub(super) fn bridged(
+    odometry: Vec<Edge>,
+    attachments: &[Option<Attachment>],
+    bridges: impl Iterator<Item = Edge>,
+) -> Option<Vec<Edge>> {
+    let is_gone = |node: KeyframeIdx| attachments.get(node.0).is_some_and(Option::is_some);
+    let mut bridges = bridges.peekable();
+    let mut left = Vec::with_capacity(odometry.len());
+    for edge in odometry {
+        match (is_gone(edge.from), is_gone(edge.to)) {
+            (false, false) => left.push(edge),
+            (true, false) if edge.from.0 + 1 == edge.to.0 => {
+                left.push(bridges.next_if(|bridge| bridge.to == edge.to)?);
+            }
+            _ => {}
+        }
+    }
+    bridges.next().is_none().then_some(left)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -55,7 +55,7 @@ impl KeyframeIngest {
         Ok(Self {
             mapper,
             sequence: KeyframeSequence::after(journal.end()),
-            writer: journal.into(),
+            writer: JournalWriter::new(journal)?,
             checkpoints,
             to_replay: recalled.to_replay.into(),
         })
@@ -140,7 +140,7 @@ impl KeyframeIngest {
         config: &Config,
         stage: &mut Stage,
     ) -> Result<Self, Box<dyn Error>> {
-        let quarantined = self.writer.journal.quarantine()?;
+        let quarantined = self.writer.into_journal().quarantine()?;
         // As long as it is open its lock is held.
         drop(self.checkpoints);
         stage.log_info(&format!(
@@ -162,9 +162,12 @@ impl KeyframeIngest {
         }
         let checkpoint = self.writer.journal.checkpoint(&self.mapper);
         self.checkpoints.store(&checkpoint);
+        if !self.is_behind() {
+            self.writer.compact(&self.mapper);
+        }
     }
 
-    /// Brings the journal onto the disk where it is time; gives whether it did.
+    /// Has the journal brought onto the disk where it is time; gives whether more is there.
     pub fn sync(&mut self) -> bool {
         self.writer.sync(self.sequence.next)
     }

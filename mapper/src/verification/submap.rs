@@ -18,8 +18,8 @@ use std::cell::OnceCell;
 const SPACING_KEYFRAMES: f64 = 4.0;
 /// A submap or query ends where odometry has added this standard deviation since its root, m: a
 /// loop vouches for half a metre. Over the four metres that it reaches, building and yard add 0.04
-/// to 0.10, a tunnel up to 0.12, bare corridors and rings 0.15 to 1.7; there they are off by 0.3 to
-/// 10 m. At 0.125 two of six hard drives keep a false loop.
+/// to 0.10, a tunnel up to 0.12, bare corridors and rings 0.15 to 1.7; there they are off by 0.3
+/// to 10 m. At 0.125 two of six hard drives keep a false loop.
 const DRIFT_MAX_M: f64 = 0.1;
 
 /// NDT cells in the frame of a root keyframe.
@@ -75,6 +75,19 @@ impl Submaps {
                 root: KeyframeIdx(newest),
                 grid: OnceCell::new(),
             });
+        }
+    }
+
+    /// Path from a keyframe within which the submap that is asked for by it may have others, m.
+    pub fn reach_m(&self) -> f64 {
+        self.reach_m + self.spacing_m
+    }
+
+    /// Forgets the cells around a root that no keyframe of the graph asks for any more.
+    pub fn forget(&mut self, root: KeyframeIdx) {
+        let index = (self.submaps).binary_search_by_key(&root, |submap| submap.root);
+        if let Some(submap) = index.ok().and_then(|index| self.submaps.get_mut(index)) {
+            submap.grid = OnceCell::new();
         }
     }
 

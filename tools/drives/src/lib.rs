@@ -47,12 +47,37 @@ impl Drive {
     /// A drive of this many sweeps through a world. In a blackout (s since the start) the sensors
     /// are silent.
     pub fn new(world: &World, scans: u64, seed: u64, blackouts_s: &[Range<f64>]) -> Self {
+        let events = Simulation::new(world, Robot::for_world(world), scans, seed);
+        Self::from_events(world, events, blackouts_s)
+    }
+
+    /// A drive of this many sweeps through a world that becomes another one of the same route after
+    /// some of them.
+    pub fn through_change(worlds: [&World; 2], change: u64, scans: u64, seed: u64) -> Self {
+        let [before, after] =
+            worlds.map(|world| Simulation::new(world, Robot::for_world(world), scans, seed));
+        let mut scans_left = change;
+        let is_before = |event: &Event| {
+            let is_changed = scans_left == 0;
+            scans_left = scans_left.saturating_sub(u64::from(matches!(event, Event::Scan(_))));
+            !is_changed
+        };
+        let before: Vec<Event> = before.take_while(is_before).collect();
+        let after = after.skip(before.len());
+        Self::from_events(worlds[0], before.into_iter().chain(after), &[])
+    }
+
+    fn from_events(
+        world: &World,
+        events: impl Iterator<Item = Event>,
+        blackouts_s: &[Range<f64>],
+    ) -> Self {
         let config = config(world);
         let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
         let mut points = Message::<RadarPoints>::default();
         let mut odometry = Odometry::new(&config, true);
         let (mut log, mut truth) = (KeyframeLog::default(), BTreeMap::new());
-        for event in Simulation::new(world, Robot::for_world(world), scans, seed) {
+        for event in events {
             let time_s = (event.stamp_ns() - START_NS) as f64 * 1e-9;
             let is_dark = blackouts_s
                 .iter()

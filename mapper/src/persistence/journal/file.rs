@@ -1,18 +1,34 @@
 //! The journal as a file: opened by one mapper, appended to, cut back, quarantined; never deleted.
 
+mod compaction;
+mod count;
+mod sync;
+mod whole_file;
+
+pub use compaction::{Compacted, Compaction};
+pub use sync::{Sync, Synced};
+
 use super::tail::Tail;
 use super::{
     Bytes, Contents, Damage, Error, append_keyframe, append_snapshot, begin, is_snapshot_due,
-    read_head,
 };
 use crate::{Known, Mapper};
+use count::Count;
 use randt_config::Config;
-use randt_messages::{Keyframe, KeyframeHead, MessageRef};
+use randt_messages::{Keyframe, MessageRef};
 use std::ffi::OsString;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use whole_file::{read_range, write_whole};
+
+/// A journal is compacted when it has this many times the bytes that are needed, ...
+const COMPACTION_FACTOR: u64 = 2;
+/// ... and as many more: 200 keyframes of a hall, less than a map of one room.
+const COMPACTION_MIN: u64 = 4 << 20;
+/// Ending of a compacted journal's file until it takes the old one's place.
+const COMPACTED: &str = ".compacted.part";
 
 /// A journal that was opened.
 #[derive(Debug)]
@@ -42,34 +58,11 @@ pub struct JournalFile {
     known: Known,
     /// As [`Self::end`], of the newest keyframe that is on the disk.
     on_disk: u64,
+    /// Whether its name is not on the disk yet: a compaction has taken the old file's place.
+    is_renamed: bool,
     bytes: Vec<u8>,
     /// Held, not used. A file of its own, because the journal is renamed.
     _lock: File,
-}
-
-/// What is in a file.
-#[derive(Clone, Copy, Debug, Default)]
-struct Count {
-    keyframes: u64,
-    /// Of them, those that the last snapshot has.
-    in_snapshot: u64,
-    /// One more than the number of the newest.
-    end: u64,
-}
-
-impl Count {
-    fn from_contents(contents: &Contents) -> Self {
-        let mut head = KeyframeHead::default();
-        let newest = contents.keyframes.last();
-        let is_read = newest.is_some_and(|packed| read_head(packed, &mut head));
-        let end = is_read.then(|| head.id.saturating_add(1));
-        let snapshot = contents.snapshots.last();
-        Self {
-            keyframes: contents.keyframes.len() as u64,
-            in_snapshot: snapshot.map_or(0, |(_, before)| *before as u64),
-            end: end.unwrap_or(0),
-        }
-    }
 }
 
 impl JournalFile {
@@ -87,6 +80,8 @@ impl JournalFile {
     ) -> Result<Opened, Error> {
         let path = path.into();
         let lock = lock(&named(&path, ".lock"))?;
+        // Of a compaction that a kill broke off; the journal has all of it.
+        let _ = fs::remove_file(named(&path, COMPACTED));
         let mut beginning = Vec::new();
         begin(config, &mut beginning);
         let bytes = match read(&path) {
@@ -130,6 +125,7 @@ impl JournalFile {
             count: Count::from_contents(&contents),
             known: Known::default(),
             on_disk: 0,
+            is_renamed: false,
             bytes: Vec::new(),
             _lock: lock,
         };
@@ -144,8 +140,9 @@ impl JournalFile {
 
     /// Appends a keyframe. It is not on the disk before [`Self::sync`].
     pub fn append_keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) -> Result<(), Error> {
-        self.append(|bytes| append_keyframe(keyframe, bytes))?;
+        let bytes = self.append(|bytes| append_keyframe(keyframe, bytes))?;
         self.count.keyframes += 1;
+        self.count.keyframe_bytes += bytes;
         self.count.end = keyframe.head.id.saturating_add(1);
         Ok(())
     }
@@ -188,10 +185,88 @@ impl JournalFile {
 
     /// Comes back when everything is on the disk.
     pub fn sync(&mut self) -> Result<(), Error> {
+        let sync = self.begin_sync()?;
+        self.finish_sync(sync.run())
+    }
+
+    /// The same in two steps, with [`Sync::run`] between them; it stands for what was appended
+    /// before.
+    pub fn begin_sync(&mut self) -> Result<Sync, Error> {
         self.check()?;
-        let synced = self.tail.sync();
-        synced.map_err(|cause| io_error(&self.path, "bring onto the disk", cause))?;
-        self.on_disk = self.count.end;
+        Ok(Sync {
+            file: self.file()?,
+            renamed: self.is_renamed.then(|| self.path.clone()),
+            end: self.count.end,
+        })
+    }
+
+    /// A sync has ended.
+    pub fn finish_sync(&mut self, synced: Synced) -> Result<(), Error> {
+        self.tail.is_unsure |= synced.done.is_err();
+        let done = synced.done;
+        done.map_err(|cause| io_error(&self.path, "bring onto the disk", cause))?;
+        self.is_renamed &= !synced.is_renamed;
+        self.on_disk = synced.end;
+        Ok(())
+    }
+
+    /// Whether the journal has several times what the mapper, which has taken all of it, still
+    /// needs.
+    pub fn is_compaction_due(&self, mapper: &Mapper) -> bool {
+        if self.length() < COMPACTION_MIN {
+            return false;
+        }
+        let Count {
+            keyframes,
+            forgotten,
+            keyframe_bytes,
+            snapshot_bytes,
+            ..
+        } = self.count;
+        let news = (mapper.forgotten().count() as u64).saturating_sub(forgotten);
+        let whole = keyframes.saturating_sub(forgotten).max(1);
+        let needed = keyframe_bytes - keyframe_bytes / whole * news.min(whole) + snapshot_bytes;
+        news > 0 && self.length() > COMPACTION_MIN + COMPACTION_FACTOR * needed
+    }
+
+    /// Begins to write the journal anew without what the mapper no longer needs, which has taken
+    /// all of it. Nothing may be synced before [`Self::finish_compaction`].
+    pub fn begin_compaction(&self, mapper: &Mapper) -> Result<Compaction, Error> {
+        self.check()?;
+        let mut snapshot = Vec::new();
+        append_snapshot(mapper, Known::default(), &mut snapshot)?;
+        Ok(Compaction {
+            file: self.file()?,
+            until: self.length(),
+            new_path: named(&self.path, COMPACTED),
+            forgotten: mapper.forgotten().collect(),
+            snapshot,
+        })
+    }
+
+    /// Puts the new file in the old one's place, with what has come meanwhile.
+    ///
+    /// All that was on the disk is in the part of the new file that is, so that either of them may
+    /// be the one that a power cut leaves.
+    pub fn finish_compaction(&mut self, compacted: Compacted) -> Result<(), Error> {
+        self.check()?;
+        let Compacted {
+            new_path, until, ..
+        } = &compacted;
+        let length = self.length();
+        let replace = || {
+            let since = read_range(&self.tail.storage, *until..length)?;
+            let mut file = OpenOptions::new().read(true).append(true).open(new_path)?;
+            file.write_all(&since)?;
+            fs::rename(new_path, &self.path)?;
+            Ok((file, since.len() as u64))
+        };
+        let (file, since) = replace().map_err(|cause| io_error(&self.path, "replace", cause))?;
+        self.tail = Tail::new(file, compacted.length + since);
+        self.is_renamed = true;
+        self.count.forgotten = compacted.forgotten;
+        self.count.keyframe_bytes = compacted.keyframe_bytes + since;
+        self.count.snapshot_bytes = compacted.snapshot_bytes;
         Ok(())
     }
 
@@ -224,12 +299,19 @@ impl JournalFile {
     fn append(
         &mut self,
         fill: impl FnOnce(&mut Vec<u8>) -> Result<(), Error>,
-    ) -> Result<(), Error> {
+    ) -> Result<u64, Error> {
         self.check()?;
         self.bytes.clear();
         fill(&mut self.bytes)?;
         let appended = self.tail.append(&self.bytes);
-        appended.map_err(|cause| io_error(&self.path, "append", cause))
+        appended.map_err(|cause| io_error(&self.path, "append", cause))?;
+        Ok(self.bytes.len() as u64)
+    }
+
+    /// Its file once more, for another thread.
+    fn file(&self) -> Result<File, Error> {
+        let file = self.tail.storage.try_clone();
+        file.map_err(|cause| io_error(&self.path, "open once more", cause))
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -242,7 +324,7 @@ impl JournalFile {
 
 /// Opens the end of a file behind its good bytes.
 fn tail(path: &Path, good: u64) -> Result<Tail<File>, Error> {
-    let file = OpenOptions::new().append(true).open(path);
+    let file = OpenOptions::new().read(true).append(true).open(path);
     let file = file.map_err(|cause| io_error(path, "open", cause))?;
     let cut = file.set_len(good);
     cut.map_err(|cause| io_error(path, "cut the damaged end off", cause))?;
@@ -270,22 +352,6 @@ fn quarantine(path: &Path) -> Result<PathBuf, Error> {
     let renamed = linked.or_else(|_| fs::rename(path, &quarantined));
     renamed.map_err(|cause| io_error(path, "quarantine", cause))?;
     Ok(quarantined)
-}
-
-/// Writes a file whole or not at all.
-fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    let part = named(path, ".part");
-    let write = || {
-        let mut file = File::create(&part)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        fs::rename(&part, path)?;
-        // The new name, too, is only safe once its folder is on the disk.
-        let folder = path.parent();
-        let folder = folder.filter(|folder| !folder.as_os_str().is_empty());
-        File::open(folder.unwrap_or(Path::new(".")))?.sync_all()
-    };
-    write().map_err(|cause| io_error(path, "write", cause))
 }
 
 fn named(path: &Path, ending: &str) -> PathBuf {

@@ -2,6 +2,7 @@
 //! is rounded.
 
 use super::pack::{Column, Packer, Unpacker};
+use randt_geometry::Pose2;
 use randt_messages::{
     Keyframe, KeyframeBeam, KeyframeHead, KeyframePoint, Message, MessageRef, Topic,
 };
@@ -12,30 +13,49 @@ const POINT_BYTES_MIN: usize = 3;
 /// What is packed of a keyframe. Journals of form 0 do not have how it was judged, and may go on
 /// with keyframes of form 1.
 const FORM: u64 = 1;
+/// The same of one that is forgotten: no beams and no points, but where it stands.
+const FORGOTTEN: u64 = 2;
+
+/// Where a keyframe that has left the graph stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AttachedPose {
+    /// Number of the keyframe that it stands on.
+    pub to: u64,
+    /// Seen from that one: x m, y m, yaw rad.
+    pub to_from_base: [f64; 3],
+}
+
+impl AttachedPose {
+    /// Seen from the keyframe that it stands on.
+    pub fn pose(&self) -> Pose2 {
+        Pose2::from_array(self.to_from_base)
+    }
+}
+
+/// Appends a keyframe that is forgotten: its numbers, and where it stands.
+pub(super) fn pack_forgotten(head: &KeyframeHead, attached: &AttachedPose, out: &mut Vec<u8>) {
+    let mut packer = Packer(out);
+    pack_numbers(head, [0, FORGOTTEN, 0], &mut packer);
+    packer.whole(attached.to);
+    attached
+        .to_from_base
+        .iter()
+        .for_each(|value| packer.double(*value));
+}
+
+/// Reads where a keyframe stands; `None` where it is not forgotten.
+pub(super) fn unpack_attached(bytes: &[u8]) -> Option<AttachedPose> {
+    let mut unpacker = Unpacker(bytes);
+    let numbers = unpack_numbers(&mut unpacker, &mut KeyframeHead::default())?;
+    numbers.attached
+}
 
 /// Appends a keyframe; epoch and time of publishing are not kept.
 pub(super) fn pack(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) {
     let head = keyframe.head;
     let mut packer = Packer(out);
-    packer.whole(head.header.sequence);
-    packer.signed(head.header.stamp_ns);
-    let numbers = [
-        head.id,
-        head.odom_frame_id,
-        head.submap_id,
-        head.submap_root,
-        head.scan_sequence,
-        u64::from(head.beam_count),
-        FORM,
-        keyframe.items.len() as u64,
-        u64::from(head.trust),
-        u64::from(head.trust_reasons),
-        u64::from(head.localizability),
-    ];
-    numbers.into_iter().for_each(|number| packer.whole(number));
-    let values = head.pose.iter().chain(&head.covariance).chain(&head.twist);
-    values.for_each(|value| packer.double(*value));
-    packer.double(head.weak_direction_rad);
+    let counts = [head.beam_count.into(), FORM, keyframe.items.len() as u64];
+    pack_numbers(head, counts, &mut packer);
 
     let (mut x_m, mut y_m, mut azimuth_rad) = <(Column, Column, Column)>::default();
     let mut first_point = 0;
@@ -62,12 +82,31 @@ pub(super) fn pack(keyframe: MessageRef<'_, Keyframe>, out: &mut Vec<u8>) {
     }
 }
 
+/// Appends the numbers in front of the beams: of these counts beams, form and points.
+fn pack_numbers(head: &KeyframeHead, counts: [u64; 3], packer: &mut Packer<'_>) {
+    packer.whole(head.header.sequence);
+    packer.signed(head.header.stamp_ns);
+    let numbers = [
+        head.id,
+        head.odom_frame_id,
+        head.submap_id,
+        head.submap_root,
+        head.scan_sequence,
+    ];
+    let judged = [head.trust, head.trust_reasons, head.localizability].map(u64::from);
+    let numbers = numbers.into_iter().chain(counts).chain(judged);
+    numbers.for_each(|number| packer.whole(number));
+    let values = head.pose.iter().chain(&head.covariance).chain(&head.twist);
+    values.for_each(|value| packer.double(*value));
+    packer.double(head.weak_direction_rad);
+}
+
 /// Reads what [`pack`] wrote over a message; `None` where that is something else.
 pub(super) fn unpack(bytes: &[u8], out: &mut Message<Keyframe>) -> Option<()> {
     let mut unpacker = Unpacker(bytes);
     let head = &mut *out.head;
     *head = KeyframeHead::default();
-    let count = unpack_numbers(&mut unpacker, head)?;
+    let count = unpack_numbers(&mut unpacker, head)?.points;
     let (mut x_m, mut y_m, mut azimuth_rad) = <(Column, Column, Column)>::default();
     let mut first_point = 0;
     for beam in head.beams.iter_mut().take(head.beam_count as usize) {
@@ -107,12 +146,19 @@ pub(super) fn unpack(bytes: &[u8], out: &mut Message<Keyframe>) -> Option<()> {
     unpacker.0.is_empty().then_some(())
 }
 
-/// Reads the numbers in front of the beams over a head, which keeps its beams; gives how many
-/// points there are.
+/// What stands in front of the beams beside the head.
+pub(super) struct Numbers {
+    /// How many points there are.
+    points: usize,
+    /// Where it stands if it is forgotten.
+    attached: Option<AttachedPose>,
+}
+
+/// Reads the numbers in front of the beams over a head, which keeps its beams.
 pub(super) fn unpack_numbers(
     unpacker: &mut Unpacker<'_>,
     head: &mut KeyframeHead,
-) -> Option<usize> {
+) -> Option<Numbers> {
     head.header.sequence = unpacker.whole()?;
     head.header.stamp_ns = unpacker.signed()?;
     head.id = unpacker.whole()?;
@@ -123,7 +169,8 @@ pub(super) fn unpack_numbers(
     head.beam_count = unpacker.whole()?.try_into().ok()?;
     let form = unpacker.whole()?;
     let count = usize::try_from(unpacker.whole()?).ok()?;
-    if form == FORM {
+    let is_judged = matches!(form, FORM | FORGOTTEN);
+    if is_judged {
         head.trust = unpacker.whole()?.try_into().ok()?;
         head.trust_reasons = unpacker.whole()?.try_into().ok()?;
         head.localizability = unpacker.whole()?.try_into().ok()?;
@@ -137,10 +184,19 @@ pub(super) fn unpack_numbers(
     for value in values.chain(&mut head.twist) {
         *value = unpacker.double()?;
     }
-    if form == FORM {
+    if is_judged {
         head.weak_direction_rad = unpacker.double()?;
     }
-    Some(count)
+    let mut attached = None;
+    if form == FORGOTTEN {
+        let found = attached.insert(AttachedPose::default());
+        found.to = unpacker.whole()?;
+        for value in &mut found.to_from_base {
+            *value = unpacker.double()?;
+        }
+    }
+    let points = count;
+    Some(Numbers { points, attached })
 }
 
 /// What is the same for all points of a beam.

@@ -10,8 +10,6 @@ pub(super) trait Storage {
     fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
     /// Takes away what is behind the first `length` bytes.
     fn cut(&mut self, length: u64) -> io::Result<()>;
-    /// Comes back when everything is on the disk.
-    fn sync(&mut self) -> io::Result<()>;
 }
 
 /// A file opened for appending.
@@ -23,16 +21,12 @@ impl Storage for File {
     fn cut(&mut self, length: u64) -> io::Result<()> {
         self.set_len(length)
     }
-
-    fn sync(&mut self) -> io::Result<()> {
-        self.sync_data()
-    }
 }
 
 /// A storage of which the first `good` bytes are whole records.
 #[derive(Debug)]
 pub(super) struct Tail<S> {
-    storage: S,
+    pub storage: S,
     /// Bytes that are good.
     pub good: u64,
     /// Whether what is on the disk is no longer known: cutting back or a sync has failed. After a
@@ -58,13 +52,6 @@ impl<S: Storage> Tail<S> {
             Err(_) => self.is_unsure = self.storage.cut(self.good).is_err(),
         }
         appended
-    }
-
-    /// Brings everything onto the disk.
-    pub fn sync(&mut self) -> io::Result<()> {
-        let synced = self.storage.sync();
-        self.is_unsure |= synced.is_err();
-        synced
     }
 }
 
@@ -103,10 +90,6 @@ mod tests {
             self.bytes.truncate(length as usize);
             Ok(())
         }
-
-        fn sync(&mut self) -> io::Result<()> {
-            self.word()
-        }
     }
 
     #[test]
@@ -130,19 +113,14 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_cut_back_or_synced_is_unsure() {
-        let broken = || {
-            let storage = Small {
-                bytes: Vec::new(),
-                room: 2,
-                is_broken: true,
-            };
-            Tail::new(storage, 0)
+    fn what_cannot_be_cut_back_is_unsure() {
+        let storage = Small {
+            bytes: Vec::new(),
+            room: 2,
+            is_broken: true,
         };
-        let mut tail = broken();
-        assert!(tail.append(b"one").is_err() && tail.is_unsure);
-        let mut tail = broken();
+        let mut tail = Tail::new(storage, 0);
         assert!(tail.append(b"1").is_ok() && !tail.is_unsure);
-        assert!(tail.sync().is_err() && tail.is_unsure);
+        assert!(tail.append(b"two").is_err() && tail.is_unsure);
     }
 }

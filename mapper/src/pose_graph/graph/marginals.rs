@@ -19,9 +19,9 @@ impl PoseGraph {
     /// Takes a node out of the equations; from now on it stands on another one as it does now.
     /// Gives the names of the loops that go with it.
     ///
-    /// The odometry that leads to it and from it becomes one edge, the exact marginal of these two.
-    /// What else is known of it, loops and intra-submap constraints, is dropped: less is known
-    /// than was measured, never more. It must lie between two nodes of its odometry.
+    /// The odometry that leads to it and from it becomes one edge, the exact marginal of these
+    /// two. What else is known of it, loops and intra-submap constraints, is dropped: less is
+    /// known than was measured, never more. It must lie between two nodes of its odometry.
     pub fn marginalize(
         &mut self,
         node: KeyframeIdx,
@@ -48,6 +48,14 @@ impl PoseGraph {
         self.attachments[node.0] = Some(Attachment { to, pose });
         self.label();
         Ok(dropped)
+    }
+
+    /// Puts a marginalized node elsewhere, as it is seen from what it stands on.
+    pub(crate) fn stand_at(&mut self, node: KeyframeIdx, pose: Pose2) {
+        if let Some(attachment) = self.attachments.get_mut(node.0).and_then(Option::as_mut) {
+            attachment.pose = pose;
+            self.poses[node.0] = self.poses[attachment.to.0].compose(&pose);
+        }
     }
 
     /// Whether a node is an unknown of the equations.
