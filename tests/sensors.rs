@@ -1,10 +1,10 @@
 //! Sensors that are absent, unplugged, plugged in again elsewhere, or something else: `randt top`
 //! shows it, and they are tried again for ever. What `randt doctor sensors` makes of them.
 
-use crate::support::ended;
 use crate::support::pipeline::{Pipeline, log};
 use crate::support::sensors::{Emulator, Sensors};
 use crate::support::stages::program;
+use crate::support::{ended, randt};
 use serde_json::Value;
 use std::fs;
 use std::io::Write;
@@ -99,6 +99,49 @@ fn an_imu_may_be_absent_gone_back_elsewhere_or_something_else() {
 
     let _plugged = sensors.imu(&log, &["--loop"]);
     imu.becomes("running", &[]);
+}
+
+#[test]
+fn an_imu_and_wheels_come_by_lines_of_text() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("wheels.mcap");
+    let mut made = randt(&[
+        "simulate",
+        "building",
+        "--scans",
+        "60",
+        "--wheels",
+        "scale=1.02",
+    ]);
+    made.arg("--out").arg(&log);
+    assert_eq!(ended(made).code, Some(0));
+    let sensors = Sensors::new(folder.path(), "beam-udp", "line");
+    let mut pipeline = Pipeline::new("lines");
+    start(&mut pipeline, "imu", &sensors.robot(), &[]);
+    let imu = Watched {
+        pipeline: &pipeline,
+        stage: "imu",
+    };
+    let _plugged = sensors.imu(&log, &["--loop"]);
+    imu.becomes("running", &[]);
+    // Both topics, at their rates.
+    let begin = Instant::now();
+    loop {
+        let ended = pipeline.randt(&["top", "--once", "--json"]);
+        let figures: Value = serde_json::from_str(&ended.stdout).unwrap();
+        let topics = figures["topics"].as_array().unwrap();
+        let rate_hz = |name: &str| {
+            let topic = topics.iter().find(|topic| topic["name"] == name);
+            topic
+                .and_then(|topic| topic["rate_hz"].as_f64())
+                .unwrap_or_default()
+        };
+        let (samples, twists) = (rate_hz("imu/sample/v1"), rate_hz("robot/twist/v1"));
+        if (200.0..300.0).contains(&samples) && (40.0..60.0).contains(&twists) {
+            return;
+        }
+        assert!(begin.elapsed() < SEEN_MAX, "{}", ended.stdout);
+    }
 }
 
 #[test]

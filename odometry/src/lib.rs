@@ -17,6 +17,7 @@ mod inertial_speed;
 mod initializer;
 mod keyframe_selector;
 mod localizability;
+mod mounting_check;
 mod moving_clutter;
 mod odometry;
 mod odometry_frame;
@@ -36,6 +37,7 @@ mod tracking_status;
 mod twist_speed;
 
 pub use gyro_check::GyroFault;
+pub use gyro_rates::{GyroRates, Repeated};
 pub use odometry::{Counters, Odometry, Sink};
 pub use randt_persist::Error;
 pub use synchronizer::MessageId;

@@ -132,6 +132,9 @@ fn set_status(stage: &mut Stage, feed: &Feed, logged: &mut Logged) {
     let counters = feed.odometry.counters();
     let late = counters.scans_imu_late;
     let mut remark = String::new();
+    if counters.scans_mounting_off > 0 {
+        remark = counters.mounting_text();
+    }
     if counters.scans_twist_refused > 0 {
         remark = counters.twist_refused_text();
     }

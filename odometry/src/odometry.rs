@@ -14,6 +14,7 @@ use crate::{
     gyro_measurement::GyroMeasurement,
     initializer::Initializer,
     keyframe_selector::{KeyframeSelector, step_covariance},
+    mounting_check::MountingCheck,
     moving_clutter::MovingClutter,
     odometry_frame::OdometryFrame,
     scan_overlap::ScanOverlap,
@@ -64,6 +65,7 @@ pub struct Odometry {
     overlap: ScanOverlap,
     tracking: TrackingMonitor,
     keyframes: KeyframeSelector,
+    mounting: MountingCheck,
     frame: OdometryFrame,
     publisher: StatePublisher,
     counters: Counters,
@@ -86,6 +88,7 @@ impl Odometry {
             overlap: ScanOverlap::new(config),
             tracking: TrackingMonitor::default(),
             keyframes: KeyframeSelector::new(&config.keyframe),
+            mounting: MountingCheck::default(),
             frame: OdometryFrame::default(),
             publisher: StatePublisher::default(),
             counters: Counters::default(),
@@ -374,6 +377,7 @@ impl Odometry {
                 let last_from_base = last.odom_from_base.between(&odom_from_base);
                 let step = step_covariance(scan, &self.config);
                 self.keyframes.propagate(&last_from_base, &step);
+                self.mounting.observe(scan, &last_from_base);
             }
             None => self
                 .initializer

@@ -19,7 +19,7 @@ pub struct Sensors {
 pub struct Emulator(Child);
 
 impl Sensors {
-    /// `radar`: beam-udp or navtech; `imu`: mip or xsens.
+    /// `radar`: beam-udp or navtech; `imu`: mip, xsens or line.
     pub fn new(folder: &Path, radar: &'static str, imu: &'static str) -> Self {
         // Free at this moment: the kernel gives out another one each time.
         let any = "127.0.0.1:0";

@@ -312,13 +312,15 @@ choice! {
 
 choice! {
     /// Which IMU is driven.
-    pub enum ImuSource ("\"phidget22\", \"mip\" or \"xsens\"") {
+    pub enum ImuSource ("\"phidget22\", \"mip\", \"xsens\" or \"line\"") {
         /// A Phidgets Spatial by the vendor's library, over USB or from a network server.
         Phidget22 = "phidget22",
         /// A MicroStrain on a serial port.
         Mip = "mip",
         /// An Xsens MTi on a serial port (MTData2).
         Xsens = "xsens",
+        /// Any IMU that sends the text lines of docs/lines.md, on a serial port or by UDP.
+        Line = "line",
     }
 }
 
@@ -356,16 +358,26 @@ section! {
 section! {
     /// How randt-imu reaches the IMU.
     pub struct ImuDriver {
-        /// The IMU's protocol: phidget22, mip or xsens.
+        /// The IMU's protocol: phidget22, mip, xsens or line.
         pub source: ImuSource = ImuSource::Phidget22,
-        /// mip, xsens: the serial port, by /dev/serial/by-id so that it is found again under
-        /// another number. phidget22: the serial number; empty takes the first one.
+        /// mip, xsens, line: the serial port, by /dev/serial/by-id so that it is found again under
+        /// another number. line by UDP: what is listened on, such as 0.0.0.0:6321. phidget22: the
+        /// serial number; empty takes the first one.
         pub device: String = String::new(),
+        /// line by UDP: the IP that the IMU's datagrams come from, with or without its port; what
+        /// comes from elsewhere is left out and counted. "any" takes the first one that sends
+        /// lines, until it is silent.
+        pub sender: SenderPin = SenderPin::default(),
+        /// Where lines with the robot's velocity come from (docs/lines.md), likewise a serial port
+        /// or an address. Empty: from the IMU's own wire, where that has lines, else nowhere.
+        pub twist_device: String = String::new(),
+        /// The sender of these, where they come by UDP, as of the IMU's.
+        pub twist_sender: SenderPin = SenderPin::default(),
         /// phidget22: a Phidget network server, with port (5661 by the vendor), instead of USB.
         pub server: String = String::new(),
         /// phidget22: the path of libphidget22; empty leaves the search to the system.
         pub library: String = String::new(),
-        /// mip, xsens: speed of the serial port, baud.
+        /// mip, xsens, line: speed of the serial port, baud.
         pub baud: u32 = 115_200
             => within(9600.0, 4000000.0, "too slow for 250 samples; faster than any port"),
         /// Samples a second that are asked of the device, Hz: odometry is made for 250.

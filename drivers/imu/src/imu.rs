@@ -5,18 +5,22 @@
 
 use crate::reading_source::{ReadingSource, reading_source};
 use crate::sequence::Sequence;
+use crate::twists::Twists;
 use crate::upright::Upright;
 use crate::{Axes, Error, Reading};
-use randt_config::Config;
+use randt_config::{Config, ImuSource};
 use randt_device::{Count, DeviceClock, Interruptions, Link};
-use randt_messages::ImuSample;
+use randt_messages::{ImuSample, Twist};
 use std::os::fd::BorrowedFd;
 use std::time::Instant;
 
-/// An IMU.
+/// An IMU, and velocities of the robot that come by lines. Its fields are the device, what is known
+/// of it, and what was counted.
 #[derive(Debug)]
 pub struct Imu {
     source: Box<dyn ReadingSource>,
+    twists: Twists,
+    has_twists: bool,
     axes: SensorAxes,
     silence_ns: i64,
     clock: DeviceClock,
@@ -53,6 +57,8 @@ impl Imu {
         let imu = &config.imu;
         Ok(Self {
             source: reading_source(imu)?,
+            twists: Twists::new(imu),
+            has_twists: imu.source == ImuSource::Line || !imu.twist_device.is_empty(),
             axes: SensorAxes {
                 rate: Axes::read_for_rates("rate_axes", &imu.rate_axes)?,
                 acceleration: Axes::read("acceleration_axes", &imu.acceleration_axes)?,
@@ -75,12 +81,28 @@ impl Imu {
         self.source.descriptor()
     }
 
+    /// The same of the wire that velocities have for themselves.
+    pub fn twist_descriptor(&self) -> Option<BorrowedFd<'_>> {
+        self.twists.descriptor()
+    }
+
+    /// Whether velocities of the robot can come.
+    pub fn has_twists(&self) -> bool {
+        self.has_twists
+    }
+
+    /// The velocities that came by the last polls. Stamps rise strictly.
+    pub fn drain_twists(&mut self) -> std::vec::Drain<'_, Twist> {
+        self.twists.drain()
+    }
+
     /// When to poll although nothing came; at once before the first poll.
     pub fn due_ns(&self) -> i64 {
         let Some(last_ns) = self.last_ns else {
             return i64::MIN;
         };
-        let mut due_ns = self.source.due_ns().unwrap_or(i64::MAX);
+        let dues = [self.source.due_ns(), self.twists.due_ns()];
+        let mut due_ns = dues.into_iter().flatten().min().unwrap_or(i64::MAX);
         if self.link.streams() || self.link == Link::Starting {
             due_ns = due_ns.min(last_ns.saturating_add(self.silence_ns + 1));
         }
@@ -104,6 +126,7 @@ impl Imu {
         self.last_ns.get_or_insert_with(clock);
         let mut readings = std::mem::take(&mut self.readings);
         self.source.poll(clock, &mut readings);
+        self.twists.poll(self.source.as_mut(), clock);
         let now_ns = clock();
         if self.source.reconnects() != self.counts.reconnects {
             self.counts.reconnects = self.source.reconnects();
@@ -167,6 +190,8 @@ impl Imu {
             Link::Warning(format!(
                 "{is_hz:.0} samples a second come instead of {asked_hz:.0}"
             ))
+        } else if !self.twists.complaint().is_empty() {
+            Link::Warning(self.twists.complaint().to_owned())
         } else {
             Link::Streaming
         };
@@ -210,6 +235,7 @@ impl Imu {
             Count::event("clock_resets", self.clock.restarts()),
         ];
         counts.extend(self.source.counts());
+        counts.extend(self.twists.counts());
         counts
     }
 

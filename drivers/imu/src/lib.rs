@@ -1,13 +1,14 @@
 //! An IMU to imu/sample: Phidgets Spatial by the vendor's library, MicroStrain MIP and Xsens
-//! MTData2 on serial ports.
+//! MTData2 on serial ports, any other by text lines; and the robot's velocity by such lines to
+//! robot/twist.
 //!
 //! Responsible for reaching the device and for reaching it again after anything, for SI units,
 //! axes and stamps in the one clock. Not responsible for attitude, bias or filtering: odometry
 //! does that.
 //!
-//! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`]) are pure and go
-//! both ways, because the emulators speak with them. This was never run with a device. It is
-//! tested against emulators, and the Phidgets' part with the vendor's own library.
+//! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`], [`line`]) are
+//! pure and go both ways, because the emulators speak with them. This was never run with a device.
+//! It is tested against emulators, and the Phidgets' part with the vendor's own library.
 
 mod axes;
 mod bytes;
@@ -15,6 +16,7 @@ pub mod command_sequence;
 mod error;
 pub mod frames;
 mod imu;
+pub mod line;
 pub mod mip;
 pub mod phidget;
 mod port;
@@ -23,6 +25,7 @@ mod reading;
 mod reading_source;
 mod sequence;
 mod serial;
+mod twists;
 mod upright;
 pub mod xsens;
 

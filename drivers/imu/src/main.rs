@@ -1,15 +1,15 @@
-//! `randt-imu`: an IMU to imu/sample, as a process.
+//! `randt-imu`: an IMU to imu/sample, and wheels by lines to robot/twist, as a process.
 
 use clap::Parser;
 use randt_imu::Imu;
-use randt_messages::{ImuSampleTopic, MessageRef};
-use randt_stage::{Descriptor, StageArguments, Waitable, WakeReason, ended, parse};
+use randt_messages::{ImuSampleTopic, MessageRef, TwistTopic};
+use randt_stage::{Descriptor, Publisher, StageArguments, Waitable, WakeReason, ended, parse};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// The IMU's driver: a Phidgets Spatial, a MicroStrain or an Xsens, as configured in section [imu]
-/// of robot.toml.
+/// The IMU's driver: a Phidgets Spatial, a MicroStrain, an Xsens, or any that sends text lines, as
+/// configured in section [imu] of robot.toml. Wheels that send such lines are read, too.
 ///
 /// A device that is not there is waited for, and one that was unplugged is found again.
 #[derive(Debug, Parser)]
@@ -32,6 +32,10 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     stage.follow_configuration(selection, &loaded.config, &["robot"], Some("imu"));
     let mut lost_before = 0;
     let mut samples = stage.publisher::<ImuSampleTopic>()?;
+    let mut twists: Option<Publisher<TwistTopic>> = None;
+    if imu.has_twists() {
+        twists = Some(stage.publisher()?);
+    }
     stage.running()?;
     loop {
         let mut failed = None;
@@ -42,18 +46,29 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         if let Some(error) = failed {
             return Err(error.into());
         }
+        for head in imu.drain_twists() {
+            if let Some(twists) = &mut twists {
+                let (head, items) = (&head, &[]);
+                twists.publish(MessageRef { head, items })?;
+            }
+        }
         stage.set_status(imu.link().text(), lost_before + imu.lost());
         let pause_ns = imu.due_ns().saturating_sub(stage.clock().now_ns()).max(0);
         let pause = Duration::from_nanos(pause_ns.unsigned_abs());
-        let descriptor = imu.descriptor().map(Descriptor::new).transpose()?;
-        let device = descriptor.as_ref().map(|device| device as &dyn Waitable);
-        if stage.wait(device.as_slice(), Some(pause))? == WakeReason::Stop {
+        let descriptors = [imu.descriptor(), imu.twist_descriptor()];
+        let descriptors = descriptors.into_iter().flatten().map(Descriptor::new);
+        let descriptors = descriptors.collect::<Result<Vec<_>, _>>()?;
+        let devices: Vec<&dyn Waitable> = descriptors.iter().map(|it| it as _).collect();
+        if stage.wait(&devices, Some(pause))? == WakeReason::Stop {
             return Ok(stage.close()?);
         }
         match stage.take_changed().map(|config| Imu::new(&config)) {
             Some(Ok(other)) => {
                 lost_before += imu.lost();
                 imu = other;
+                if imu.has_twists() && twists.is_none() {
+                    twists = Some(stage.publisher()?);
+                }
             }
             Some(Err(error)) => stage.log_info(&format!("the IMU stays as it was: {error}")),
             None => {}

@@ -1,5 +1,6 @@
 //! Where readings come from.
 
+use crate::line::{LineSource, TwistReading};
 use crate::{Error, Reading, Serial, mip::MipCodec, phidget::Spatial, xsens::XsensCodec};
 use randt_config::{ImuDriver, ImuSource};
 use randt_device::Count;
@@ -35,17 +36,27 @@ pub trait ReadingSource: Debug {
 
     /// What else was counted.
     fn counts(&self) -> Vec<Count>;
+
+    /// Velocities of the robot that came by the same wire since the last time; few protocols have
+    /// them.
+    fn drain_twists(&mut self, _sink: &mut dyn FnMut(TwistReading)) {}
 }
 
 /// The source that the configuration names.
 pub(crate) fn reading_source(config: &ImuDriver) -> Result<Box<dyn ReadingSource>, Error> {
     if config.source != ImuSource::Phidget22 && config.device.is_empty() {
-        let expected = "the serial port's path, such as /dev/serial/by-id/...";
+        let expected = match config.source {
+            ImuSource::Line => {
+                "a serial port's path, or an address to listen on, such as 0.0.0.0:6321"
+            }
+            _ => "the serial port's path, such as /dev/serial/by-id/...",
+        };
         return Err(Error::new("device", "", expected));
     }
     Ok(match config.source {
         ImuSource::Phidget22 => Box::new(Spatial::new(config)?),
         ImuSource::Mip => Box::new(Serial::<MipCodec>::new(config)),
         ImuSource::Xsens => Box::new(Serial::<XsensCodec>::new(config)),
+        ImuSource::Line => Box::new(LineSource::of_imu(config)),
     })
 }

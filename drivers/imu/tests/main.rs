@@ -8,5 +8,6 @@
 
 mod support;
 
+mod lines;
 mod serial;
 mod vendor_library;

@@ -36,6 +36,12 @@ pub struct Counters {
     pub gyro_bias_changes: u64,
     /// Spikes of the gyro's rate, left out.
     pub gyro_spikes: u64,
+    /// Scans by which the radar does not sit where it is configured ...
+    pub scans_mounting_off: u64,
+    /// ... and what is to be added to its place ahead, mm, and its yaw, mrad.
+    pub mounting_forward_mm: i64,
+    /// See there.
+    pub mounting_yaw_mrad: i64,
     /// Odometry frames opened after the first.
     pub frames_reopened: u64,
     /// Solves without a result.
@@ -78,6 +84,9 @@ persist!(Counters {
     gyro_fault,
     gyro_bias_changes,
     gyro_spikes,
+    scans_mounting_off,
+    mounting_forward_mm,
+    mounting_yaw_mrad,
     frames_reopened,
     solver_failures,
     imu_rejected,
@@ -132,6 +141,7 @@ impl Counters {
             self.imu_without_gravity,
             self.gyro_bias_changes,
             self.gyro_spikes,
+            self.scans_mounting_off,
             self.twists_rejected,
             self.scans_by_twist,
             self.scans_twist_refused,
@@ -164,6 +174,27 @@ impl Counters {
         "the gyro's bias moved more than a gyro's does: it is estimated anew by the radar".into()
     }
 
+    /// Where the radar sits by turns and straights.
+    pub fn mounting_text(&self) -> String {
+        let forward_m = self.mounting_forward_mm as f64 * 1e-3;
+        let yaw_rad = self.mounting_yaw_mrad as f64 * 1e-3;
+        let mut shown = Vec::new();
+        if forward_m != 0.0 {
+            shown.push(format!(
+                "turns show the radar {forward_m:+.2} m ahead of robot.radar_x_m"
+            ));
+        }
+        if yaw_rad != 0.0 {
+            shown.push(format!(
+                "straights show it turned by {yaw_rad:+.3} rad from robot.radar_yaw_rad"
+            ));
+        }
+        let shown = shown.join(", ");
+        format!(
+            "{shown}, or base_link is not the point that it turns about: randt calibrate extrinsics"
+        )
+    }
+
     /// That the acceleration shows no gravity.
     pub fn gravity_text(&self) -> String {
         let shown_m_s2 = self.imu_gravity_mm_s2 as f64 * 1e-3;
@@ -184,6 +215,11 @@ impl Odometry {
             counters.gyro_bias_changes = self.gyro_check.bias_changes;
             counters.gyro_spikes = gyro.rates().spikes;
             counters.gyro_fault = self.gyro_check.fault();
+        }
+        if let Some(offset) = self.mounting.offset() {
+            counters.scans_mounting_off = self.mounting.scans();
+            counters.mounting_forward_mm = (offset.forward_m * 1e3) as i64;
+            counters.mounting_yaw_mrad = (offset.yaw_rad * 1e3) as i64;
         }
         counters.twists_rejected += self.twist.rejected();
         counters

@@ -44,6 +44,7 @@ impl Odometry {
             overlap,
             tracking,
             keyframes,
+            mounting,
             frame,
             publisher,
             counters,
@@ -60,6 +61,7 @@ impl Odometry {
         overlap.save(out);
         tracking.save(out);
         keyframes.save(out);
+        mounting.save(out);
         frame.save(out);
         publisher.save(out);
         counters.save(out);
@@ -78,6 +80,7 @@ impl Odometry {
         self.overlap.restore(from)?;
         self.tracking.restore(from)?;
         self.keyframes.restore(from)?;
+        self.mounting.restore(from)?;
         self.frame.restore(from)?;
         self.publisher.restore(from)?;
         self.counters.restore(from)

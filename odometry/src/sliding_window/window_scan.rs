@@ -17,7 +17,7 @@ use crate::{
 use nalgebra::{Matrix2, Matrix3, Vector3};
 use randt_config::Config;
 use randt_geometry::marginalize_yaw;
-use randt_messages::{Localizability as Seen, MAX_BEAMS, MAX_RETURNS};
+use randt_messages::{Localizability as Seen, MAX_BEAMS, MAX_RETURNS, Trust};
 use randt_ndt::{Association, NormalEquations, ScanCell};
 use randt_persist::persist;
 
@@ -114,6 +114,11 @@ persist!(WindowScan {
 });
 
 impl WindowScan {
+    /// Whether its pose is fixed every way, and believed.
+    pub fn is_sure(&self) -> bool {
+        self.localizability.seen == Seen::Full && self.status.trust() == Trust::Good
+    }
+
     /// An empty one with room for the largest scan. What is never written costs no memory.
     pub fn with_room() -> Self {
         let mut scan = Self {

@@ -73,6 +73,14 @@ impl FaultKind {
     /// Samples have neither range nor order of their own, and these protocols no version.
     pub const NOT_OF_SERIAL: &'static [Self] =
         &[Self::Version, Self::Reordered, Self::Contour, Self::Jitter];
+    /// Lines by datagrams come whole, and have no connection.
+    pub const NOT_OF_LINE_BY_UDP: &'static [Self] = &[
+        Self::Close,
+        Self::Split,
+        Self::Version,
+        Self::Contour,
+        Self::Jitter,
+    ];
     /// Nor have they lengths and checksums where the vendor's library takes them from a server.
     pub const NOT_OF_PHIDGET: &'static [Self] = &[
         Self::Version,

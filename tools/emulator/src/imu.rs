@@ -4,17 +4,20 @@
 //! own clock, and the faults of a device whatever its protocol. Not responsible for bytes.
 
 mod device;
+mod line;
 mod mip;
 mod phidget;
 mod serial;
 mod terminal;
 mod xsens;
 
+pub use line::LineSender;
 pub use phidget::PhidgetServer;
 pub use serial::{SerialImu, SerialProtocol};
 
 use crate::{Error, FaultKind, Faults, Pace, Recording};
-use randt_messages::ImuSampleTopic;
+use randt_messages::{ImuSampleTopic, Message, Twist, TwistTopic};
+use std::path::Path;
 
 /// How fast a skewed device's clock is.
 const SKEW: f64 = 200e-6;
@@ -38,9 +41,11 @@ pub struct ImuMeasurement {
     pub acceleration_m_s2: [f64; 3],
 }
 
-/// The log's samples as a device measures them.
+/// The log's samples as a device measures them. Its fields are the log, the device's clock, and
+/// what goes wrong.
 pub struct ImuMeasurements {
     recording: Recording<ImuSampleTopic>,
+    twists: Option<Twists>,
     pace: Pace,
     faults: Faults,
     number: u64,
@@ -53,12 +58,21 @@ pub struct ImuMeasurements {
     interval_ns: i64,
 }
 
+/// The velocities of the same log.
+struct Twists {
+    recording: Recording<TwistTopic>,
+    /// The next one, and what is to be added to its stamp.
+    next: Option<(Message<TwistTopic>, i64)>,
+    number: u64,
+}
+
 impl ImuMeasurements {
     /// All samples of a recording.
     pub fn new(recording: Recording<ImuSampleTopic>, pace: Pace, faults: Faults) -> Self {
         let begin_ns = recording.begin_ns();
         Self {
             recording,
+            twists: None,
             pace,
             faults,
             number: 0,
@@ -68,6 +82,42 @@ impl ImuMeasurements {
             resets: 0,
             interval_ns: INTERVAL_NS,
         }
+    }
+
+    /// With the velocities of the same log, where it has some, for a device that sends both.
+    pub fn with_twists(mut self, path: &Path, endless: bool) -> Result<Self, Error> {
+        let mut recording = match Recording::open(path, endless) {
+            Ok(recording) => recording,
+            Err(Error::Empty { .. }) => return Ok(self),
+            Err(error) => return Err(error),
+        };
+        let next = recording.next_message()?;
+        self.twists = Some(Twists {
+            recording,
+            next,
+            number: 0,
+        });
+        Ok(self)
+    }
+
+    /// The next velocity that was measured before the last measurement: its number, the device's
+    /// time, ns, and itself.
+    pub fn next_twist(&mut self) -> Result<Option<(u64, i64, Twist)>, Error> {
+        let Some(twists) = &mut self.twists else {
+            return Ok(None);
+        };
+        let Some((twist, shift_ns)) = &twists.next else {
+            return Ok(None);
+        };
+        let stamp_ns = twist.head.header.stamp_ns.saturating_add(*shift_ns);
+        if stamp_ns > self.last_ns {
+            return Ok(None);
+        }
+        let device_ns = stamp_ns.saturating_sub(self.zero_ns) + self.ahead_ns as i64;
+        let next = (twists.number, device_ns, *twist.head);
+        twists.number += 1;
+        twists.next = twists.recording.next_message()?;
+        Ok(Some(next))
     }
 
     /// The next one; `None` at the recording's end.

@@ -45,6 +45,9 @@ pub struct SilentlyWrong {
     /// Largest error in translation of the motion over 10 s, or less, in which every scan is good,
     /// m.
     pub worst_good_10s_m: f64,
+    /// Largest error of the heading, accumulated since its frame began, where trust is good and an
+    /// IMU is used, degrees.
+    pub worst_good_heading_deg: f64,
     /// Share of the scans whose trust is good, 0..1; `None` where no scan has truth and trust.
     pub good_share: Option<f64>,
 }
@@ -55,8 +58,16 @@ struct Scan {
     estimate: Instant,
     truth: Instant,
     trust: TrustSpan,
-    /// Whether the heading, accumulated since the frame's start, is off.
+    /// Error of the heading, accumulated since the frame's start, degrees, and whether it is off.
+    heading_error_deg: f64,
     heading_is_off: bool,
+}
+
+impl Scan {
+    /// Whether the heading is believed.
+    fn has_good_heading(&self) -> bool {
+        self.trust.good && self.trust.imu
+    }
 }
 
 /// Counts the silent metres of a live estimate, whose poses are its scans. `trust` is in order of
@@ -73,8 +84,10 @@ pub fn silently_wrong(
 ) -> SilentlyWrong {
     let scans = scans(estimate, truth, trust);
     let good = scans.iter().filter(|scan| scan.trust.good).count();
+    let headings = scans.iter().filter(|scan| scan.has_good_heading());
     let mut found = SilentlyWrong {
         worst_good_10s_m: worst_good_m(&scans),
+        worst_good_heading_deg: headings.fold(0.0, |worst, scan| worst.max(scan.heading_error_deg)),
         good_share: (!scans.is_empty()).then(|| good as f64 / scans.len() as f64),
         ..SilentlyWrong::default()
     };
@@ -89,7 +102,7 @@ pub fn silently_wrong(
         let window = window(scans.get(index..).unwrap_or_default());
         let is_wrong = is_wrong(window);
         found.wrong_m += begins * u64::from(is_wrong);
-        let heading_is_off = scan.heading_is_off && scan.trust.good && scan.trust.imu;
+        let heading_is_off = scan.heading_is_off && scan.has_good_heading();
         found.silent_m += begins * u64::from(is_wrong && is_trusted(window) || heading_is_off);
     }
     found
@@ -125,6 +138,7 @@ fn scans(estimate: &Trajectory, truth: &Trajectory, trust: &[TrustSpan]) -> Vec<
                 estimate,
                 truth,
                 trust,
+                heading_error_deg: now.error_deg(),
                 heading_is_off: now.is_off(truth.path_m),
             })
         })
@@ -227,7 +241,11 @@ impl HeadingError {
 
     fn is_off(&self, path_m: f64) -> bool {
         let most_deg = WRONG_DEG + HEADING_DEG_PER_M * (path_m - self.begin_m);
-        self.accumulated_rad.abs().to_degrees() > most_deg
+        self.error_deg() > most_deg
+    }
+
+    fn error_deg(&self) -> f64 {
+        self.accumulated_rad.abs().to_degrees()
     }
 }
 

@@ -79,6 +79,23 @@ pub enum Fault {
     GyroScale,
     /// The IMU's clock steps by 0.3 s.
     ClockStep,
+    /// The IMU's stamps are 50 ms late.
+    #[value(name = "imu-late")]
+    ImuLate,
+    /// The gyro has a bias of 0.5 degrees/s.
+    BiasConstant,
+    /// The noise of the IMU is ten times as large.
+    ImuNoise,
+    /// The IMU sends nothing for 3 s.
+    ImuGap,
+    /// The IMU sends nothing any more.
+    ImuDies,
+    /// There is no IMU.
+    NoImu,
+    /// Ranges are 1 % too long.
+    RangeScale,
+    /// Intensities fall by 6 dB in 100 s.
+    Fading,
 }
 
 impl Fault {
@@ -114,7 +131,15 @@ impl Fault {
             Self::BiasStep => from_then_on(imu::bias(onset_s, |_| 1.0)),
             Self::BiasCreep => from_then_on(imu::bias(onset_s, |for_s| 0.01 * for_s)),
             Self::GyroScale => always(imu::gyro(|rate, _| 1.02 * rate)),
-            Self::ClockStep => from_then_on(imu::clock_step(onset_s)),
+            Self::ClockStep => from_then_on(imu::late(onset_s, 300)),
+            Self::ImuLate => always(imu::late(0.0, 50)),
+            Self::BiasConstant => always(imu::bias(0.0, |_| 0.5)),
+            Self::ImuNoise => always(imu::noise(random)),
+            Self::ImuGap => lasts(imu::silent(onset_s, 3.0), 3.0),
+            Self::ImuDies => from_then_on(imu::silent(onset_s, f64::INFINITY)),
+            Self::NoImu => always(imu::silent(0.0, f64::INFINITY)),
+            Self::RangeScale => always(radar::range_scale()),
+            Self::Fading => always(radar::fading()),
         }
     }
 
@@ -130,6 +155,11 @@ impl Fault {
             };
         }
         robot
+    }
+
+    /// Whether the pipeline has an IMU.
+    pub fn has_imu(self) -> bool {
+        self != Self::NoImu
     }
 
     /// Whether its drive is another one, and not the same events changed.

@@ -28,6 +28,8 @@ pub struct Done {
     pub misfits: u64,
     /// Why the first of them.
     pub first_misfit: Option<randt_config::Error>,
+    /// Stamp of the scan with which a fault of the IMU was named for the first time.
+    pub imu_fault_ns: Option<i64>,
     /// Whether Ctrl-C ended it before the input did.
     pub interrupted: bool,
 }
@@ -97,6 +99,7 @@ pub fn run(
         imu_samples: 0,
         misfits: 0,
         first_misfit: None,
+        imu_fault_ns: None,
         interrupted: false,
     };
     let mut reading = Instant::now();
@@ -122,6 +125,10 @@ pub fn run(
             }
         }
         done.pipeline.push(&event, &mut done.results);
+        let is_scan = matches!(event, Event::Scan(_));
+        if is_scan && done.imu_fault_ns.is_none() && done.pipeline.counters().has_imu_fault() {
+            done.imu_fault_ns = done.results.states.last().map(|it| it.header.stamp_ns);
+        }
         if interrupted() {
             done.interrupted = true;
             break;

@@ -223,6 +223,7 @@ pub fn reader_counters(path: &Path, input: &[Counter]) -> Counters {
 const GYRO_REFUSED: &str = "odometry_scans_gyro_refused";
 const WITHOUT_GRAVITY: &str = "odometry_imu_without_gravity";
 const BIAS_CHANGES: &str = "odometry_gyro_bias_changes";
+const MOUNTING_OFF: &str = "odometry_scans_mounting_off";
 
 /// All counters of odometry and mapper that are not zero.
 pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
@@ -248,6 +249,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         (WITHOUT_GRAVITY, odometry.imu_without_gravity),
         (BIAS_CHANGES, odometry.gyro_bias_changes),
         ("odometry_gyro_spikes", odometry.gyro_spikes),
+        (MOUNTING_OFF, odometry.scans_mounting_off),
         ("odometry_scans_by_twist", odometry.scans_by_twist),
         ("odometry_scans_twist_refused", odometry.scans_twist_refused),
         ("odometry_frames_reopened", odometry.frames_reopened),
@@ -269,6 +271,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
             WITHOUT_GRAVITY => odometry.gravity_text(),
             BIAS_CHANGES => odometry.bias_text(),
+            MOUNTING_OFF => odometry.mounting_text(),
             "odometry_scans_twist_refused" => odometry.twist_refused_text(),
             _ => String::new(),
         };

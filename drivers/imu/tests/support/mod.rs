@@ -2,12 +2,13 @@
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use randt_config::{Config, ImuSource};
-use randt_emulator::imu::{ImuMeasurements, SerialImu, SerialProtocol};
+use randt_emulator::imu::{ImuMeasurements, LineSender, SerialImu, SerialProtocol};
 use randt_emulator::{Fault, Faults, Pace, Recording};
 use randt_imu::Imu;
 use randt_log::{LogFile, Options};
-use randt_messages::{ImuSample, ImuSampleTopic, MessageRef};
+use randt_messages::{ImuSample, ImuSampleTopic, MessageRef, Twist, TwistTopic};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +18,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// Waiting for something takes this time before the test fails.
 pub const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A folder with a log of an IMU that stands still for a minute, turning slowly: 250 Hz.
+/// A folder with a log of a minute of an IMU that turns slowly, 250 Hz, and of wheels, 50 Hz.
 pub struct Drive {
     folder: tempfile::TempDir,
 }
@@ -37,6 +38,16 @@ impl Drive {
             let (head, items) = (&sample, &[]);
             log.write(MessageRef::<ImuSampleTopic> { head, items })
                 .unwrap();
+            if i % 5 == 0 {
+                let mut twist = Twist {
+                    velocity: [0.5, 0.0, 0.25],
+                    ..Twist::default()
+                };
+                twist.covariance[0] = 0.0625;
+                twist.header.stamp_ns = sample.header.stamp_ns + 1_000_000;
+                let (head, items) = (&twist, &[]);
+                log.write(MessageRef::<TwistTopic> { head, items }).unwrap();
+            }
         }
         log.finish().unwrap();
         Self { folder }
@@ -50,7 +61,17 @@ impl Drive {
         let faults: Vec<Fault> = faults.iter().map(|text| text.parse().unwrap()).collect();
         let recording = Recording::open(&self.path("drive.mcap"), true).unwrap();
         let pace = Pace::new(recording.begin_ns(), None);
-        ImuMeasurements::new(recording, pace, Faults::new(faults).seeded(seed))
+        let faults = Faults::new(faults).seeded(seed);
+        let measurements = ImuMeasurements::new(recording, pace, faults);
+        let log = self.path("drive.mcap");
+        measurements.with_twists(&log, true).unwrap()
+    }
+
+    /// Sends lines as datagrams.
+    pub fn lines(&self, to: SocketAddr, faults: &[&str]) -> Emulated {
+        let mut sender = LineSender::open(to).unwrap();
+        let mut measurements = self.measurements(faults, 1);
+        Emulated::new(move |ends| sender.run(&mut measurements, ends).unwrap())
     }
 
     /// Plugs a serial IMU in; its port is the link `imu`.
@@ -106,6 +127,7 @@ impl Drop for Emulated {
 pub struct Driven {
     pub imu: Imu,
     pub samples: Vec<ImuSample>,
+    pub twists: Vec<Twist>,
     /// Every text of its link, with when it came.
     pub texts: Vec<(Instant, String)>,
     pub polls: u64,
@@ -116,6 +138,7 @@ impl Driven {
         Self {
             imu: Imu::new(config).unwrap(),
             samples: Vec::new(),
+            twists: Vec::new(),
             texts: Vec::new(),
             polls: 0,
         }
@@ -126,6 +149,7 @@ impl Driven {
         let samples = &mut self.samples;
         self.imu
             .poll_by(&now_ns, &mut |sample| samples.push(*sample));
+        self.twists.extend(self.imu.drain_twists());
         self.polls += 1;
         let text = self.imu.link().text();
         if self.texts.last().is_none_or(|(_, last)| last != text) {
@@ -136,9 +160,11 @@ impl Driven {
             tv_sec: 0,
             tv_nsec: pause_ns,
         };
-        let mut on: Vec<PollFd<'_>> = Vec::new();
-        let descriptor = self.imu.descriptor();
-        on.extend(descriptor.as_ref().map(|fd| PollFd::new(fd, PollFlags::IN)));
+        let descriptors = [self.imu.descriptor(), self.imu.twist_descriptor()];
+        let descriptors = descriptors.iter().flatten();
+        let mut on: Vec<PollFd<'_>> = descriptors
+            .map(|fd| PollFd::new(fd, PollFlags::IN))
+            .collect();
         let _ = poll(&mut on, Some(&pause));
     }
 

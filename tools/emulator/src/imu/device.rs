@@ -2,6 +2,7 @@
 
 use super::ImuMeasurement;
 use crate::wrong_content::WrongContent;
+use randt_messages::Twist;
 
 /// A device without its port: commands in, answers and measurements out. Switched on it is idle:
 /// it streams only what it was configured to.
@@ -14,6 +15,18 @@ pub(super) trait Device: Send {
 
     /// An unrequested message, well-formed and with wrong content.
     fn wrong(&self, measurement: &ImuMeasurement, wrong: &mut WrongContent) -> Vec<u8>;
+
+    /// A velocity of the robot as a message; none where the protocol has none.
+    fn twist(&self, _number: u64, _device_ns: i64, _twist: &Twist) -> Option<Vec<u8>> {
+        None
+    }
+
+    /// Lets its checksum be wrong.
+    fn damage(&self, message: &mut [u8]) {
+        if let Some(last) = message.last_mut() {
+            *last ^= 0x55;
+        }
+    }
 
     /// The beginning of a message that claims to be longer than any.
     fn oversize(&self) -> &'static [u8];

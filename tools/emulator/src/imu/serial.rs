@@ -4,6 +4,7 @@
 //! that goes and comes back under another name. Not responsible for the protocol's bytes.
 
 use super::device::Device;
+use super::line::LineDevice;
 use super::mip::MipDevice;
 use super::terminal::{Terminal, link};
 use super::xsens::XsensDevice;
@@ -32,6 +33,8 @@ pub enum SerialProtocol {
     Mip,
     /// Xsens MTData2.
     Xsens,
+    /// Text lines.
+    Line,
 }
 
 impl SerialProtocol {
@@ -39,6 +42,7 @@ impl SerialProtocol {
         match self {
             Self::Mip => Box::<MipDevice>::default(),
             Self::Xsens => Box::<XsensDevice>::default(),
+            Self::Line => Box::<LineDevice>::default(),
         }
     }
 }
@@ -151,6 +155,12 @@ impl SerialImu {
             } else if !silent && !measurements.is_lost(&measurement) {
                 self.send(&measurement, measurements, false);
             }
+            while let Some((number, device_ns, twist)) = measurements.next_twist()? {
+                if let Some(plugged) = self.plugged.as_mut().filter(|_| !silent) {
+                    let message = plugged.device.twist(number, device_ns, &twist);
+                    plugged.held.extend(message.unwrap_or_default());
+                }
+            }
         }
         self.unplug();
         Ok(())
@@ -167,10 +177,8 @@ impl SerialImu {
         let at_s = measurements.at_s(measurement.stamp_ns);
         let on = |kind| measurements.faults().is_on(kind, at_s);
         let corrupted = |kind| on(kind) && measurement.number.is_multiple_of(CORRUPTED_EVERY);
-        if corrupted(FaultKind::Checksum)
-            && let Some(last) = message.last_mut()
-        {
-            *last ^= 0x55;
+        if corrupted(FaultKind::Checksum) {
+            plugged.device.damage(&mut message);
         }
         if half || corrupted(FaultKind::Cut) {
             message.truncate(message.len() / 2);

@@ -2,14 +2,16 @@
 
 use super::Change;
 use randt_readers::Event;
+use randt_simulator::Random;
 
 /// One rate in that many is a spike, and how large it is, rad/s.
 const SPIKE_EVERY: u32 = 500;
 const SPIKE_RAD_S: f64 = 5.0;
 /// Standard gravity, m/s^2.
 const GRAVITY_M_S2: f64 = 9.806_65;
-/// How far its clock steps, ns.
-const CLOCK_STEP_NS: i64 = 300_000_000;
+/// Ten times the noise of the simulated IMU.
+const NOISE_RAD_S: f64 = 0.03;
+const NOISE_M_S2: f64 = 0.2;
 
 /// A gyro that sends something else than the yaw rate, given that and the time, s.
 pub(super) fn gyro(mut lie: impl FnMut(f64, f64) -> f64 + 'static) -> Change {
@@ -80,14 +82,36 @@ pub(super) fn bias(from_s: f64, bias_deg_s: impl Fn(f64) -> f64 + 'static) -> Ch
     })
 }
 
-/// Its stamps are late from then on.
-pub(super) fn clock_step(from_s: f64) -> Change {
+/// Its stamps are late from then on, ms.
+pub(super) fn late(from_s: f64, late_ms: i64) -> Change {
     Box::new(move |event, at_s| {
         if let Event::Imu(sample) = event
             && at_s >= from_s
         {
-            sample.header.stamp_ns += CLOCK_STEP_NS;
+            sample.header.stamp_ns += late_ms * 1_000_000;
         }
         true
+    })
+}
+
+/// Noise is added.
+pub(super) fn noise(mut random: Random) -> Change {
+    Box::new(move |event, _| {
+        if let Event::Imu(sample) = event {
+            let [rates, accelerations] = [&mut sample.rate_rad_s, &mut sample.acceleration_m_s2];
+            for (values, sigma) in [(rates, NOISE_RAD_S), (accelerations, NOISE_M_S2)] {
+                values
+                    .iter_mut()
+                    .for_each(|value| *value += sigma * random.normal());
+            }
+        }
+        true
+    })
+}
+
+/// It sends nothing.
+pub(super) fn silent(from_s: f64, for_s: f64) -> Change {
+    Box::new(move |event, at_s| {
+        !(matches!(event, Event::Imu(_)) && (from_s..from_s + for_s).contains(&at_s))
     })
 }

@@ -26,6 +26,10 @@ const GHOST_DB: f64 = 3.0;
 const LOST_SHARE: f64 = 0.3;
 /// The hidden sector.
 const SECTOR_RAD: f64 = PI / 2.0;
+/// Ranges against the true ones.
+const RANGE_SCALE: f32 = 1.01;
+/// Loss of gain.
+const FADING_DB_S: f64 = 0.06;
 /// Largest error of a scan's stamps.
 const JITTER_NS: f64 = 15e6;
 /// Share of scans that are missing, and the longer gaps: their period and their length.
@@ -46,6 +50,27 @@ pub(super) fn mirrored() -> Change {
     scans(|scan, _| {
         for beam in &mut scan.head.sweep.beams {
             beam.azimuth_rad = -beam.azimuth_rad;
+        }
+        true
+    })
+}
+
+/// Its ranges are too long.
+pub(super) fn range_scale() -> Change {
+    scans(|scan, _| {
+        for item in &mut scan.items {
+            item.range_m *= RANGE_SCALE;
+        }
+        true
+    })
+}
+
+/// Its receiver loses gain.
+pub(super) fn fading() -> Change {
+    scans(|scan, at_s| {
+        let fall_db = (FADING_DB_S * at_s) as f32;
+        for item in &mut scan.items {
+            item.intensity -= fall_db;
         }
         true
     })

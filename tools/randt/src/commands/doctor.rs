@@ -40,7 +40,7 @@ pub struct Arguments {
 /// What else there is to examine.
 #[derive(Debug, clap::Subcommand)]
 enum Subject {
-    /// Radar and IMU: reached, rate, stamps, gravity, sense of rotation
+    /// Radar and IMU: reached, rate, stamps, gravity, rates that lie, whether radar and gyro agree
     Sensors(sensors::Arguments),
 }
 

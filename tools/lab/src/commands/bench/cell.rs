@@ -24,6 +24,9 @@ const FLAGGED_MAX_NS: i64 = 30_000_000_000;
 /// A kidnapping that is flagged within this time opens a new frame of the truth, ns: no window is
 /// judged over it then.
 const SPLICE_FLAGGED_MAX_NS: i64 = 5_000_000_000;
+/// A fault has an effect from this error on, m and rad (1 degree).
+const EFFECT_M: f64 = 0.2;
+const EFFECT_RAD: f64 = 0.017_453;
 /// A step of the truth that no robot drives, m: the truth comes every 20 ms.
 const SPLICE_M: f64 = 0.5;
 
@@ -40,7 +43,12 @@ pub(super) fn measure(
         truth: Vec::new(),
         supports: BTreeMap::new(),
     };
-    let mut done = job::run(&mut source, config, true, &indicatif::ProgressBar::hidden())?;
+    let mut done = job::run(
+        &mut source,
+        config,
+        fault.has_imu(),
+        &indicatif::ProgressBar::hidden(),
+    )?;
     if done.interrupted {
         return Ok(None);
     }
@@ -185,6 +193,8 @@ fn figures(
     });
     let again = fault.and_then(|fault| seconds_until(&trusts, true, fault.end_ns, last_ns));
     let first_ns = trusts.first().map_or(0, |scan| scan.stamp_ns);
+    let onset_ns = fault.map_or(first_ns, |fault| fault.begin_ns);
+    let since_onset_s = |at_ns: i64| (at_ns - onset_ns) as f64 * 1e-9;
     let count = |count: usize| Some(count as f64);
     Ok(Figures {
         duration_s: Some((last_ns - first_ns) as f64 * 1e-9),
@@ -192,6 +202,7 @@ fn figures(
         silent_m: Some(silent.silent_m as f64),
         wrong_m: Some(silent.wrong_m as f64),
         worst_good_10s_m: Some(silent.worst_good_10s_m),
+        heading_deg: Some(silent.worst_good_heading_deg),
         loops: loops.map(|l| l.loops as f64),
         false_loops: loops.map(|l| l.false_loops.len() as f64),
         recall: loops.and_then(|l| l.recall),
@@ -209,6 +220,8 @@ fn figures(
         nees_standstill: nees(Motion::Standstill),
         flagged_s: flagged,
         good_again_s: again,
+        effect_s: effect_ns(states, results.truth(), onset_ns).map(since_onset_s),
+        named_s: done.imu_fault_ns.map(since_onset_s),
         stretches: count(stretches.count),
         stretches_late: count(stretches.late),
         stretch_flagged_s: stretches.flagged_s,
@@ -221,6 +234,26 @@ fn figures(
         live_ate_m: live.and_then(|e| e.ate_rmse_m),
         final_ate_m: judgement.evaluation.ate_rmse_m,
     })
+}
+
+/// The first scan whose pose, since an instant, is off by more than an effect is.
+fn effect_ns(states: &[OdometryState], truth: &Trajectory, from_ns: i64) -> Option<i64> {
+    let stamp_ns = |state: &OdometryState| state.header.stamp_ns;
+    let pose = |state: &OdometryState| Transform::from(Pose2::from_array(state.pose));
+    let begin = states.iter().rfind(|state| stamp_ns(state) <= from_ns);
+    let begin = begin.or(states.first())?;
+    let truth_begin = truth_at(truth, stamp_ns(begin))?;
+    let later = states.iter().filter(|state| stamp_ns(state) > from_ns);
+    let mut later = later.filter(|state| state.odom_frame_id == begin.odom_frame_id);
+    let is_off = |state: &&OdometryState| {
+        let driven = pose(begin).between(&pose(state));
+        let true_way = truth_at(truth, stamp_ns(state)).map(|there| truth_begin.between(&there));
+        true_way.is_some_and(|way| {
+            let error = way.between(&driven);
+            error.distance_m() > EFFECT_M || error.angle_rad() > EFFECT_RAD
+        })
+    };
+    later.find(is_off).map(stamp_ns)
 }
 
 fn scan_trust(state: &OdometryState) -> ScanTrust {

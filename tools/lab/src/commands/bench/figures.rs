@@ -71,6 +71,8 @@ figures! {
     wrong_m: Less, 0;
     /// Largest error over 10 s of good trust.
     worst_good_10s_m: Less, 3;
+    /// Largest error of the heading under good trust, since its frame's start.
+    heading_deg: Less, 1;
     /// Accepted loops.
     loops: More, 0;
     /// Of those, false ones.
@@ -105,6 +107,11 @@ figures! {
     flagged_s: Less, 1;
     /// Seconds from the fault's end until trust was good again; likewise.
     good_again_s: Less, 1;
+    /// Seconds from the fault's onset, or the drive's begin, until the live pose was off by over 1
+    /// degree or 0.2 m since then; none where it never was.
+    effect_s: Neither, 1;
+    /// The same until the IMU's fault was in words; without a fault an alarm.
+    named_s: Neither, 1;
     /// Degenerate stretches.
     stretches: Neither, 0;
     /// Of those, the ones that were flagged later than 1 s or 1 m after the last scan with an end

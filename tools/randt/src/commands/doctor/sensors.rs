@@ -1,8 +1,10 @@
 //! `randt doctor sensors`: whether radar and IMU answer, and make sense.
 
 mod capture;
+mod estimate;
 mod imu;
 mod radar;
+mod rates;
 mod turning;
 
 use super::print_findings;
@@ -44,6 +46,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         findings.extend(imu::check(&config, of_imu));
         findings.push(radar::check_sense(&seen.radar, of_imu));
     }
+    findings.extend(seen.estimate.check(seen.twists.len()));
     let imu = if arguments.no_imu {
         String::new()
     } else {

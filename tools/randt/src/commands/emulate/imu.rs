@@ -3,9 +3,9 @@
 use super::Common;
 use crate::exit::Outcome;
 use clap::ValueEnum;
-use randt_emulator::imu::{ImuMeasurements, PhidgetServer, SerialImu, SerialProtocol};
+use randt_emulator::imu::{ImuMeasurements, LineSender, PhidgetServer, SerialImu, SerialProtocol};
 use randt_emulator::{FaultKind, Pace, Recording};
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 /// Arguments of `randt emulate imu`.
@@ -16,12 +16,13 @@ pub struct Arguments {
     /// What it speaks
     #[arg(long, value_enum)]
     proto: Proto,
-    /// mip, xsens: a link to the serial port, which stays when the port gets another name
+    /// mip, xsens, line: a link to the serial port, which stays when the port gets another name
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// phidget: where the network server listens
-    #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:5661")]
-    address: SocketAddr,
+    /// phidget: where the network server listens, 127.0.0.1:5661 if not given. line: where
+    /// datagrams go; if not given, a serial port
+    #[arg(long, value_name = "IP:PORT", conflicts_with = "link")]
+    address: Option<SocketAddr>,
     /// phidget: the device's serial number
     #[arg(long, value_name = "NUMBER", default_value_t = 123_456)]
     serial: u32,
@@ -35,7 +36,12 @@ enum Proto {
     Mip,
     /// An Xsens MTi on a pseudo-terminal
     Xsens,
+    /// Any IMU that sends text lines (docs/lines.md), with the log's velocities
+    Line,
 }
+
+/// The vendor's port.
+const PHIDGET_SERVER: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 5661);
 
 /// Emulates.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
@@ -44,6 +50,10 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         Proto::Phidget => faults.check("phidget", FaultKind::NOT_OF_PHIDGET)?,
         Proto::Mip => faults.check("mip", FaultKind::NOT_OF_SERIAL)?,
         Proto::Xsens => faults.check("xsens", FaultKind::NOT_OF_SERIAL)?,
+        Proto::Line if arguments.address.is_some() => {
+            faults.check("line by UDP", FaultKind::NOT_OF_LINE_BY_UDP)?;
+        }
+        Proto::Line => faults.check("line", FaultKind::NOT_OF_SERIAL)?,
     }
     let recording = Recording::open(&arguments.common.log, arguments.common.endless)?;
     let pace = Pace::new(recording.begin_ns(), arguments.common.at);
@@ -51,13 +61,23 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let ends: &dyn Fn() -> bool = &crate::job::interrupted;
     let protocol = match arguments.proto {
         Proto::Phidget => {
-            let mut server = PhidgetServer::open(arguments.address, arguments.serial)?;
+            let address = arguments.address.unwrap_or(PHIDGET_SERVER);
+            let mut server = PhidgetServer::open(address, arguments.serial)?;
             eprintln!("Phidget network server: {}", server.address());
             server.run(&mut measurements, ends)?;
             return Ok(Outcome::Good);
         }
         Proto::Mip => SerialProtocol::Mip,
         Proto::Xsens => SerialProtocol::Xsens,
+        Proto::Line => {
+            let common = &arguments.common;
+            measurements = measurements.with_twists(&common.log, common.endless)?;
+            if let Some(to) = arguments.address {
+                LineSender::open(to)?.run(&mut measurements, ends)?;
+                return Ok(Outcome::Good);
+            }
+            SerialProtocol::Line
+        }
     };
     let mut imu = SerialImu::open(protocol, arguments.link.as_deref())?;
     if let Some(path) = imu.path() {

@@ -1,6 +1,7 @@
 //! What the sensors send, seen for some seconds: by way of a driver that runs, else by one of our
 //! own.
 
+use super::estimate::LiveEstimate;
 use super::turning::Panorama;
 use crate::commands::doctor::finding::Finding;
 use randt_config::Config;
@@ -8,7 +9,7 @@ use randt_device::{Count, Link};
 use randt_imu::Imu;
 use randt_messages::{
     ImuSample, ImuSampleTopic, Message, MessageRef, RadarScan, Return, ScanHead, SensorKind,
-    StageHealth, StageHealthTopic, SweepHead, health::text_of,
+    StageHealth, StageHealthTopic, SweepHead, Twist, TwistTopic, health::text_of,
 };
 use randt_radar::Radar;
 use randt_stage::{Clock, Domain, Observer, Registry, Subscriber};
@@ -89,11 +90,31 @@ pub struct Sweep {
     pub panorama: Panorama,
 }
 
-/// Both sensors.
-#[derive(Debug)]
+/// Both sensors, the robot's velocity where it has one, and what odometry makes of them.
 pub struct Both {
     pub radar: Seen<Sweep>,
     pub imu: Option<Seen<ImuSample>>,
+    pub twists: Vec<Twist>,
+    pub estimate: LiveEstimate,
+}
+
+impl Both {
+    fn take_scan(&mut self, now_ns: i64, scan: MessageRef<'_, RadarScan>) {
+        self.radar.take(now_ns, scan);
+        self.estimate.push_scan(scan);
+    }
+
+    fn take_sample(&mut self, now_ns: i64, sample: &ImuSample) {
+        if let Some(of_imu) = &mut self.imu {
+            of_imu.came.push((now_ns, *sample));
+        }
+        self.estimate.push_imu(sample);
+    }
+
+    fn take_twist(&mut self, twist: &Twist) {
+        self.twists.push(*twist);
+        self.estimate.push_twist(twist);
+    }
 }
 
 impl Seen<Sweep> {
@@ -119,6 +140,8 @@ pub fn capture(
     let mut seen = Both {
         radar: Seen::default(),
         imu: use_imu.then(Seen::default),
+        twists: Vec::new(),
+        estimate: LiveEstimate::new(config, use_imu),
     };
     let mut bus = Bus::default();
     if lives("radar") || lives("imu") {
@@ -147,11 +170,14 @@ pub fn capture(
                 scan.items.resize(sweep.len(), Return::default());
                 sweep.write_head(sensor, &mut scan.head);
                 sweep.write_items(&mut scan.items);
-                seen.radar.take(now_ns, scan.as_ref());
+                seen.take_scan(now_ns, scan.as_ref());
             });
         }
-        if let (Some(imu), Some(of_imu)) = (&mut imu, &mut seen.imu) {
-            imu.poll(now_ns, &mut |sample| of_imu.came.push((now_ns, *sample)));
+        if let Some(imu) = &mut imu {
+            imu.poll(now_ns, &mut |sample| seen.take_sample(now_ns, sample));
+            for twist in imu.drain_twists() {
+                seen.take_twist(&twist);
+            }
         }
         bus.read(now_ns, &mut seen)?;
         std::thread::sleep(POLL_PERIOD);
@@ -170,6 +196,7 @@ pub fn capture(
 struct Bus {
     scans: Option<Subscriber<RadarScan>>,
     samples: Option<Subscriber<ImuSampleTopic>>,
+    twists: Option<Subscriber<TwistTopic>>,
     health: Option<Subscriber<StageHealthTopic>>,
     /// When this began: what was sent before is history.
     begin_ns: i64,
@@ -185,6 +212,7 @@ impl Bus {
         Ok(Self {
             scans: radar.then(|| observer.subscriber()).transpose()?,
             samples: imu.then(|| observer.subscriber()).transpose()?,
+            twists: imu.then(|| observer.subscriber()).transpose()?,
             health: Some(observer.subscriber()?),
             begin_ns: observer.clock().now_ns(),
             observer: Some(observer),
@@ -200,15 +228,22 @@ impl Bus {
             observer.read(scans, |scan| {
                 let published_ns = scan.header().published_ns;
                 if published_ns > begin_ns {
-                    seen.radar.take(published_ns, scan);
+                    seen.take_scan(published_ns, scan);
                 }
             })?;
         }
-        if let (Some(samples), Some(of_imu)) = (&mut self.samples, &mut seen.imu) {
+        if let Some(samples) = &mut self.samples {
             observer.read(samples, |sample| {
                 let published_ns = sample.header().published_ns;
                 if published_ns > begin_ns {
-                    of_imu.came.push((published_ns, *sample.head));
+                    seen.take_sample(published_ns, sample.head);
+                }
+            })?;
+        }
+        if let Some(twists) = &mut self.twists {
+            observer.read(twists, |twist| {
+                if twist.header().published_ns > begin_ns {
+                    seen.take_twist(twist.head);
                 }
             })?;
         }

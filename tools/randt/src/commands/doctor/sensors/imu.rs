@@ -1,9 +1,12 @@
 //! Whether the IMU's samples make sense.
 
 use super::capture::Seen;
+use super::rates;
 use crate::commands::doctor::finding::Finding;
+use nalgebra::Vector3;
 use randt_config::{Config, ImuSource};
 use randt_filter::{Mounting, MountingCheck};
+use randt_geometry::Quaternion;
 use randt_messages::ImuSample;
 
 const ABOUT: &str = "imu";
@@ -20,7 +23,8 @@ pub fn check(config: &Config, seen: &Seen<ImuSample>) -> Vec<Finding> {
     }
     found.push(rate(config, seen));
     found.push(stamps(config, seen));
-    found.push(gravity(seen));
+    found.push(gravity(config, seen));
+    found.extend(rates::check(seen));
     found
 }
 
@@ -35,7 +39,10 @@ fn reached(config: &Config, seen: &Seen<ImuSample>) -> Finding {
         ImuSource::Phidget22 => {
             "is it plugged in? lsusb -d 06c2: shows it; rights: a udev rule for 06c2"
         }
-        _ => {
+        ImuSource::Line => {
+            "does its device send to imu.device, lines as docs/lines.md has them? A firewall may drop datagrams; rights of a port: group dialout"
+        }
+        ImuSource::Mip | ImuSource::Xsens => {
             "ls -l /dev/serial/by-id/ shows what is plugged in; imu.device names it; rights: group dialout"
         }
     };
@@ -75,6 +82,12 @@ fn stamps(config: &Config, seen: &Seen<ImuSample>) -> Finding {
     let text = format!(
         "stamps rise, longest step {longest_ms:.1} ms, arrival {delay_ms:.1} ms later in the middle"
     );
+    let is_set = |count: &&randt_device::Count| count.name == "clock_resets" && count.value > 0;
+    if let Some(resets) = seen.counts.iter().find(is_set) {
+        let text = format!("the device's clock was set {} times; {text}", resets.value);
+        let fix = "does it begin anew, by its supply? A clock that is set to another one's time must not step";
+        return Finding::bad(ABOUT, text, fix);
+    }
     match gaps {
         _ if steps.clone().any(|step| step <= 0) => Finding::bad(
             ABOUT,
@@ -90,24 +103,33 @@ fn stamps(config: &Config, seen: &Seen<ImuSample>) -> Finding {
     }
 }
 
-fn gravity(seen: &Seen<ImuSample>) -> Finding {
+/// Length and direction, as the robot has it.
+fn gravity(config: &Config, seen: &Seen<ImuSample>) -> Finding {
     const ABOUT: &str = "gravity";
+    let robot = &config.robot;
+    let base_from_imu =
+        Quaternion::from_roll_pitch_yaw(robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
     let mut check = MountingCheck::default();
-    let found = seen.came.iter().find_map(|(_, sample)| {
-        check.push(sample.header.stamp_ns, sample.acceleration_m_s2.into())
-    });
+    let mut mean_m_s2 = Vector3::zeros();
+    let mut found = None;
+    for (_, sample) in &seen.came {
+        let force_m_s2 = base_from_imu.rotate(Vector3::from(sample.acceleration_m_s2));
+        mean_m_s2 += force_m_s2 / seen.came.len() as f64;
+        found = found.or_else(|| check.push(sample.header.stamp_ns, force_m_s2));
+    }
+    let length_m_s2 = mean_m_s2.norm();
+    let Some(found) = found else {
+        let text = format!("there is none: the mean acceleration is {length_m_s2:.2} m/s^2");
+        let fix = "the IMU must send specific force in m/s^2, gravity included: neither in g nor \"linear acceleration\"";
+        return Finding::bad(ABOUT, text, fix);
+    };
+    let text = format!(
+        "up is {} of the robot, {length_m_s2:.2} m/s^2",
+        found.up_axis()
+    );
     let fix = "stand the robot level; then set imu.acceleration_axes (sign) or robot.imu_roll_rad (mounting)";
-    match found {
-        None => {
-            let text = "there is none: no acceleration between 5 and 15 m/s^2";
-            Finding::bad(ABOUT, text, fix)
-        }
-        Some(found) => {
-            let text = format!("up is {}", found.up_axis());
-            match found.mounting {
-                Mounting::Upright => Finding::ok(ABOUT, text),
-                _ => Finding::warn(ABOUT, text + " in the IMU's axes", fix),
-            }
-        }
+    match found.mounting {
+        Mounting::Upright => Finding::ok(ABOUT, text),
+        _ => Finding::bad(ABOUT, text, fix),
     }
 }
