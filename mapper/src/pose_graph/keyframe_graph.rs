@@ -1,7 +1,9 @@
 //! The pose graph of the map: a node for every keyframe, constraints of odometry, loop closures.
 
 use super::saved::{SavedAttachment, SavedEdge, SavedGraph, SavedLoop, SavedPose};
-use super::{Attachment, Edge, Error, Loop, LoopId, PoseGraph, Prior, Report, position_sigma_m};
+use super::{
+    Attachment, Edge, Error, Loop, LoopId, Marginals, PoseGraph, Prior, Report, position_sigma_m,
+};
 use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::verification::LoopClosure;
@@ -183,6 +185,11 @@ impl KeyframeGraph {
             older_from_newer,
             covariance,
         })
+    }
+
+    /// How well all keyframes are known from each other.
+    pub fn marginals(&self) -> Option<Marginals<'_>> {
+        self.graph.marginals().ok()
     }
 
     /// Where all keyframes are in the map; poses of different components have nothing in common.
