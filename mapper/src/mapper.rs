@@ -6,7 +6,7 @@ use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::known_ground::KnownGround;
 use crate::occupancy::{Grid, GridKeyframe, GridUpdate};
 use crate::place_recognition::PlaceRecognition;
-use crate::pose_graph::{KeyframeGraph, Loop};
+use crate::pose_graph::{KeyframeGraph, Loop, Marginals};
 use crate::verification::{ComponentMerger, LoopClosure, LoopStatus, LoopVerification};
 use nalgebra::Matrix3;
 use randt_config::Config;
@@ -145,6 +145,12 @@ impl Mapper {
     /// Where they are in the map; poses of different components have nothing in common.
     pub fn poses(&self) -> &[Pose2] {
         self.graph.poses()
+    }
+
+    /// How well the keyframes that are nodes of the graph are known from each other; `None` where
+    /// its equations have no solution.
+    pub fn marginals(&self) -> Option<Marginals<'_>> {
+        self.graph.marginals()
     }
 
     /// Whether a keyframe is a node of the graph; on known ground it stands on one.

@@ -31,6 +31,7 @@
 //! # Ok::<(), randt_mapper::pose_graph::Error>(())
 //! ```
 
+mod chordal;
 mod components;
 mod consensus;
 mod covariance;
@@ -52,9 +53,9 @@ mod visitors;
 pub use consensus::Recheck;
 pub use edge::Edge;
 pub use error::Error;
-pub use graph::{Attachment, Loop, LoopId, PoseGraph};
+pub use graph::{Attachment, Loop, LoopId, Marginals, PoseGraph};
 pub(crate) use keyframe_graph::KeyframeGraph;
 pub(crate) use prior::{Prior, deviation, position_sigma_m};
 pub(crate) use saved::SavedGraph;
-pub use solver::Report;
+pub use solver::{Report, Start};
 pub(crate) use visitors::Visitors;

@@ -10,13 +10,14 @@
 //! 2. Loops that agree on the same two stretches form a cluster (pairwise consistency, Mangelson
 //!    et al. 2018, by short cycles only). Ten loops of one mistake are one support, not ten.
 //! 3. Group by cluster, in the order in which they came, the innovation is held against its
-//!    covariance.
+//!    covariance. A loop alone waits where its gate is so wide that false ones lie in it by chance.
 //! 4. The innovations also show how large errors really are, compared with what the edges claim.
 //! 5. Clusters that were turned away may be reinstated once everything is known, by truncated
-//!    least squares (as in Yang et al. 2020).
+//!    least squares (as in Yang et al. 2020), and single loops by their innovation then.
 //!
 //! Not responsible for the weights between re-checks.
 
+mod chance;
 mod clusters;
 mod consistency;
 mod growth;
@@ -105,16 +106,7 @@ pub(super) fn judge(poses: &[Pose2], odometry: &[Edge], loops: &[&Edge]) -> Resu
         return Ok(Judged::default());
     };
     let noise = problem.gate / GATE;
-    let mut result = problem.reinstate(&clusters, result)?;
-    if noise < 1.0 {
-        // Judged more sharply than it claims, a loop may come back where it lies within its claim
-        // after all: noise is a mean, and good loops have tails.
-        let claimed = Problem {
-            gate: GATE,
-            ..problem
-        };
-        result = claimed.solve_truncated(result.poses, result.on)?;
-    }
+    let result = problem.readmit(problem.reinstate(&clusters, result)?)?;
 
     let mut on = vec![false; loops.len()];
     for (l, agrees) in order.iter().zip(&result.on) {

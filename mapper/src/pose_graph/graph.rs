@@ -4,6 +4,7 @@ mod covariances;
 mod loop_edge;
 mod marginals;
 
+pub use covariances::Marginals;
 use loop_edge::LOOP_LOSS;
 pub use loop_edge::{Loop, LoopId};
 pub use marginals::Attachment;
@@ -13,7 +14,7 @@ use super::components::components;
 use super::consensus::{self, Recheck};
 use super::edge::{Edge, check_pose};
 use super::loss::Loss;
-use super::solver::{Effort, Report, Term, solve};
+use super::solver::{Effort, Report, Term, solve, solve_anew};
 use super::system::System;
 use super::tail::Tail;
 use crate::index::{ComponentIdx, KeyframeIdx};
@@ -174,23 +175,33 @@ impl PoseGraph {
     /// Moves the poses to the optimum over odometry and the loops that are on, starting where they
     /// are.
     pub fn optimise(&mut self) -> Result<Report, Error> {
-        self.descend(LOOP_LOSS, Effort::FULL)
+        self.descend(LOOP_LOSS, |system, poses, terms| {
+            solve(system, poses, terms, Effort::FULL)
+        })
     }
 
     /// The same as far as it matters while loops still come.
     pub fn follow(&mut self) -> Result<Report, Error> {
-        self.descend(LOOP_LOSS, Effort::WARM)
+        self.descend(LOOP_LOSS, |system, poses, terms| {
+            solve(system, poses, terms, Effort::WARM)
+        })
     }
 
     /// The same with every loop that is on believed in full: the plain least squares, from however
-    /// far away.
+    /// far away. What odometry has wound up is unwound.
     pub fn optimise_trusting(&mut self) -> Result<Report, Error> {
-        self.descend(Loss::QUADRATIC, Effort::FULL)
+        self.descend(Loss::QUADRATIC, |system, poses, terms| {
+            solve_anew(system, poses, terms, Effort::FULL)
+        })
     }
 
-    fn descend(&mut self, loss: Loss, effort: Effort) -> Result<Report, Error> {
+    fn descend(
+        &mut self,
+        loss: Loss,
+        solve: impl FnOnce(&mut Option<System>, &mut [Pose2], &[Term<'_>]) -> Result<Report, Error>,
+    ) -> Result<Report, Error> {
         let terms: Vec<Term<'_>> = terms(&self.odometry, &self.loops, loss).collect();
-        let report = solve(&mut self.system, &mut self.poses, &terms, effort);
+        let report = solve(&mut self.system, &mut self.poses, &terms);
         self.moved();
         self.carry_attached();
         let report = report?;

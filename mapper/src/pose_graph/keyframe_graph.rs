@@ -2,7 +2,8 @@
 
 use super::saved::{SavedAttachment, SavedEdge, SavedGraph, SavedLoop, SavedPose, bridged};
 use super::{
-    Attachment, Edge, Error, Loop, LoopId, PoseGraph, Prior, Report, Visitors, position_sigma_m,
+    Attachment, Edge, Error, Loop, LoopId, Marginals, PoseGraph, Prior, Report, Visitors,
+    position_sigma_m,
 };
 use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
@@ -233,6 +234,11 @@ impl KeyframeGraph {
             older_from_newer,
             covariance,
         })
+    }
+
+    /// How well all keyframes are known from each other.
+    pub fn marginals(&self) -> Option<Marginals<'_>> {
+        self.graph.marginals().ok()
     }
 
     /// Where all keyframes are in the map; poses of different components have nothing in common.

@@ -1,6 +1,7 @@
 //! Gauss-Newton on the poses of a graph; damped only where a step fails.
 
 use super::Error;
+use super::chordal::chordal;
 use super::edge::{Edge, moved};
 use super::loss::Loss;
 use super::system::System;
@@ -15,6 +16,9 @@ const DAMPING_GROWTH: f64 = 10.0;
 const DAMPING_MAX: f64 = 1e6;
 /// A cost may rise by its own rounding.
 const COST_ROUNDING: f64 = 1e-12;
+/// Another minimum costs less by more than this share: of 41.2, 74.5 and 137.9 those beside them
+/// cost 770, 755 and as much again; the same one from two starts differs in the tenth digit.
+const OTHER_MINIMUM: f64 = 1e-6;
 
 /// How far to go.
 #[derive(Clone, Copy, Debug)]
@@ -41,9 +45,21 @@ impl Effort {
     };
 }
 
+/// Where a solution began.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Start {
+    /// Where the poses were.
+    #[default]
+    Estimate,
+    /// At the chordal relaxation of the edges.
+    Chordal,
+}
+
 /// How a solution was found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
+    /// Where it began.
+    pub start: Start,
     /// Steps taken.
     pub iterations: usize,
     /// Sum of e^T Omega e over all edges that count, weights included.
@@ -129,6 +145,33 @@ pub(super) fn solve(
     Ok(report)
 }
 
+/// The same from two starts, where the poses are and at their chordal relaxation; the lower
+/// minimum is taken.
+pub(super) fn solve_anew(
+    system: &mut Option<System>,
+    poses: &mut [Pose2],
+    terms: &[Term<'_>],
+    effort: Effort,
+) -> Result<Report, Error> {
+    let start = chordal(system, poses, terms);
+    let report = solve(system, poses, terms, effort);
+    let Ok(mut other) = start else {
+        return report;
+    };
+    let Ok(found) = solve(system, &mut other, terms, effort) else {
+        return report;
+    };
+    let is_lower = |report: &Report| found.chi2 < report.chi2 * (1.0 - OTHER_MINIMUM);
+    if report.as_ref().is_ok_and(|report| !is_lower(report)) {
+        return report;
+    }
+    poses.copy_from_slice(&other);
+    Ok(Report {
+        start: Start::Chordal,
+        ..found
+    })
+}
+
 /// The equations of these terms, factorised at these poses or, where they are solved, a last step
 /// away from them.
 pub(super) fn factorised<'a>(
@@ -151,7 +194,7 @@ pub(super) fn factorised<'a>(
 
 /// The system of these terms: the one that is there, or where that does not fit a new one in its
 /// place.
-fn fitting<'a>(
+pub(super) fn fitting<'a>(
     system: &'a mut Option<System>,
     nodes: usize,
     terms: &[Term<'_>],

@@ -82,6 +82,11 @@ impl MotionError {
         nees.is_finite().then_some(nees)
     }
 
+    /// Whether the error lies inside the ellipsoid of 95 %; none where that has no volume.
+    pub fn is_inside(&self) -> Option<bool> {
+        self.nees().map(|nees| nees <= INSIDE_95)
+    }
+
     /// Distance of the position from the true one, m.
     pub fn distance_m(&self) -> f64 {
         self.error.xy().norm()
@@ -127,20 +132,31 @@ impl<'a> MotionErrors<'a> {
     /// The published covariance of a pose does not say how it goes together with that of an
     /// earlier one: the two count as independent.
     pub fn between(&self, from: &ScanEstimate, to: &ScanEstimate) -> Option<MotionError> {
-        let truth = |scan: &ScanEstimate| self.truth.at(scan.stamp_ns);
-        let [there, here] = [truth(from)?, truth(to)?];
-        let estimate = |scan: &ScanEstimate, truth: &Instant| Instant {
-            frame: scan.frame,
-            transform: scan.pose.into(),
-            path_m: truth.path_m,
-        };
-        let ends = [estimate(from, &there), estimate(to, &here)];
-        let error = relative_error((&ends[0], &there), (&ends[1], &here))?;
         let has_both = from.covariance.determinant() > 0.0 && to.covariance.determinant() > 0.0;
         let back = to.pose.between(&from.pose).adjoint();
-        has_both.then(|| MotionError {
+        let covariance = to.covariance + back * from.covariance * back.transpose();
+        let ends = [from, to].map(|scan| (scan.stamp_ns, scan.pose));
+        let is_one_frame = from.frame == to.frame;
+        (is_one_frame && has_both).then(|| self.relative(ends, covariance))?
+    }
+
+    /// Between two stamps with their poses in one frame, the covariance being that of the later
+    /// pose seen from the earlier one.
+    pub fn relative(
+        &self,
+        [from, to]: [(i64, Pose2); 2],
+        covariance: Matrix3<f64>,
+    ) -> Option<MotionError> {
+        let [there, here] = [self.truth.at(from.0)?, self.truth.at(to.0)?];
+        let estimate = |pose: Pose2, truth: &Instant| Instant {
+            transform: pose.into(),
+            ..*truth
+        };
+        let ends = [estimate(from.1, &there), estimate(to.1, &here)];
+        let error = relative_error((&ends[0], &there), (&ends[1], &here))?;
+        Some(MotionError {
             error: error.pose().log(),
-            covariance: to.covariance + back * from.covariance * back.transpose(),
+            covariance,
             moved: there.transform.between(&here.transform),
         })
     }

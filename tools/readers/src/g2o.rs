@@ -10,9 +10,6 @@ use std::io::BufRead;
 use std::path::Path;
 use std::str::FromStr;
 
-/// Vertices beyond this are a broken number, not a map: a year at one a second has a third of
-/// that.
-const ID_MAX: u64 = 100_000_000;
 /// Farther than a robot drives, m (a tenth of the earth's girth).
 const COORDINATE_MAX_M: f64 = 4e6;
 /// Better than any sensor knows (a nanometre); beyond it squares lose their digits.
@@ -23,7 +20,8 @@ const LINE_BYTES_MAX: usize = 4096;
 /// A pose graph as it stands in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Graph {
-    /// Poses with their ids, in the order of the file.
+    /// Poses with their ids, in the order of the file. An id is a name, not an index: GTSAM's
+    /// carry a letter in their upper byte.
     pub vertices: Vec<(u64, Pose2)>,
     /// Measurements in the order of the file.
     pub edges: Vec<Edge>,
@@ -114,9 +112,7 @@ fn parse(line: &str, graph: &mut Graph) -> Result<(), String> {
 
 fn id(word: &str) -> Result<u64, String> {
     u64::from_str(word)
-        .ok()
-        .filter(|id| *id <= ID_MAX)
-        .ok_or_else(|| format!("id {word:?}, expected a whole number up to {ID_MAX}"))
+        .map_err(|_| format!("id {word:?}, expected a whole number up to {}", u64::MAX))
 }
 
 fn pose(words: [&str; 3]) -> Result<Pose2, String> {
@@ -161,6 +157,11 @@ mod tests {
             [[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [3.0, 5.0, 6.0]]
         );
         assert_eq!(text("").unwrap(), Graph::default());
+        // x0 of GTSAM, and the last id there is.
+        let last = text("VERTEX_SE2 18446744073709551615 0 0 0").unwrap();
+        assert_eq!(last.vertices[0].0, u64::MAX);
+        let symbol = text("VERTEX_SE2 8646911284551352320 0 0 0").unwrap();
+        assert_eq!(symbol.vertices[0].0, u64::from(b'x') << 56);
     }
 
     #[test]
@@ -173,7 +174,10 @@ mod tests {
                 "expected VERTEX_SE2 or EDGE_SE2",
             ),
             ("VERTEX_SE2 -1 0 0 0", "id \"-1\", expected a whole number"),
-            ("VERTEX_SE2 99999999999 0 0 0", "up to 100000000"),
+            (
+                "VERTEX_SE2 18446744073709551616 0 0 0",
+                "up to 18446744073709551615",
+            ),
             (
                 "VERTEX_SE2 1 NaN 0 0",
                 "\"NaN\", expected a number below 4e6",

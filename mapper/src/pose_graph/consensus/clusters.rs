@@ -56,7 +56,7 @@ impl<'a> OdometryChain<'a> {
             .between(b.from, a.from)?
             .compose(&Uncertain::from_edge(a)?)
             .compose(&self.between(a.to, b.to)?);
-        Some(predicted.disagreement(b))
+        Some(predicted.innovation(b).chi2)
     }
 }
 

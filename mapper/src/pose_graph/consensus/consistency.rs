@@ -8,9 +8,11 @@
 use super::super::Error;
 use super::super::edge::Edge;
 use super::super::loss::Loss;
-use super::super::solver::{Effort, Term, believed, solve};
+use super::super::solver::{Effort, Term, believed, factorised, solve};
 use super::super::system::System;
+use super::chance::Chance;
 use super::clusters::GATE;
+use super::growth::innovation;
 use randt_geometry::{Pose2, elementary::ln};
 
 /// For the estimate to bend to a cluster that is tried, and to converge with it; only the sum of
@@ -19,6 +21,8 @@ const EFFORT: Effort = Effort {
     step: 1e-3,
     factorisations_max: 12,
 };
+/// A loop this many gates off is off however little those that enter still move the estimate.
+const NEAR: f64 = 4.0;
 /// Degrees of freedom of a loop.
 const DOF: f64 = 3.0;
 /// Clusters tried in one re-check, largest first; the next re-check tries the others.
@@ -91,6 +95,41 @@ impl Problem<'_> {
         let solved = self.solve_truncated(poses, on)?;
         let won = solved.cost < result.cost && cluster.iter().any(|l| solved.on[*l]);
         Ok(won.then_some(solved))
+    }
+
+    /// Takes back loops that were turned away and lie, by what is known of their nodes in the end,
+    /// within their claims, where no false one would be as near by chance: noise is a mean, and
+    /// good loops have tails. The innovation's chi2 is what it adds to the sum of squares.
+    pub fn readmit(&self, mut result: ConsensusResult) -> Result<ConsensusResult, Error> {
+        let mut system: Option<System> = None;
+        let off = result.on.iter().enumerate().filter(|(_, on)| !**on);
+        let mut waiting: Vec<usize> = off.map(|(l, _)| l).collect();
+        for _ in 0..ROUNDS_MAX {
+            let terms = believed(self.odometry, self.loops, &result.on);
+            solve(&mut system, &mut result.poses, &terms, EFFORT)?;
+            let system = factorised(&mut system, &result.poses, &terms)?;
+            let off = result.on.iter().filter(|on| !**on).count();
+            let chance = Chance::new(off, &result.poses);
+            let (mut entering, mut near) = (Vec::new(), Vec::new());
+            for l in waiting {
+                match innovation(&self.loops[l], &result.poses, system)? {
+                    Some(found) if found.chi2 > NEAR * GATE.max(self.gate) => {}
+                    Some(found)
+                        if found.chi2 <= GATE.max(self.gate)
+                            && chance.is_out(&found, found.chi2.max(self.gate)) =>
+                    {
+                        entering.push(l);
+                    }
+                    _ => near.push(l),
+                }
+            }
+            if entering.is_empty() {
+                break;
+            }
+            entering.iter().for_each(|l| result.on[*l] = true);
+            waiting = near;
+        }
+        Ok(result)
     }
 
     /// Optimises over the loops that are on; those that agree then enter, those that do not leave.

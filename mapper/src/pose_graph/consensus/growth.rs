@@ -6,8 +6,9 @@ use super::super::covariance;
 use super::super::edge::Edge;
 use super::super::solver::{Effort, believed, factorised, solve};
 use super::super::system::System;
+use super::chance::Chance;
 use super::clusters::{GATE, NEAR_NODES, OdometryChain};
-use super::uncertain::Uncertain;
+use super::uncertain::{Innovation, Uncertain};
 use crate::index::KeyframeIdx;
 use randt_geometry::Pose2;
 
@@ -17,6 +18,10 @@ const EFFORT: Effort = Effort {
     step: 0.1,
     factorisations_max: 3,
 };
+
+/// Stretches that a long drive grows by, each an optimisation of what there is: at 10,000 nodes one
+/// takes a tenth of a second.
+const STRETCHES_MAX: usize = 30;
 
 /// Degrees of freedom of a loop.
 const DOF: f64 = 3.0;
@@ -80,9 +85,11 @@ pub(super) fn grow(
     let mut grown: Vec<Pose2> = Vec::with_capacity(poses.len());
     let mut system: Option<System> = None;
     let mut claimable = 0;
+    let lone = clusters.iter().filter(|cluster| cluster.len() == 1).count();
     let mut waiting = clusters.iter().peekable();
-    for begin in (0..poses.len()).step_by(NEAR_NODES) {
-        let end = (begin + NEAR_NODES).min(poses.len());
+    let stretch = NEAR_NODES.max(poses.len() / STRETCHES_MAX);
+    for begin in (0..poses.len()).step_by(stretch) {
+        let end = (begin + stretch).min(poses.len());
         for node in begin..end {
             grown.push(extended(&grown, poses, chain, node));
         }
@@ -95,17 +102,21 @@ pub(super) fn grow(
         let terms = believed(known, loops, &on);
         solve(&mut system, &mut grown, &terms, EFFORT)?;
         let system = factorised(&mut system, &grown, &terms)?;
+        let chance = Chance::new(lone, &grown);
         while let Some(cluster) = waiting.next_if(arrives) {
             // The middle one stands for its cluster.
             let Some(representative) = cluster.get(cluster.len() / 2) else {
                 continue;
             };
+            let gate = GATE * noise.variance();
             match innovation(&loops[*representative], &grown, system)? {
-                Some(chi2) if chi2 > GATE * noise.variance() => {
-                    claimable += if chi2 < GATE { cluster.len() } else { 0 };
+                Some(found) if found.chi2 > gate => {
+                    claimable += if found.chi2 < GATE { cluster.len() } else { 0 };
                     continue;
                 }
-                Some(chi2) => noise.push(chi2),
+                // It waits until more is known.
+                Some(found) if cluster.len() == 1 && !chance.is_out(&found, gate) => continue,
+                Some(found) => noise.push(found.chi2),
                 // Nothing else connects the two components: those that most others agree with do.
                 None if !connects[*representative] => continue,
                 None => align(&mut grown, &loops[*representative], system),
@@ -121,12 +132,16 @@ pub(super) fn grow(
     })
 }
 
-/// chi2 of a loop by what is known of its two nodes; `None` where that is nothing.
-fn innovation(edge: &Edge, grown: &[Pose2], system: &System) -> Result<Option<f64>, Error> {
+/// A loop against what is known of its two nodes; `None` where that is nothing.
+pub(super) fn innovation(
+    edge: &Edge,
+    grown: &[Pose2],
+    system: &System,
+) -> Result<Option<Innovation>, Error> {
     match covariance::relative(system, grown, edge.from, edge.to) {
         Ok(covariance) => {
             let pose = grown[edge.from.0].between(&grown[edge.to.0]);
-            Ok(Some(Uncertain { pose, covariance }.disagreement(edge)))
+            Ok(Some(Uncertain { pose, covariance }.innovation(edge)))
         }
         Err(Error::NotConnected { .. }) => Ok(None),
         Err(error) => Err(error),

@@ -117,3 +117,29 @@ fn a_separate_component_is_not_connected_by_loops_that_contradict_each_other() {
     assert_eq!((found.on, found.off), (0, 6), "{found:?}");
     assert_eq!(component_of_last(&graph), Some(85));
 }
+
+#[test]
+fn a_loop_alone_waits_where_it_could_be_false_by_chance() {
+    // Odometry that a metre's step leaves as uncertain as a metre and a radian.
+    let mut graph = PoseGraph::default();
+    graph.add_node(square(0)).unwrap();
+    for step in 1..=STEPS {
+        let measured = square(step - 1).between(&square(step));
+        let mut edge = edge(step - 1, step, measured);
+        edge.information *= 0.002;
+        graph.append(edge).unwrap();
+    }
+    let wrong = square(2).between(&square(42));
+    let wrong = wrong.compose(&Pose2::new(4.0, 0.0, 1.0));
+    graph.add_loop(edge(2, 42, wrong)).unwrap();
+    for step in (80..120).step_by(2) {
+        let measured = square(step).between(&square(step + 40));
+        graph.add_loop(edge(step, step + 40, measured)).unwrap();
+    }
+    let found = graph.recheck().unwrap();
+    assert_eq!((found.on, found.off), (20, 1), "{found:?}");
+    assert!(!graph.loops()[0].on);
+    // The same one where its neighbours agree.
+    graph.add_loop(edge(3, 43, wrong)).unwrap();
+    assert_eq!(graph.recheck().unwrap().off, 0);
+}

@@ -44,14 +44,25 @@ impl Uncertain {
         }
     }
 
-    /// How far a measurement is from it, with both their covariances: chi2 of three degrees of
-    /// freedom.
-    pub fn disagreement(&self, edge: &Edge) -> f64 {
+    /// How far a measurement is from it, with both their covariances.
+    pub fn innovation(&self, edge: &Edge) -> Innovation {
         let error = edge.error(&Pose2::IDENTITY, &self.pose);
-        let covariance = edge.information.try_inverse().unwrap_or_default();
-        let weighed = (self.covariance + covariance).try_inverse();
-        weighed.map_or(f64::INFINITY, |weighed| error.dot(&(weighed * error)))
+        let covariance = self.covariance + edge.information.try_inverse().unwrap_or_default();
+        let weighed = covariance.try_inverse();
+        Innovation {
+            chi2: weighed.map_or(f64::INFINITY, |weighed| error.dot(&(weighed * error))),
+            volume: covariance.determinant().max(0.0).sqrt(),
+        }
     }
+}
+
+/// What a measurement says else than the estimate.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Innovation {
+    /// Squared, by both covariances: chi2 of three degrees of freedom.
+    pub chi2: f64,
+    /// Product of the standard deviations along the axes of both covariances' sum, m^2 rad.
+    pub volume: f64,
 }
 
 #[cfg(test)]
@@ -86,16 +97,19 @@ mod tests {
     }
 
     #[test]
-    fn disagreement_counts_in_standard_deviations_of_both() {
+    fn an_innovation_counts_in_standard_deviations_of_both() {
         let measured = edge(0, 1, Pose2::new(1.0, 0.0, 0.0));
         // 5 cm of the measurement and 12 cm of the estimate are 13 cm.
         let seen = step(Pose2::new(1.39, 0.0, 0.0), [0.12, 0.12, 0.1]);
-        assert!((seen.disagreement(&measured) - 9.0).abs() < 1e-9);
+        let innovation = seen.innovation(&measured);
+        assert!((innovation.chi2 - 9.0).abs() < 1e-9);
+        let yaw = (1.0_f64 / 365.0 + 0.01).sqrt();
+        assert!((innovation.volume - 0.13 * 0.13 * yaw).abs() < 1e-9);
         // What is known exactly leaves the measurement's own error.
         let exact = Uncertain {
             pose: Pose2::new(1.05, 0.0, 0.0),
             ..Uncertain::NOWHERE
         };
-        assert!((exact.disagreement(&measured) - 1.0).abs() < 1e-9);
+        assert!((exact.innovation(&measured).chi2 - 1.0).abs() < 1e-9);
     }
 }

@@ -1,17 +1,49 @@
 //! How well the graph knows one node from another, and when its equations are factorised for that.
 
+use super::super::covariance;
 use super::super::solver::{Term, factorised};
+use super::super::system::System;
 use super::super::tail::Tail;
 use super::super::{Edge, Error};
 use super::{LOOP_LOSS, PoseGraph, terms};
 use crate::index::KeyframeIdx;
 use nalgebra::Matrix3;
+use randt_geometry::Pose2;
 
 /// Nodes behind the factorised ones: every covariance costs the square of them, and a factor that
 /// is made anew the whole map.
 const TAIL_MAX: usize = 16;
 
+/// How well all nodes are known from each other at the estimate.
+pub struct Marginals<'a> {
+    poses: &'a [Pose2],
+    system: System,
+}
+
+impl Marginals<'_> {
+    /// Covariance of the pose of `j` seen from `i`, as [`PoseGraph::relative_covariance`] has it;
+    /// `None` where no edges connect them.
+    pub fn relative(&self, i: KeyframeIdx, j: KeyframeIdx) -> Option<Matrix3<f64>> {
+        let is_there = |node: KeyframeIdx| node.0 < self.poses.len();
+        let found = || covariance::relative(&self.system, self.poses, i, j).ok();
+        (is_there(i) && is_there(j)).then(found)?
+    }
+}
+
 impl PoseGraph {
+    /// All covariances by one factorisation, where many are asked for and the graph stays as it is.
+    pub fn marginals(&self) -> Result<Marginals<'_>, Error> {
+        let terms: Vec<Term<'_>> = terms(&self.odometry, &self.loops, LOOP_LOSS).collect();
+        let mut system = None;
+        factorised(&mut system, &self.poses, &terms)?;
+        let poses = &self.poses;
+        let system = system.ok_or(Error::Singular {
+            unknowns: poses.len(),
+            damping: 0.0,
+        })?;
+        Ok(Marginals { poses, system })
+    }
+
     /// Covariance of the pose of `j` seen from `i`, with perturbations on the right (in the frame
     /// of `j`); m^2, m rad, rad^2. By odometry and the loops that are on, at the estimate.
     pub fn relative_covariance(

@@ -3,6 +3,7 @@
 mod bounds;
 mod cell;
 mod figures;
+mod map_errors;
 mod plan;
 mod record;
 mod stretches;

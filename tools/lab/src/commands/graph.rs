@@ -14,7 +14,7 @@ use randt::exit::Outcome;
 use randt::output::print_value;
 use randt_evaluation::{Trajectory, evaluate};
 use randt_mapper::KeyframeIdx;
-use randt_mapper::pose_graph::PoseGraph;
+use randt_mapper::pose_graph::{PoseGraph, Start};
 use serde::Serialize;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -23,7 +23,8 @@ use std::time::Instant;
 /// Arguments of `randt-lab graph`.
 ///
 /// Poses are forgotten but for the first: the start is odometry alone (edges from one id to the
-/// next). Without false loops every edge is believed, as the published optima do.
+/// next), or the chordal relaxation of all edges where that ends in a lower minimum. Without false
+/// loops every edge is believed, as the published optima do. Exit code 3: no minimum was reached.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A planar pose graph in g2o's format (VERTEX_SE2, EDGE_SE2)
@@ -51,6 +52,7 @@ struct Figures {
     poses: usize,
     edges: usize,
     loops: usize,
+    start: &'static str,
     iterations: usize,
     time_ms: f64,
     chi2: f64,
@@ -69,6 +71,7 @@ struct Trial {
     /// Against the optimum without false loops.
     ate_m: f64,
     recheck_ms: f64,
+    recheck_converged: bool,
 }
 
 /// Reads, solves, prints.
@@ -90,6 +93,10 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         poses: clean.poses().len(),
         edges: clean.odometry().len() + clean.loops().len(),
         loops: clean.loops().len(),
+        start: match report.start {
+            Start::Estimate => "odometry",
+            Start::Chordal => "chordal",
+        },
         iterations: report.iterations,
         time_ms,
         chi2: report.chi2,
@@ -97,7 +104,19 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         trial: trial.transpose().with_context(|| file)?,
     };
     print_value(arguments.json, &figures, || table(&figures))?;
-    Ok(Outcome::Good)
+    let rechecked = figures.trial.as_ref().map(|trial| trial.recheck_converged);
+    if figures.converged && rechecked != Some(false) {
+        return Ok(Outcome::Good);
+    }
+    let which = match figures.converged {
+        true => "the graph with false loops",
+        false => "the graph",
+    };
+    eprintln!(
+        "note: {which} is not converged: no step lowers its cost further, or the steps ran out, \
+         and that is no minimum for sure"
+    );
+    Ok(Outcome::DataLost)
 }
 
 /// Solves again with false loops among the others.
@@ -115,7 +134,7 @@ fn trial(
         graph.add_loop(edge.clone())?;
     }
     let begin = Instant::now();
-    graph.recheck()?;
+    let recheck = graph.recheck()?;
     let recheck_ms = begin.elapsed().as_secs_f64() * 1e3;
     let (right, kept) = graph.loops().split_at(first_false);
     Ok(Trial {
@@ -125,6 +144,7 @@ fn trial(
         true_dropped: right.iter().filter(|l| !l.on).count(),
         ate_m: ate_m(&graph, clean)?,
         recheck_ms,
+        recheck_converged: recheck.report.converged,
     })
 }
 
@@ -152,12 +172,16 @@ fn ate_m(graph: &PoseGraph, clean: &PoseGraph) -> anyhow::Result<f64> {
 fn table(figures: &Figures) -> String {
     let mut text = format!(
         "{} poses, {} edges, {} of them loops\n\
-         optimum: chi2 {:.6} after {} iterations from odometry, {:.1} ms{}\n",
+         optimum: chi2 {:.6} after {} iterations from {}, {:.1} ms{}\n",
         figures.poses,
         figures.edges,
         figures.loops,
         figures.chi2,
         figures.iterations,
+        match figures.start {
+            "chordal" => "a chordal start",
+            start => start,
+        },
         figures.time_ms,
         if figures.converged {
             ""

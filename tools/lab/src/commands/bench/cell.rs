@@ -1,6 +1,7 @@
 //! One cell of the bench: a drive under a fault, computed and held against the truth.
 
 use super::figures::Figures;
+use super::map_errors::MapErrors;
 use super::stretches::{HeldScan, Stretches};
 use crate::faults::{Fault, FaultInjector, Span};
 use nalgebra::Matrix3;
@@ -185,6 +186,7 @@ fn figures(
     let good = held_scans.iter().filter(|scan| scan.trust.good);
     let good_held = good.filter(|scan| scan.support.is_held()).count();
     let stretches = Stretches::from_scans(&held_scans, &MotionErrors::new(&truth));
+    let map = MapErrors::new(mapper, &truth);
     let loops = judgement.loops.as_ref();
     let last_ns = trusts.last().map_or(0, |scan| scan.stamp_ns);
     let flagged = fault.and_then(|fault| {
@@ -218,6 +220,11 @@ fn figures(
         nees_straight: nees(Motion::Straight),
         nees_turn: nees(Motion::Turn),
         nees_standstill: nees(Motion::Standstill),
+        map_nees: map.first.nees,
+        map_inside: map.first.inside,
+        map_yaw_nees: map.first.yaw_nees,
+        map_pairs_nees: map.pairs.nees,
+        map_pairs_inside: map.pairs.inside,
         flagged_s: flagged,
         good_again_s: again,
         effect_s: effect_ns(states, results.truth(), onset_ns).map(since_onset_s),

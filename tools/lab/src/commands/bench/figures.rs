@@ -103,6 +103,16 @@ figures! {
     nees_turn: Neither, 2;
     /// Its mean at standstill.
     nees_standstill: Neither, 2;
+    /// NEES of the map's keyframes seen from its first one, at the end.
+    map_nees: Neither, 2;
+    /// Share of them inside 95 %.
+    map_inside: Neither, 4;
+    /// The same of the heading alone, which is 1 where its variance is right.
+    map_yaw_nees: Neither, 2;
+    /// NEES over 200 random pairs of keyframes.
+    map_pairs_nees: Neither, 2;
+    /// Share of them inside 95 %.
+    map_pairs_inside: Neither, 4;
     /// Seconds from the fault's onset until trust was not good; none where that did not come.
     flagged_s: Less, 1;
     /// Seconds from the fault's end until trust was good again; likewise.

@@ -50,7 +50,9 @@ impl Problem {
                 information: Matrix3::from_row_slice(&[a, b, c].concat()),
             };
             match odometry.get_mut(read.to.0) {
-                Some(slot @ None) if edge.to == edge.from + 1 => *slot = Some(read),
+                Some(slot @ None) if edge.from.checked_add(1) == Some(edge.to) => {
+                    *slot = Some(read)
+                }
                 _ => loops.push(read),
             }
         }
