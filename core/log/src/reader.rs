@@ -183,6 +183,7 @@ impl<R: Read + Seek> LogReader<R> {
                     message_encoding: record.message_encoding,
                     schema_encoding,
                     schema,
+                    metadata: record.metadata,
                     messages: 0,
                 };
                 self.channels.insert(record.id, (channel, OnceCell::new()));

@@ -5,6 +5,8 @@ use crate::sent_entities::SentEntities;
 use crate::status_text::status_text;
 use crate::{Board, Flow, protocol};
 use randt_foxglove_schemas::{ViewerTopic, bytes, pose_of_state, status, transforms};
+use randt_log::write_cdr;
+use randt_messages::{MessageRef, OdometryState, OdometryStateTopic};
 use std::collections::{BTreeMap, VecDeque};
 
 /// A cloud takes this much of the link's time, s.
@@ -179,7 +181,11 @@ impl Client {
 
     fn state(&mut self, board: &Board, now_ns: i64) -> Option<Frame> {
         let state = board.state?;
-        for topic in [ViewerTopic::Transforms, ViewerTopic::Pose] {
+        for topic in [
+            ViewerTopic::Transforms,
+            ViewerTopic::Pose,
+            ViewerTopic::State,
+        ] {
             let had = self.had.get(&topic).copied();
             let subscription = self.subscription(topic);
             let Some(subscription) = subscription.filter(|_| had != Some(board.states)) else {
@@ -190,6 +196,7 @@ impl Client {
             }
             let payload = match topic {
                 ViewerTopic::Pose => bytes(&pose_of_state(&state))?,
+                ViewerTopic::State => state_bytes(&state),
                 _ => bytes(&transforms(&board.robot, &state, board.correction.as_ref()))?,
             };
             self.dropped += had.map_or(0, |had| board.states - had - 1);
@@ -238,6 +245,16 @@ impl Client {
         let (subscription, payload) = self.entities.next(board, flow, now_ns, wanted)?;
         Some(data(subscription, board.time_ns(now_ns), &payload))
     }
+}
+
+/// A state as a log has it.
+fn state_bytes(head: &OdometryState) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_cdr(
+        MessageRef::<OdometryStateTopic> { head, items: &[] },
+        &mut bytes,
+    );
+    bytes
 }
 
 fn data(subscription: u32, log_time_ns: i64, payload: &[u8]) -> Frame {

@@ -13,16 +13,16 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     common: Common,
-    /// What it speaks
+    /// The IMU's protocol, as imu.source names it
     #[arg(long, value_enum)]
     proto: Proto,
     /// mip, xsens: a link to the serial port, which stays when the port gets another name
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// phidget: where the network server listens
+    /// phidget22: where the network server listens
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:5661")]
     address: SocketAddr,
-    /// phidget: the device's serial number
+    /// phidget22: the device's serial number
     #[arg(long, value_name = "NUMBER", default_value_t = 123_456)]
     serial: u32,
 }
@@ -30,7 +30,7 @@ pub struct Arguments {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Proto {
     /// A Phidgets Spatial behind a Phidget network server
-    Phidget,
+    Phidget22,
     /// A MicroStrain on a pseudo-terminal
     Mip,
     /// An Xsens MTi on a pseudo-terminal
@@ -41,7 +41,7 @@ enum Proto {
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let faults = arguments.common.begin();
     match arguments.proto {
-        Proto::Phidget => faults.check("phidget", FaultKind::NOT_OF_PHIDGET)?,
+        Proto::Phidget22 => faults.check("phidget22", FaultKind::NOT_OF_PHIDGET)?,
         Proto::Mip => faults.check("mip", FaultKind::NOT_OF_SERIAL)?,
         Proto::Xsens => faults.check("xsens", FaultKind::NOT_OF_SERIAL)?,
     }
@@ -50,7 +50,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut measurements = ImuMeasurements::new(recording, pace, faults);
     let ends: &dyn Fn() -> bool = &crate::job::interrupted;
     let protocol = match arguments.proto {
-        Proto::Phidget => {
+        Proto::Phidget22 => {
             let mut server = PhidgetServer::open(arguments.address, arguments.serial)?;
             eprintln!("Phidget network server: {}", server.address());
             server.run(&mut measurements, ends)?;
