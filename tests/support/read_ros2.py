@@ -19,10 +19,10 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore, get_types_from_msg
+from rosbags.typesys import Stores, get_typestore
 
 ARRAY_MAX = 16
-# Of large messages rosbags reads that many a topic: it is slow, and all are alike.
+# Of large messages that many a topic are decoded: it is slow, and all are alike.
 LARGE, LARGE_MOST = 20_000, 5
 HUMBLE, NOETIC = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
 LATCHED = ["/tf_static", "/map", "/path"]
@@ -69,10 +69,13 @@ def read(path, tables):
     found = Counter()
     rows, items = {}, {}
     with open(path, "rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for schema, channel, message, ros in reader.iter_decoded_messages():
+        factory = DecoderFactory()
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
             found[channel.topic] += 1
             assert (channel.message_encoding, schema.encoding) == ("cdr", "ros2msg"), channel.topic
+            if len(message.data) > LARGE and found[channel.topic] > LARGE_MOST:
+                continue
+            ros = factory.decoder_for(channel.message_encoding, schema)(message.data)
             if not tables or not schema.name.startswith("randt_msgs/"):
                 continue
             if channel.topic not in rows:
@@ -117,7 +120,9 @@ def again(path, dump):
             is_late = connection.topic in LATCHED
             if not is_ros2:
                 assert bool(connection.ext.latching) == is_late, connection
-                _, md5 = standard.generate_msgdef(connection.msgtype)
+                is_known = connection.msgtype in standard.fielddefs
+                store = standard if is_known else reader.typestore
+                _, md5 = store.generate_msgdef(connection.msgtype, ros_version=1)
                 assert connection.digest == md5, (connection.msgtype, md5)
             elif not connection.msgtype.startswith("randt_msgs/"):
                 qos = connection.ext.offered_qos_profiles
@@ -128,7 +133,7 @@ def again(path, dump):
             found[connection.topic] += 1
             if len(raw) > LARGE and found[connection.topic] > LARGE_MOST:
                 continue
-            stores = [reader.typestore] if kind.startswith("randt_msgs/") else [reader.typestore, standard]
+            stores = [store for store in [reader.typestore, standard] if kind in store.fielddefs]
             for store in stores:
                 if is_ros2:
                     written = store.serialize_cdr(store.deserialize_cdr(raw, kind), kind)
@@ -138,7 +143,7 @@ def again(path, dump):
             topic = topics.setdefault(connection.topic, [connection.msgdef.data, []])
             if len(topic[1]) < LARGE_MOST:
                 topic[1].append(base64.b64encode(raw).decode())
-    if dump:
+    if dump and is_ros2:
         dump.writelines(json.dumps([t, *rest]) + "\n" for t, rest in topics.items())
     return found
 
