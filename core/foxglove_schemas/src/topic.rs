@@ -45,6 +45,8 @@ pub enum ViewerTopic {
     Path,
     /// The occupancy grid: live tile by tile, in a recording whole.
     Grid,
+    /// The cells of odometry's submap, where the link takes them.
+    Cells,
 }
 
 /// A row of the table.
@@ -74,7 +76,7 @@ pub fn recorded_channels() -> [Channel; RECORDED.len()] {
 
 impl ViewerTopic {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Status,
         Self::Log,
         Self::Transforms,
@@ -83,6 +85,7 @@ impl ViewerTopic {
         Self::Points,
         Self::Path,
         Self::Grid,
+        Self::Cells,
     ];
 
     /// The table.
@@ -103,6 +106,7 @@ impl ViewerTopic {
             Self::Points => row(POINTS, channel::<PointCloud>, CLOUD_PERIOD_NS),
             Self::Path => row("view/path", channel::<SceneUpdate>, 0),
             Self::Grid => row(GRID, channel::<SceneUpdate>, 0),
+            Self::Cells => row(CELLS, channel::<SceneUpdate>, 5 * S),
         }
     }
 

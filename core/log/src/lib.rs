@@ -26,6 +26,7 @@
 //! ```
 
 mod cdr;
+mod channel;
 mod chunk;
 mod copy;
 mod damage;
@@ -46,11 +47,12 @@ mod translation;
 mod writer;
 
 pub use cdr::{cdr_payload, cdr_size, read_cdr, write_cdr};
+pub use channel::Channel;
 pub use copy::copy;
 pub use damage::{Damage, DamageKind};
 pub use date::{is_date, name_of_date};
 pub use description::{describe, ros_type};
-pub use entry::{Channel, Entry, RecordHeader};
+pub use entry::{Entry, RecordHeader};
 pub use error::Error;
 pub use file::LogFile;
 pub use lengths::lengths_fit;

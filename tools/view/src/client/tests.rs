@@ -1,7 +1,7 @@
 //! What a client gets at once, what it is spared, and what waits for the link.
 
 use super::*;
-use randt_config::Robot;
+use randt_config::Config;
 use randt_messages::{MapperGrid, Message, OdometryState, RadarPoints, Return, TILE_CELLS};
 
 const S: i64 = 1_000_000_000;
@@ -15,7 +15,7 @@ fn state(id: i64) -> OdometryState {
 
 /// A board with a cloud, a pose, and tiles at the columns.
 fn board(columns: &[i32]) -> Board {
-    let mut board = Board::new(Robot::default());
+    let mut board = Board::new(&Config::default());
     board.take_state(&state(0));
     let mut points = Message::<RadarPoints> {
         items: vec![Return::default(); 2000],
