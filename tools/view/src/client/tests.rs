@@ -120,7 +120,7 @@ fn what_waits_is_overtaken_by_what_is_newer_and_counted() {
         .iter()
         .filter(|(subscription, _)| *subscription == 104)
         .count();
-    assert_eq!((poses, client.dropped), (1, 3 * 9));
+    assert_eq!((poses, client.dropped), (1, 2 * 9));
 }
 
 #[test]
