@@ -99,7 +99,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("memmap2", &["randt-stage"]),
     ("nix", &["randt-radar", "randt-stage"]),
     ("plotters", &["randt-evaluation"]),
-    ("png", &["randt-radar", "randt-readers"]),
+    ("png", &["randt", "randt-radar", "randt-readers"]),
     ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),
     (

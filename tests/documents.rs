@@ -2,6 +2,7 @@
 
 use crate::support::ended;
 use crate::support::package::{PROGRAMS, program};
+use randt_simulator::World;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -82,31 +83,37 @@ fn on_page(share: &Path, path: &[String]) -> (Names, Names) {
     (listed.collect(), commands.collect())
 }
 
-/// The same as bash offers it, by the completion's own function.
-fn completed(share: &Path, path: &[String]) -> (Names, Names) {
+/// What bash offers behind some words for the beginning of the next one, by the completion's own
+/// function.
+fn offers(share: &Path, path: &[String], word: &str) -> Vec<String> {
     let file = share.join("bash-completion/completions").join(&path[0]);
-    let offers = |word: &str| -> Vec<String> {
-        let words = path.join(" ");
-        let count = path.len();
-        let last = &path[count - 1];
-        let script = format!(
-            "source {}; of=$(complete -p {name}); of=${{of#*-F }}; COMP_WORDS=({words} '{word}'); COMP_CWORD={count}; \
-             ${{of%% *}} {name} '{word}' {last}; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
-            file.display(),
-            name = path[0],
-        );
-        let mut command = Command::new("bash");
-        command.args(["-c", &script]);
-        let said = ended(command);
-        assert_eq!(said.stderr, "", "{path:?}");
-        said.stdout.lines().map(str::to_owned).collect()
-    };
-    let listed = offers("--");
+    let words = path.join(" ");
+    let count = path.len();
+    let last = &path[count - 1];
+    let script = format!(
+        "source {}; of=$(complete -p {name}); of=${{of#*-F }}; COMP_WORDS=({words} '{word}'); COMP_CWORD={count}; \
+         ${{of%% *}} {name} '{word}' {last}; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
+        file.display(),
+        name = path[0],
+    );
+    let mut command = Command::new("bash");
+    command.args(["-c", &script]);
+    let said = ended(command);
+    assert_eq!(said.stderr, "", "{path:?}");
+    said.stdout.lines().map(str::to_owned).collect()
+}
+
+/// The same as bash offers it.
+fn completed(share: &Path, path: &[String]) -> (Names, Names) {
+    let listed = offers(share, path, "--");
     let listed = listed
         .iter()
         .flat_map(|word| options(&format!(" {word}"), " --"));
-    let commands = offers("").into_iter();
+    let commands = offers(share, path, "").into_iter();
+    // A world stands where commands have theirs.
+    let is_world = |word: &String| World::NAMES.contains(&word.as_str());
     let commands = commands
+        .filter(|word| !is_world(word))
         .filter(|word| word.starts_with(|c: char| c.is_ascii_lowercase()) && word != "help");
     (listed.collect(), commands.collect())
 }
@@ -156,6 +163,16 @@ fn help_man_pages_and_completions_agree() {
             below
         }));
     }
+    let words = |text: &str| -> Vec<String> { text.split(' ').map(str::to_owned).collect() };
+    let worlds = offers(share, &words("randt simulate"), "");
+    assert!(
+        World::NAMES
+            .iter()
+            .all(|name| worlds.iter().any(|it| it == name)),
+        "{worlds:?}"
+    );
+    let profiles = offers(share, &words("randt run --profile"), "");
+    assert_eq!(profiles, ["mixed", "indoor", "outdoor", "oxford"]);
     println!("{count} commands");
     let pages =
         ["man1", "man8"].map(|part| crate::support::names(&share.join("man").join(part)).len());

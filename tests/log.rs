@@ -1,6 +1,7 @@
 //! `randt log`: what it prints of logs, what it finds wrong, and that what it writes reads back.
 
 use crate::support::pipeline::log;
+use crate::support::python::read_ros2;
 use crate::support::{Ended, ended, names, randt, run};
 use randt_log::{LogFile, ROBOT_METADATA, Robot};
 use randt_messages::{ImuSample, ImuSampleTopic, Message, RadarScan};
@@ -92,6 +93,32 @@ fn bags_of_both_kinds_read_back() {
         let computed = run(&bag, &folder.path().join(format!("run-{format}")), &[]);
         assert_eq!(computed.code, Some(0), "{format}: {}", computed.stderr);
     }
+}
+
+#[test]
+fn others_read_our_logs_and_bags() {
+    let folder = tempfile::tempdir().unwrap();
+    // Every topic, each field with a value of its own.
+    let kept =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../core/log/tests/fixtures/layouts-5.mcap");
+    let tables = folder.path().join("tables");
+    let out = tables.display().to_string();
+    let more = ["--to", "csv", "--items", "--out", &out];
+    let ended = log_command("export", &kept, &more);
+    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    read_ros2(&[kept], Some(&tables));
+
+    let input = folder.path().join("run.mcap");
+    crate::support::recorded::write(60, &input);
+    let mut files = vec![input.clone()];
+    for (format, name) in [("ros1", "run.bag"), ("ros2", "run")] {
+        let bag = folder.path().join(name);
+        let out = bag.display().to_string();
+        let ended = log_command("export", &input, &["--to", format, "--out", &out]);
+        assert_eq!(ended.code, Some(0), "{format}: {}", ended.stderr);
+        files.push(bag);
+    }
+    read_ros2(&files, None);
 }
 
 #[test]

@@ -14,9 +14,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Epoch of a header.
-const EPOCH: usize = std::mem::offset_of!(randt_messages::Header, epoch);
-
 /// What logs hold together.
 #[derive(Default)]
 struct Held {
@@ -36,10 +33,9 @@ impl Held {
                 if let Some(drop) = entry.decode::<LogDropTopic>().unwrap() {
                     held.drops.push(*drop.head);
                 } else if ours.contains(&entry.channel.topic) {
-                    let number =
-                        |at: usize| u64::from_le_bytes(*entry.bytes[at..].first_chunk().unwrap());
-                    let key = (entry.channel.topic.clone(), number(EPOCH));
-                    held.numbers.entry(key).or_default().insert(number(0));
+                    let header = entry.header().unwrap();
+                    let key = (entry.channel.topic.clone(), header.epoch);
+                    held.numbers.entry(key).or_default().insert(header.sequence);
                 }
             }
         }

@@ -3,7 +3,7 @@
 //! again.
 
 use crate::support::pipeline::{Pipeline, log, until};
-use crate::support::python::read_logs;
+use crate::support::python::read_ros2;
 use crate::support::{Random, ended, names, randt, remove_folder, run};
 use randt_log::LogReader;
 use randt_messages::{ImuSampleTopic, RadarScan, Topic};
@@ -131,6 +131,9 @@ fn a_run_is_recorded_whole_and_computes_again() {
         "view/transforms",
         "view/points",
         "view/grid",
+        "view/cells",
+        "view/graph",
+        "view/loops",
     ] {
         assert!(
             counts.get(topic).is_some_and(|count| *count > 0),
@@ -140,7 +143,7 @@ fn a_run_is_recorded_whole_and_computes_again() {
     // The first file alone is a drive.
     let computed = run(&files[0], &folder.path().join("run"), &[]);
     assert_eq!(computed.code, Some(0), "{}", computed.stderr);
-    read_logs(&files);
+    read_ros2(&files, None);
 }
 
 #[test]

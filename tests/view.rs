@@ -4,7 +4,8 @@
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::stages::program;
-use crate::support::viewer::{Viewer, connect, slow_link};
+use crate::support::viewer::{Got, Viewer, connect, slow_link};
+use randt_messages::{OdometryStateTopic, Topic};
 use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -77,7 +78,7 @@ fn over_a_slow_link_poses_are_young_and_the_whole_map_comes() {
     let near = Viewer::open(address);
     // One that asks for everything and takes nothing.
     let mut deaf = connect(address).unwrap();
-    for channel in 1..=7 {
+    for channel in 1..=9 {
         let request = format!(
             r#"{{"op":"subscribe","subscriptions":[{{"id":{channel},"channelId":{channel}}}]}}"#
         );
@@ -291,11 +292,22 @@ fn what_is_sent_is_read_by_the_official_schemas() {
     });
     let payloads = folder.path().join("payloads");
     std::fs::create_dir(&payloads).unwrap();
-    for (number, got) in viewer.heard.lock().unwrap().messages.iter().enumerate() {
+    let heard = viewer.heard.lock().unwrap();
+    let messages = heard.messages.iter().enumerate();
+    for (number, got) in messages.filter(|(_, got)| got.topic.starts_with("view/")) {
         let topic = got.topic.replace('/', "_");
         let name = format!("{}.{topic}.{number}", got.schema);
         std::fs::write(payloads.join(name), &got.payload).unwrap();
     }
+    // The state is as a log has it.
+    let states = heard
+        .messages
+        .iter()
+        .filter(|got| got.topic == OdometryStateTopic::NAME);
+    let state = |got: &Got| randt_log::read_cdr::<OdometryStateTopic>(&got.payload).unwrap();
+    let states: Vec<u64> = states.map(|got| state(got).head.id).collect();
+    assert!(states.len() > 5 && states.is_sorted(), "{states:?}");
+    drop(heard);
     if let Some(mut read) = crate::support::python::script("read_view.py") {
         crate::support::python::run(read.arg(&payloads));
     }

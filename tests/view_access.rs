@@ -236,7 +236,7 @@ fn deaf(address: SocketAddr, is_over: &AtomicBool) {
             std::thread::sleep(Duration::from_millis(20));
             continue;
         };
-        let channels: Vec<Value> = (1..=7)
+        let channels: Vec<Value> = (1..=9)
             .map(|n| json!({ "id": n, "channelId": n }))
             .collect();
         let request = json!({ "op": "subscribe", "subscriptions": channels }).to_string();

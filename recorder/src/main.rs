@@ -60,7 +60,7 @@ fn run(arguments: &Arguments) -> Result<u64, Box<dyn Error>> {
         Disk::new(&folder),
         Settings::from_config(record),
         preamble(&loaded, stage.domain(), clock),
-        Viewer::new(loaded.config.robot.clone()),
+        Viewer::new(&loaded.config),
         recorded,
     );
     let now_ns = move || clock.now_ns();

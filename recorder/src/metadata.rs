@@ -1,7 +1,7 @@
 //! The metadata at the beginning of a log, and how its channels are declared.
 
 use randt_config::{Config, Loaded};
-use randt_foxglove_schemas::ViewerTopic;
+use randt_foxglove_schemas::topic::recorded_channels;
 use randt_geometry::Quaternion;
 use randt_log::{CONFIG_METADATA, CONFIG_TOML, Channel, ROBOT_METADATA, Robot, channels};
 use randt_messages::SensorKind;
@@ -10,7 +10,7 @@ use std::fs;
 
 /// Stages and their versions.
 pub const VERSIONS_METADATA: &str = "randt/versions";
-/// Type name of every topic.
+/// Layout of every topic.
 pub const LAYOUTS_METADATA: &str = "randt/layouts";
 /// The machine.
 pub const MACHINE_METADATA: &str = "randt/machine";
@@ -22,14 +22,21 @@ type Fields = BTreeMap<String, String>;
 /// The channel of a topic, of ours or for viewers; an unknown one has no schema.
 pub(crate) fn channel_of(topic: &str) -> Channel {
     let ours = randt_log::channel_of(topic);
-    let known = ours.or_else(|| ViewerTopic::recorded_channel(topic));
+    let for_viewers = || {
+        recorded_channels()
+            .into_iter()
+            .find(|known| known.topic == topic)
+    };
+    let known = ours.or_else(for_viewers);
     known.unwrap_or_default()
 }
 
 /// What follows from the configuration: how to read the log again. It is the same in every file of
 /// a run.
 pub fn configuration_records(loaded: &Loaded) -> Vec<(&'static str, Fields)> {
-    let layouts = channels().into_iter().map(|c| (c.topic, c.type_name));
+    let layouts = channels()
+        .into_iter()
+        .map(|c| (c.topic.clone(), c.layout().to_owned()));
     vec![
         (ROBOT_METADATA, robot(&loaded.config).to_metadata()),
         (CONFIG_METADATA, fields([(CONFIG_TOML, loaded.to_toml())])),
@@ -85,7 +92,7 @@ mod tests {
         let known = channels();
         for topic in randt_messages::BUS_TOPICS {
             let channel = known.iter().find(|c| c.topic == topic.name).unwrap();
-            assert_eq!(channel.type_name, topic.type_name);
+            assert_eq!(channel.layout(), topic.type_name);
             assert_eq!(&channel_of(topic.name), channel);
         }
     }

@@ -24,8 +24,9 @@ impl Positions {
 
     /// A message's position; `None` for one that was never published, such as `log/drop`.
     pub fn position_of(raw: &Raw) -> Option<LastRecorded> {
-        let header: Header = pod_read_unaligned(raw.bytes.get(..size_of::<Header>())?);
-        let number = |at: usize| Some(u64::from_le_bytes(*raw.bytes.get(at..)?.first_chunk()?));
+        let head = raw.head()?;
+        let header: Header = pod_read_unaligned(head.get(..size_of::<Header>())?);
+        let number = |at: usize| Some(u64::from_le_bytes(*head.get(at..)?.first_chunk()?));
         let mut last = LastRecorded {
             topic: fixed_text(raw.topic),
             epoch: header.epoch,
@@ -38,7 +39,7 @@ impl Positions {
         } else if raw.topic == Keyframe::NAME {
             last.id = number(offset_of!(KeyframeHead, id))?;
         } else if raw.topic == StageHealthTopic::NAME {
-            let name = raw.bytes.get(offset_of!(StageHealth, name)..)?;
+            let name = head.get(offset_of!(StageHealth, name)..)?;
             last.writer = *name.first_chunk()?;
         }
         (header.epoch != 0).then_some(last)

@@ -154,7 +154,7 @@ mod tests {
         assert!(read.eq(registered()));
         for topic in BUS_TOPICS {
             let channel = randt_log::channel_of(topic.name).unwrap();
-            assert_eq!(channel.type_name, topic.type_name);
+            assert_eq!(channel.layout(), topic.type_name);
         }
         drop((inputs, stage));
         randt_stage::wipe(&domain, true).unwrap();

@@ -1,5 +1,6 @@
-//! Python with the packages that read what we write: `mcap` and the official protobuf schemas for
-//! logs, `iceoryx2` for the bus, in an environment of its own.
+//! Python with the packages that read what we write: for logs `mcap` with the official protobuf
+//! schemas and with ROS 2's messages, and `rosbags`; for the bus `iceoryx2`. In an environment of
+//! its own.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,12 +9,15 @@ use std::sync::OnceLock;
 /// What is installed, and what it is imported as.
 const PACKAGES: &[&str] = &[
     "mcap==1.6.0",
+    "mcap-ros2-support==0.6.0",
+    "rosbags==0.11.9",
     "mcap-protobuf-support==0.6.0",
     "foxglove-schemas-protobuf==0.4.0",
     "iceoryx2==0.10.0",
     "numpy==2.2.6",
 ];
-const IMPORTS: &str = "import mcap, mcap_protobuf, foxglove_schemas_protobuf, iceoryx2, numpy";
+const IMPORTS: &str = "import mcap, mcap_protobuf, mcap_ros2, rosbags, foxglove_schemas_protobuf, \
+                       iceoryx2, numpy";
 
 /// A script of this folder, ready for its arguments; `None` as for [`program`].
 pub fn script(name: &str) -> Option<Command> {
@@ -67,9 +71,56 @@ pub fn run(command: &mut Command) {
     assert!(output.status.success(), "{}", text(&output.stderr));
 }
 
-/// Reads logs by Python's mcap package and the official protobuf schemas.
+/// Reads exports for viewers by Python's mcap package and the official protobuf schemas.
 pub fn read_logs(files: &[PathBuf]) {
     if let Some(mut read) = script("read_logs.py") {
         run(read.args(files));
     }
+}
+
+/// Reads logs and ROS bags by what reads ROS's messages in Python and, where there is `node`, in
+/// Lichtblick. `tables`: those of the one log, as we export them.
+pub fn read_ros2(files: &[PathBuf], tables: Option<&Path>) {
+    let Some(mut read) = script("read_ros2.py") else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let dump = folder.path().join("dump.json");
+    read.args(files).arg("--dump").arg(&dump);
+    if let Some(tables) = tables {
+        read.arg("--tables").arg(tables);
+    }
+    run(&mut read);
+    if let Some(mut read) = node("read_ros2.js") {
+        run(read.arg(&dump));
+    }
+}
+
+/// What Lichtblick 1.28 reads ROS 2's messages by.
+const NODE_PACKAGES: [&str; 3] = [
+    "@lichtblick/rosmsg2-serialization@1.0.0",
+    "@lichtblick/rosmsg@1.0.0",
+    "@lichtblick/cdr@1.0.1",
+];
+
+/// A script of this folder for `node`; none where there is no npm or no network.
+fn node(name: &str) -> Option<Command> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let packages = root.join("target/node-logs");
+    if !packages.join("node_modules/@lichtblick/cdr").is_dir() {
+        let mut install = Command::new("npm");
+        install.args(["install", "--no-audit", "--no-fund", "--silent", "--prefix"]);
+        let installed = install.arg(&packages).args(NODE_PACKAGES).output();
+        if !installed
+            .as_ref()
+            .is_ok_and(|output| output.status.success())
+        {
+            println!("not read by Lichtblick's packages: {installed:?}");
+            return None;
+        }
+    }
+    let mut command = Command::new("node");
+    command.env("NODE_PATH", packages.join("node_modules"));
+    command.arg(root.join("tests/support").join(name));
+    Some(command)
 }

@@ -25,6 +25,8 @@ for path in sorted(Path(sys.argv[1]).iterdir()):
                 assert len(mesh.indices) % 3 == 0 and max(mesh.indices) < len(mesh.points), path
     if topic == "view_points":
         assert len(official.data) % official.point_stride == 0
+# Where the link is quick enough.
+found.pop("view_cells", None)
 topics = "grid log path points pose status transforms".split()
 assert sorted(found) == [f"view_{topic}" for topic in topics], found
 print(dict(found), len(tiles), "tiles")

@@ -151,7 +151,9 @@ fn subscribe(
         "advertise" => {
             for channel in output["channels"].as_array().unwrap() {
                 let text = |key: &str| channel[key].as_str().unwrap().to_owned();
-                assert_eq!(text("encoding"), "protobuf");
+                let is_ours = !text("topic").starts_with("view/");
+                let expected = if is_ours { "cdr" } else { "protobuf" };
+                assert_eq!(text("encoding"), expected, "{channel}");
                 let id = channel["id"].as_u64().unwrap() as u32;
                 channels.insert(1000 + id, (text("topic"), text("schemaName")));
                 heard.lock().unwrap().topics.push(text("topic"));

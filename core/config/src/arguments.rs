@@ -1,18 +1,23 @@
 //! The options that choose a configuration, shared by every program that needs one.
 
+use crate::builtin::{PROFILES, SENSORS};
+use crate::name_or_file::NameOrFile;
 use crate::{Config, DEFAULT_PROFILE, Error, Loaded, Selection};
 
 /// Options that choose a configuration.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct SelectionArguments {
     /// Environment: mixed (if not given), indoor, outdoor, oxford, or a file
-    #[arg(long, value_name = "NAME|FILE")]
+    #[arg(long, value_name = "NAME|FILE", hide_possible_values = true,
+        value_parser = NameOrFile::new(PROFILES.iter().map(|known| known.name)))]
     profile: Option<String>,
-    /// Radar: isdr-c, navtech-cts, or a file; if not given, it follows from the input
-    #[arg(long, value_name = "NAME|FILE")]
+    /// Radar: isdr-c, navtech-cts, or a file; if not given, the one that a recording names, else
+    /// isdr-c
+    #[arg(long, value_name = "NAME|FILE", hide_possible_values = true,
+        value_parser = NameOrFile::new(SENSORS.iter().map(|known| known.name)))]
     sensor: Option<String>,
-    /// Where the sensors sit on the robot, and how the drivers reach them; if not given, as in the
-    /// input
+    /// Where the sensors sit on the robot, and how the drivers reach them; if not given, as a
+    /// recording says
     #[arg(long, value_name = "FILE")]
     robot: Option<String>,
     /// Set one key, such as ndt.cell_size_m=0.5; may be given several times

@@ -178,3 +178,61 @@ impl Config {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::path::{Path, PathBuf};
+
+    /// Words of the documentation that begin with a section's name and are files of a run folder,
+    /// or entries of a report, which the documentation names by their former names too.
+    const OTHERS: [&str; 4] = [
+        "odometry.csv",
+        "odometry.pose",
+        "odometry.state",
+        "odometry.tum",
+    ];
+    const ENTRIES: &str = "loops";
+
+    fn documents(folder: &Path) -> Vec<PathBuf> {
+        let mut found = Vec::new();
+        for entry in fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            // Decisions say what was, too.
+            if path.is_dir() && !path.ends_with("decisions") {
+                found.extend(documents(&path));
+            } else if path.extension().is_some_and(|ending| ending == "md") {
+                found.push(path);
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn every_key_that_the_documentation_names_exists() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let mut files = documents(&root.join("docs"));
+        files.push(root.join("README.md"));
+        let config = Config::default();
+        let mut named = 0;
+        for file in files {
+            let text = fs::read_to_string(&file).unwrap();
+            let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '.' | '/' | '-');
+            for word in text.split(|c| !is_part(c)) {
+                let word = word.trim_end_matches('.');
+                let Some((section, key)) = word.split_once('.') else {
+                    continue;
+                };
+                let is_section = Config::SECTIONS.iter().any(|known| known.name == section);
+                let is_other = OTHERS.contains(&word) || section == ENTRIES;
+                if is_section && !is_other && !key.is_empty() {
+                    let found = config.get(section, key);
+                    assert!(found.is_some(), "{}: {word}", file.display());
+                    named += 1;
+                }
+            }
+        }
+        assert!(named > 30, "{named}");
+    }
+}

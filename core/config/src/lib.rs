@@ -25,6 +25,8 @@ mod input;
 mod layer;
 mod load;
 mod location;
+#[cfg(feature = "clap")]
+mod name_or_file;
 mod pin;
 mod rule;
 mod section;
@@ -43,6 +45,8 @@ pub use input::{InputGeometry, check_input};
 pub use layer::Origins;
 pub use load::{DEFAULT_PROFILE, Loaded, Selection, check_file};
 pub use location::Location;
+#[cfg(feature = "clap")]
+pub use name_or_file::NameOrFile;
 pub use pin::{DevicePin, SenderPin};
 pub use rule::Rule;
 pub use section::Key;

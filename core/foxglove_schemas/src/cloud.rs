@@ -3,8 +3,8 @@
 use crate::{RADAR, packed_fields, pose_of, timestamp};
 use foxglove::messages::PointCloud;
 use foxglove::messages::packed_element_field::NumericType;
-use randt_geometry::elementary::sin_cos;
 use randt_messages::{MessageRef, RadarPoints, RadarScan, Return, SweepHead};
+use randt_ros_messages::{Style, directions};
 
 /// Coordinates are whole numbers of this, m, about an iSDR-C's range bin: digits that no viewer
 /// shows would double what the cloud takes on the disk.
@@ -32,32 +32,48 @@ pub fn of_scan(message: MessageRef<'_, RadarScan>) -> PointCloud {
     cloud(head.header.stamp_ns, &head.sweep, message.items, 1)
 }
 
+/// What the filter left for a recording, likewise.
+pub fn recorded_points(message: MessageRef<'_, RadarPoints>) -> Vec<u8> {
+    let header = message.head.header;
+    let points = coarse_points(&message.head.sweep, message.items, 1);
+    randt_ros_messages::cloud(Style::Cdr, header.sequence, header.stamp_ns, points)
+}
+
 fn cloud(stamp_ns: i64, sweep: &SweepHead, returns: &[Return], step: usize) -> PointCloud {
-    let beams = sweep.beams().iter();
-    let azimuths = beams.map(|beam| f64::from(beam.azimuth_rad));
-    let directions: Vec<_> = azimuths.map(sin_cos).collect();
     let mut data = Vec::with_capacity(returns.len().div_ceil(step) * STRIDE);
-    for point in returns.iter().step_by(step) {
-        let Some((sine, cosine)) = directions.get(usize::from(point.beam)) else {
-            continue;
-        };
-        let range_m = f64::from(point.range_m);
-        data.extend(coarse(range_m * cosine, GRAIN_M).to_le_bytes());
-        data.extend(coarse(range_m * sine, GRAIN_M).to_le_bytes());
-        data.extend(coarse(f64::from(point.intensity), GRAIN).to_le_bytes());
+    for [x_m, y_m, intensity] in coarse_points(sweep, returns, step) {
+        for value in [x_m, y_m, 0.0, intensity] {
+            data.extend(value.to_le_bytes());
+        }
     }
     PointCloud {
         timestamp: timestamp(stamp_ns),
         frame_id: RADAR.to_owned(),
         pose: Some(pose_of([0.0; 3])),
         point_stride: STRIDE as u32,
-        fields: packed_fields(&["x", "y", "intensity"], NumericType::Float32, 4),
+        fields: packed_fields(&["x", "y", "z", "intensity"], NumericType::Float32, 4),
         data: data.into(),
     }
 }
 
-/// x, y, intensity.
-const STRIDE: usize = 12;
+/// x, y, z, intensity: there are viewers that show no cloud without a z.
+const STRIDE: usize = 16;
+
+/// Every n-th return as x m, y m and intensity.
+fn coarse_points(
+    sweep: &SweepHead,
+    returns: &[Return],
+    step: usize,
+) -> impl Iterator<Item = [f32; 3]> {
+    let directions = directions(sweep);
+    let points = returns.iter().step_by(step);
+    points.filter_map(move |point| {
+        let (sine, cosine) = directions.get(usize::from(point.beam))?;
+        let range_m = f64::from(point.range_m);
+        let [x_m, y_m] = [cosine, sine].map(|direction| coarse(range_m * direction, GRAIN_M));
+        Some([x_m, y_m, coarse(f64::from(point.intensity), GRAIN)])
+    })
+}
 
 fn coarse(value: f64, grain: f64) -> f32 {
     ((value / grain).round() * grain) as f32
@@ -90,15 +106,15 @@ mod tests {
             .chunks_exact(4)
             .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
             .collect();
-        assert_eq!(cloud.point_stride, 12);
-        assert_eq!(values, [2.0, 0.0, 9.5, 0.0, 3.0, 9.5]);
+        assert_eq!(cloud.point_stride, 16);
+        assert_eq!(values, [2.0, 0.0, 0.0, 9.5, 0.0, 3.0, 0.0, 9.5]);
         let mut scan = Message::<RadarScan>::default();
         (scan.head.sweep, scan.items) = (points.head.sweep, points.items.clone());
         assert_eq!(of_scan(scan.as_ref()), cloud);
         // Thinned evenly.
         points.items = (0..100).map(|_| at(0, 2.0)).collect();
-        assert_eq!(of_some_points(points.as_ref(), 600).data.len(), 600);
-        assert_eq!(of_some_points(points.as_ref(), 599).data.len(), 34 * STRIDE);
+        assert_eq!(of_some_points(points.as_ref(), 800).data.len(), 800);
+        assert_eq!(of_some_points(points.as_ref(), 799).data.len(), 34 * STRIDE);
         assert_eq!(of_some_points(points.as_ref(), 0).data.len(), STRIDE);
     }
 }

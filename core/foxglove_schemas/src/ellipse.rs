@@ -10,11 +10,11 @@ use randt_ndt::Cell;
 /// Corners of an ellipse.
 const CORNERS: u32 = 12;
 /// How many standard deviations it is wide to each side: within are 86 % of the points.
-const DEVIATIONS: f64 = 2.0;
+pub(crate) const DEVIATIONS: f64 = 2.0;
 /// Faint to strong (viridis without its darkest, which cannot be seen on a dark ground). Cells of
 /// one colour are one primitive: viewers draw a few large ones easily, and hundreds of small ones
 /// not.
-const COLOURS: [Colour; 6] = [
+pub(crate) const COLOURS: [Colour; 6] = [
     [0.27, 0.35, 0.64, 0.9],
     [0.16, 0.47, 0.56, 0.9],
     [0.13, 0.66, 0.52, 0.9],
@@ -69,13 +69,13 @@ fn outline(cell: &Cell, circle: &[(f64, f64)], to: &mut LinePrimitive) {
 }
 
 /// Which intensity has which colour.
-struct Scale {
+pub(crate) struct Scale {
     least: f64,
     most: f64,
 }
 
 impl Scale {
-    fn from_cells(cells: &[&Cell]) -> Self {
+    pub fn from_cells(cells: &[&Cell]) -> Self {
         let mut means: Vec<f64> = cells.iter().map(|cell| cell.mean[2]).collect();
         means.sort_by(f64::total_cmp);
         let outside = (OUTSIDE * means.len() as f64) as usize;
@@ -87,7 +87,7 @@ impl Scale {
         }
     }
 
-    fn colour(&self, cell: &Cell) -> usize {
+    pub fn colour(&self, cell: &Cell) -> usize {
         let span = (self.most - self.least).max(f64::MIN_POSITIVE);
         let share = (cell.mean[2] - self.least) / span;
         // Below 0 and what is not a number are the first.

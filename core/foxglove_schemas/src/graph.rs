@@ -10,10 +10,10 @@ use randt_messages::{GraphEntry, GraphEntryKind, MapperGraph, MessageRef};
 use std::collections::BTreeMap;
 
 /// Keyframes of the component of the map that the newest one belongs to.
-const PATH: Colour = [0.98, 0.55, 0.24, 1.0];
+pub(crate) const PATH: Colour = [0.98, 0.55, 0.24, 1.0];
 /// Those of other components: each has a frame of its own, and where they are drawn says nothing
 /// of where they are.
-const OTHER_COMPONENT: Colour = [0.55, 0.55, 0.6, 0.5];
+pub(crate) const OTHER_COMPONENT: Colour = [0.55, 0.55, 0.6, 0.5];
 /// A loop that is believed, and one that is hardly.
 const BELIEVED: Colour = [0.16, 0.75, 0.35, 1.0];
 const DOUBTED: Colour = [0.85, 0.6, 0.1, 0.5];
@@ -64,8 +64,13 @@ impl Graph {
         true
     }
 
+    /// The version of the newest page.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
     /// The keyframes, in order.
-    pub fn nodes(&self) -> impl Iterator<Item = &GraphEntry> {
+    pub fn nodes(&self) -> impl DoubleEndedIterator<Item = &GraphEntry> {
         self.nodes.values()
     }
 
@@ -128,18 +133,23 @@ impl Graph {
     pub fn draw_loops(&self, stamp_ns: i64) -> SceneUpdate {
         let mut line = lines(Type::LineList, Vec::new(), BELIEVED);
         for (edge, ends) in self.loops() {
-            let weight = f64::from(edge.weight).clamp(0.0, 1.0);
-            let mut colour = DOUBTED;
-            for (from, to) in colour.iter_mut().zip(BELIEVED) {
-                *from += weight * (to - *from);
-            }
             for end in ends {
                 line.points.push(position(end));
-                line.colors.push(color(colour));
+                line.colors.push(color(belief(edge)));
             }
         }
         drawing(MAP, "loops", stamp_ns, vec![line])
     }
+}
+
+/// The colour of a loop: the greener, the more it is believed.
+pub(crate) fn belief(edge: &GraphEntry) -> Colour {
+    let weight = f64::from(edge.weight).clamp(0.0, 1.0);
+    let mut colour = DOUBTED;
+    for (from, to) in colour.iter_mut().zip(BELIEVED) {
+        *from += weight * (to - *from);
+    }
+    colour
 }
 
 pub(crate) fn position(node: &GraphEntry) -> foxglove::messages::Point3 {

@@ -1,9 +1,10 @@
-//! `Grid`: the occupancy grid, put together from its tiles.
+//! The occupancy grid, put together from its tiles, and as a `Grid`.
 
 use crate::{MAP, packed_fields, pose_of, timestamp};
 use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{Grid, Vector2};
 use randt_messages::{MapperGrid, Message, TILE_CELLS};
+use randt_ros_messages::Cells;
 use std::collections::BTreeMap;
 
 /// Red, green, blue, alpha: viewers show it without any settings.
@@ -35,9 +36,14 @@ impl Tiles {
         self.extent().map(|extent| extent.bytes())
     }
 
-    /// The whole grid.
+    /// The whole grid as a picture.
     pub fn draw(&self, stamp_ns: i64) -> Option<Grid> {
-        self.extent().map(|extent| self.draw_on(&extent, stamp_ns))
+        self.cells().map(|cells| picture(&cells, stamp_ns))
+    }
+
+    /// The whole grid.
+    pub fn cells(&self) -> Option<Cells> {
+        self.extent().map(|extent| self.cells_on(&extent))
     }
 
     fn extent(&self) -> Option<Extent> {
@@ -54,35 +60,45 @@ impl Tiles {
         (extent.bytes() <= BYTES_MAX).then_some(extent)
     }
 
-    fn draw_on(&self, extent: &Extent, stamp_ns: i64) -> Grid {
+    fn cells_on(&self, extent: &Extent) -> Cells {
         let width = extent.columns * TILE_CELLS;
-        let mut data = vec![0; width * extent.rows * TILE_CELLS * STRIDE];
+        let mut values = vec![UNKNOWN; width * extent.rows * TILE_CELLS];
         for ((row, column), cells) in &self.tiles {
             let x = (*column - extent.column) as usize * TILE_CELLS;
             let y = (*row - extent.row) as usize * TILE_CELLS;
             for (line, cells) in (y..).zip(cells.chunks_exact(TILE_CELLS)) {
-                let begin = (line * width + x) * STRIDE;
-                let pixels = data.iter_mut().skip(begin);
-                let colours = cells.iter().flat_map(|cell| colour(*cell));
-                pixels.zip(colours).for_each(|(to, from)| *to = from);
+                let begin = line * width + x;
+                if let Some(to) = values.get_mut(begin..begin + TILE_CELLS) {
+                    to.copy_from_slice(cells);
+                }
             }
         }
         let tile_m = self.cell_m * TILE_CELLS as f64;
-        let corner = [extent.column, extent.row].map(|tiles| f64::from(tiles) * tile_m);
-        Grid {
-            timestamp: timestamp(stamp_ns),
-            frame_id: MAP.to_owned(),
-            pose: Some(pose_of([corner[0], corner[1], 0.0])),
-            column_count: width as u32,
-            cell_size: Some(Vector2 {
-                x: self.cell_m,
-                y: self.cell_m,
-            }),
-            row_stride: (width * STRIDE) as u32,
-            cell_stride: STRIDE as u32,
-            fields: packed_fields(&["red", "green", "blue", "alpha"], NumericType::Uint8, 1),
-            data: data.into(),
+        Cells {
+            cell_m: self.cell_m,
+            corner_m: [extent.column, extent.row].map(|tiles| f64::from(tiles) * tile_m),
+            width,
+            values,
         }
+    }
+}
+
+fn picture(cells: &Cells, stamp_ns: i64) -> Grid {
+    let data: Vec<u8> = cells.values.iter().flat_map(|cell| colour(*cell)).collect();
+    let [x_m, y_m] = cells.corner_m;
+    Grid {
+        timestamp: timestamp(stamp_ns),
+        frame_id: MAP.to_owned(),
+        pose: Some(pose_of([x_m, y_m, 0.0])),
+        column_count: cells.width as u32,
+        cell_size: Some(Vector2 {
+            x: cells.cell_m,
+            y: cells.cell_m,
+        }),
+        row_stride: (cells.width * STRIDE) as u32,
+        cell_stride: STRIDE as u32,
+        fields: packed_fields(&["red", "green", "blue", "alpha"], NumericType::Uint8, 1),
+        data: data.into(),
     }
 }
 
@@ -138,6 +154,10 @@ mod tests {
         assert_eq!(grid.column_count, 128);
         let corner = grid.pose.unwrap().position.unwrap();
         assert!((corner.x - 6.4).abs() < 1e-12 && (corner.y + 6.4).abs() < 1e-12);
+        let cells = tiles.cells().unwrap();
+        assert_eq!((cells.width, cells.values.len()), (128, 128 * 128));
+        assert_eq!((cells.values[64], cells.values[64 * 128]), (100, 0));
+        assert_eq!((cells.values[0], cells.corner_m[0]), (255, corner.x));
         let pixel = |x: usize, y: usize| &grid.data[(y * 128 + x) * 4..][..4];
         assert_eq!(pixel(64, 0), [40, 40, 40, 255]);
         assert_eq!(pixel(0, 64), [240, 240, 240, 255]);

@@ -1,5 +1,5 @@
-//! What viewers understand, made of our messages: Foxglove's well-known schemas in protobuf, one
-//! file a schema.
+//! What viewers understand, made of our messages: live Foxglove's well-known schemas in protobuf,
+//! one file a schema; in a recording ROS's messages.
 //!
 //! Responsible for what a message looks like, what its topic is called and how often it goes at
 //! most, not for when it goes. Pure: the same messages give the same bytes.
@@ -9,23 +9,29 @@ mod ellipse;
 mod graph;
 mod graph_entities;
 mod grid;
+mod markers;
 mod notice;
+mod pace;
 mod pose;
 mod scene;
 pub mod status;
+mod submap_cells;
 pub mod tile;
 pub mod topic;
 mod transform;
 
-pub use cloud::{of_points, of_scan, of_some_points};
+pub use cloud::{of_points, of_scan, of_some_points, recorded_points};
 pub use ellipse::of_cells;
 pub use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame, SceneUpdate};
 pub use graph::Graph;
 pub use graph_entities::{empty_entity, graph_entities};
 pub use grid::Tiles;
+pub use markers::{cell_markers, graph_markers, loop_markers};
 pub use notice::of_drop;
+pub use pace::Pace;
 pub use pose::of_state as pose_of_state;
 pub use scene::clear;
+pub use submap_cells::SubmapCells;
 pub use topic::ViewerTopic;
 pub use transform::{mounting, transforms};
 
@@ -34,17 +40,7 @@ use foxglove::messages::packed_element_field::NumericType;
 use foxglove::messages::{PackedElementField, Pose, Quaternion, Timestamp, Vector3};
 use randt_geometry::elementary::sin_cos;
 use randt_log::Channel;
-
-/// Frames of REP-105, as viewers see them.
-pub const MAP: &str = "map";
-/// The frame that never jumps.
-pub const ODOM: &str = "odom";
-/// The robot.
-pub const BASE_LINK: &str = "base_link";
-/// Where the radar sits.
-pub const RADAR: &str = "radar";
-/// Where the IMU sits.
-pub const IMU: &str = "imu";
+pub use randt_ros_messages::{BASE_LINK, IMU, MAP, ODOM, RADAR};
 
 /// The channel of a topic with messages of this schema.
 pub fn channel<T: Encode>(topic: &str) -> Channel {

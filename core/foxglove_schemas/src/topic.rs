@@ -2,9 +2,10 @@
 //! recording share, so that one layout shows both.
 
 use crate::channel;
-use foxglove::Encode;
-use foxglove::messages::{FrameTransforms, Grid, Log, PointCloud, PoseInFrame, SceneUpdate};
+use foxglove::messages::{FrameTransforms, Log, PointCloud, PoseInFrame, SceneUpdate};
 use randt_log::Channel;
+use randt_messages::{OdometryStateTopic, Topic};
+use randt_ros_messages as ros;
 
 /// The live pose.
 pub const POSE: &str = "view/pose";
@@ -14,10 +15,16 @@ pub const TRANSFORMS: &str = "view/transforms";
 pub const POINTS: &str = "view/points";
 /// The occupancy grid.
 pub const GRID: &str = "view/grid";
+/// The cells of odometry's submap.
+pub const CELLS: &str = "view/cells";
+/// Keyframes and the edges of odometry between them.
+pub const GRAPH: &str = "view/graph";
+/// Loops in force.
+pub const LOOPS: &str = "view/loops";
 
 const S: i64 = 1_000_000_000;
 /// A cloud goes once a second, give or take a sweep: it is the largest of what always changes.
-const CLOUD_PERIOD_NS: i64 = 950_000_000;
+pub const CLOUD_PERIOD_NS: i64 = 950_000_000;
 
 /// A topic for viewers, in the order of importance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,66 +37,76 @@ pub enum ViewerTopic {
     Transforms,
     /// The pose.
     Pose,
+    /// The state itself, with every number, for plots.
+    State,
     /// The filtered returns, thinned where the link is slow.
     Points,
     /// Path and loops.
     Path,
     /// The occupancy grid: live tile by tile, in a recording whole.
     Grid,
-}
-
-/// A topic's messages.
-#[derive(Clone, Copy)]
-struct Stream {
-    channel: fn(&str) -> Channel,
-    /// From one message to the next at least, ns; 0 where a message goes with everything new.
-    period_ns: i64,
+    /// The cells of odometry's submap, where the link takes them.
+    Cells,
 }
 
 /// A row of the table.
 struct Row {
     name: &'static str,
-    live: Stream,
-    /// None where a recording does not have it.
-    recorded: Option<Stream>,
+    channel: fn(&str) -> Channel,
+    /// From one message to the next at least, ns; 0 where a message goes with everything new.
+    period_ns: i64,
 }
 
-fn stream<T: Encode>(period_ns: i64) -> Stream {
-    Stream {
-        channel: channel::<T>,
-        period_ns,
-    }
+/// What a recording has for viewers. Its messages are ROS's, as all others of a log: viewers show
+/// them, and what reads ROS 2 bags reads the whole log.
+const RECORDED: [(&str, ros::Definition); 7] = [
+    (TRANSFORMS, ros::TRANSFORMS),
+    (POSE, ros::POSE),
+    (POINTS, ros::CLOUD),
+    (GRID, ros::OCCUPANCY_GRID),
+    (CELLS, ros::MARKERS),
+    (GRAPH, ros::MARKERS),
+    (LOOPS, ros::MARKERS),
+];
+
+/// Topic and type of each recorded topic for viewers.
+pub fn recorded_channels() -> [Channel; RECORDED.len()] {
+    RECORDED.map(|(topic, definition)| definition.channel(topic))
 }
 
 impl ViewerTopic {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Status,
         Self::Log,
         Self::Transforms,
         Self::Pose,
+        Self::State,
         Self::Points,
         Self::Path,
         Self::Grid,
+        Self::Cells,
     ];
 
     /// The table.
     fn row(self) -> Row {
-        let row = |name, live, recorded| Row {
+        let row = |name, channel, period_ns| Row {
             name,
-            live,
-            recorded,
+            channel,
+            period_ns,
         };
-        let (transforms, pose) = (stream::<FrameTransforms>(0), stream::<PoseInFrame>(0));
-        let points = stream::<PointCloud>(CLOUD_PERIOD_NS);
+        // As a log has it.
+        let own = |_: &str| Channel::from_topic::<OdometryStateTopic>();
         match self {
-            Self::Status => row("view/status", stream::<SceneUpdate>(S), None),
-            Self::Log => row("view/log", stream::<Log>(S), None),
-            Self::Transforms => row(TRANSFORMS, transforms, Some(transforms)),
-            Self::Pose => row(POSE, pose, Some(pose)),
-            Self::Points => row(POINTS, points, Some(points)),
-            Self::Path => row("view/path", stream::<SceneUpdate>(0), None),
-            Self::Grid => row(GRID, stream::<SceneUpdate>(0), Some(stream::<Grid>(2 * S))),
+            Self::Status => row("view/status", channel::<SceneUpdate>, S),
+            Self::Log => row("view/log", channel::<Log>, S),
+            Self::Transforms => row(TRANSFORMS, channel::<FrameTransforms>, 0),
+            Self::Pose => row(POSE, channel::<PoseInFrame>, 0),
+            Self::State => row(OdometryStateTopic::NAME, own, 0),
+            Self::Points => row(POINTS, channel::<PointCloud>, CLOUD_PERIOD_NS),
+            Self::Path => row("view/path", channel::<SceneUpdate>, 0),
+            Self::Grid => row(GRID, channel::<SceneUpdate>, 0),
+            Self::Cells => row(CELLS, channel::<SceneUpdate>, 5 * S),
         }
     }
 
@@ -110,22 +127,11 @@ impl ViewerTopic {
 
     /// Topic and schema, live.
     pub fn live_channel(self) -> Channel {
-        (self.row().live.channel)(self.name())
+        (self.row().channel)(self.name())
     }
 
     /// From one live message to the next at least, ns.
     pub fn live_period_ns(self) -> i64 {
-        self.row().live.period_ns
-    }
-
-    /// Topic and schema of a recorded topic for viewers by its name; none for any other.
-    pub fn recorded_channel(name: &str) -> Option<Channel> {
-        let topic = Self::ALL.into_iter().find(|topic| topic.name() == name)?;
-        Some((topic.row().recorded?.channel)(name))
-    }
-
-    /// From one recorded message to the next at least, ns.
-    pub fn recorded_period_ns(self) -> i64 {
-        self.row().recorded.map_or(0, |stream| stream.period_ns)
+        self.row().period_ns
     }
 }

@@ -1,8 +1,9 @@
-//! The MCAP log: the messages' bytes as they are on the bus.
+//! The MCAP log: the messages' bytes as they are on the bus, framed as CDR.
 //!
-//! Responsible for one container format, written and read: a channel per topic, the layout's table
-//! as its schema, metadata at the start, damage counted and stepped over, layouts of other builds
-//! translated. Not responsible for what the messages mean, nor for when they are written.
+//! Responsible for one container format, written and read: a channel per topic, the layout as a
+//! ROS 2 message definition, metadata at the start, damage counted and stepped over, layouts of
+//! other builds translated. Not responsible for what the messages mean, nor for when they are
+//! written.
 //!
 //! ```
 //! use randt_log::{LogReader, LogWriter, Options};
@@ -24,6 +25,8 @@
 //! # Ok::<(), randt_log::Error>(())
 //! ```
 
+mod cdr;
+mod channel;
 mod chunk;
 mod copy;
 mod damage;
@@ -43,11 +46,13 @@ mod topics;
 mod translation;
 mod writer;
 
+pub use cdr::{cdr_payload, cdr_size, read_cdr, write_cdr};
+pub use channel::Channel;
 pub use copy::copy;
 pub use damage::{Damage, DamageKind};
 pub use date::{is_date, name_of_date};
-pub use description::describe;
-pub use entry::{Channel, Entry, RecordHeader};
+pub use description::{describe, ros_type};
+pub use entry::{Entry, RecordHeader};
 pub use error::Error;
 pub use file::LogFile;
 pub use lengths::lengths_fit;

@@ -1,7 +1,8 @@
 //! Reads a log from its beginning to its end, chunk by chunk; memory does not grow with the file.
 
+use crate::channel::Channel;
 use crate::damage::{Damage, DamageKind};
-use crate::entry::{Channel, Entry};
+use crate::entry::Entry;
 use crate::lengths::lengths_fit;
 use crate::record_reader::RecordReader;
 use crate::translation::Translation;
@@ -183,6 +184,7 @@ impl<R: Read + Seek> LogReader<R> {
                     message_encoding: record.message_encoding,
                     schema_encoding,
                     schema,
+                    metadata: record.metadata,
                     messages: 0,
                 };
                 self.channels.insert(record.id, (channel, OnceCell::new()));

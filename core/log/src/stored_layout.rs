@@ -1,7 +1,9 @@
 //! The layout of a topic's messages as a log describes it: that of the build that wrote the log.
 
-use crate::description::CODES;
-use std::collections::BTreeMap;
+mod ros2msg;
+mod table;
+
+use crate::cdr;
 use std::sync::Arc;
 
 /// What a topic's messages hold.
@@ -11,6 +13,31 @@ pub struct StoredLayout {
     pub head: Kind,
     /// One element of what follows it, where something does.
     pub item: Option<Kind>,
+    pub(crate) framing: Framing,
+}
+
+/// How head and items stand in a message's bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Framing {
+    /// One behind the other, as on the bus: so logs had them up to 0.1.0.
+    #[default]
+    Bus,
+    /// As CDR; the items' alignment, bytes.
+    Cdr(usize),
+}
+
+impl Framing {
+    /// Head and items of a message by their sizes; `None` where its bytes are not as many as that.
+    pub fn split(self, bytes: &[u8], head: usize, item: usize) -> Option<(&[u8], &[u8])> {
+        match self {
+            Self::Bus => {
+                let (head, items) = bytes.split_at_checked(head)?;
+                let is_whole = item == 0 || items.len().is_multiple_of(item);
+                is_whole.then_some((head, items))
+            }
+            Self::Cdr(item_align) => cdr::split(bytes, head, item, item_align),
+        }
+    }
 }
 
 /// How a value is stored, little-endian.
@@ -125,101 +152,20 @@ impl Kind {
 }
 
 impl StoredLayout {
-    /// Reads a description as [`crate::describe`] writes it; `None` where it makes no sense. No
-    /// field of the result leads out of its struct, whatever the text says.
+    /// Reads a message definition as [`crate::describe`] writes it; `None` where it makes no
+    /// sense. No field of the result leads out of its struct, whatever the text says.
     pub fn parse(text: &str) -> Option<Self> {
-        let mut parser = Parser::default();
-        text.lines().try_for_each(|line| parser.take(line))?;
-        parser.layout()
-    }
-}
-
-/// What was read so far.
-#[derive(Default)]
-struct Parser<'a> {
-    structs: BTreeMap<&'a str, Arc<Struct>>,
-    /// The struct whose fields come.
-    last: &'a str,
-    head: &'a str,
-    item: Option<&'a str>,
-}
-
-impl<'a> Parser<'a> {
-    /// Reads a line; `None` where it makes no sense.
-    fn take(&mut self, line: &'a str) -> Option<()> {
-        if let Some(name) = line.strip_prefix("message: ") {
-            self.head = name;
-        } else if let Some(rest) = line.strip_prefix("then: ") {
-            self.item = Some(rest.split_once(" until")?.0);
-        } else if let Some(rest) = line.strip_prefix("struct ") {
-            let (name, size) = rest.split_once(", ")?;
-            let size = size.strip_suffix(" bytes")?.parse().ok()?;
-            let new = Struct {
-                name: name.to_owned(),
-                fields: Vec::new(),
-                size,
-            };
-            self.structs.insert(name, Arc::new(new));
-            self.last = name;
-        } else if let Some(codes) = line.strip_prefix(CODES) {
-            let (name, codes) = codes.split_once(": ")?;
-            let field = self.last_struct()?.fields.last_mut()?;
-            (field.name == name).then_some(())?;
-            for code in codes.split(", ") {
-                let (code, name) = code.split_once(' ')?;
-                field.codes.push((code.parse().ok()?, name.to_owned()));
-            }
-        } else if let Some(field) = line.strip_prefix("  ") {
-            let mut words = field.splitn(4, ' ');
-            let offset: usize = words.next()?.parse().ok()?;
-            let size: usize = words.next()?.parse().ok()?;
-            let (name, kind) = (words.next()?.to_owned(), words.next()?);
-            let kind = self.kind(kind, size)?;
-            let within = self.last_struct()?;
-            let is_inside = kind.size() == size && offset.checked_add(size)? <= within.size;
-            is_inside.then_some(())?;
-            within.fields.push(Field {
-                name,
-                offset,
-                kind,
-                codes: Vec::new(),
-            });
-        }
-        Some(())
+        ros2msg::parse(text)
     }
 
-    /// The struct whose fields come. It is not shared before its last field is there.
-    fn last_struct(&mut self) -> Option<&mut Struct> {
-        Arc::get_mut(self.structs.get_mut(self.last)?)
+    /// Reads a table as logs carried it up to 0.1.0, likewise.
+    pub fn parse_table(text: &str) -> Option<Self> {
+        table::parse(text)
     }
 
-    /// A kind by its name; each struct comes after those inside it. The length of an array may be
-    /// a constant's name, so it follows from the size.
-    fn kind(&self, name: &str, size: usize) -> Option<Kind> {
-        let name = name.trim();
-        if let Some(array) = name.strip_prefix('[') {
-            let (element, count) = array.strip_suffix(']')?.rsplit_once(';')?;
-            let known: Option<usize> = count.trim().parse().ok();
-            let element = self.kind(element, size.checked_div(known.unwrap_or(1))?)?;
-            let count = size.checked_div(element.size())?;
-            return Some(Kind::Array(Box::new(element), count));
-        }
-        if let Some(number) = Number::from_name(name) {
-            return Some(Kind::Number(number));
-        }
-        let own = name.rsplit("::").next()?;
-        self.structs.get(own).cloned().map(Kind::Struct)
-    }
-
-    fn layout(&self) -> Option<StoredLayout> {
-        let head = Arc::clone(self.structs.get(self.head)?);
-        let item = match self.item {
-            Some(name) => Some(self.kind(name, 0)?),
-            None => None,
-        };
-        Some(StoredLayout {
-            head: Kind::Struct(head),
-            item,
-        })
+    /// Head and items of a message; `None` where its bytes do not fit.
+    pub fn split<'a>(&self, bytes: &'a [u8]) -> Option<(&'a [u8], &'a [u8])> {
+        let item = self.item.as_ref().map_or(0, Kind::size);
+        self.framing.split(bytes, self.head.size(), item)
     }
 }

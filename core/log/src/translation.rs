@@ -1,7 +1,7 @@
 //! Messages of another build's layout as those of this one: field by field, by their names.
 
 use crate::describe;
-use crate::stored_layout::{Field, Kind, Number, StoredLayout, Struct, Value};
+use crate::stored_layout::{Field, Framing, Kind, Number, StoredLayout, Struct, Value};
 use randt_messages::layout::{Fields, Former};
 use randt_messages::{Layout, Topic};
 use std::cmp::Ordering;
@@ -9,6 +9,7 @@ use std::cmp::Ordering;
 /// How the bytes of one layout become those of another one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Translation {
+    framing: Framing,
     head: Conversion,
     item: Conversion,
     /// Fields that the stored layout lacks, or has as something that these are not: they are 0.
@@ -61,6 +62,11 @@ impl OwnLayout {
         let mut structs = Vec::new();
         let mut visit = |name: &'static str, _: usize, fields: Fields| structs.push((name, fields));
         T::Head::visit(&mut visit);
+        // A definition gives the message's own struct no name.
+        if let Some((name, _)) = structs.last_mut() {
+            *name = "";
+        }
+        let mut visit = |name: &'static str, _: usize, fields: Fields| structs.push((name, fields));
         T::Item::visit(&mut visit);
         let layout = StoredLayout::parse(&describe::<T>())?;
         Some(Self { layout, structs })
@@ -93,24 +99,22 @@ impl Translation {
             },
         };
         Self {
+            framing: from.framing,
             head,
             item,
             ..builder.translation
         }
     }
 
-    /// A message's bytes in this program's layout; `None` where their number does not fit the
-    /// stored one.
+    /// A message's bytes as the bus of this program has them; `None` where their number does not
+    /// fit the stored one.
     pub fn apply(&self, bytes: &[u8]) -> Option<Vec<u8>> {
-        let (head, items) = bytes.split_at_checked(self.head.from)?;
+        let split = self.framing.split(bytes, self.head.from, self.item.from);
+        let (head, items) = split?;
         let mut out = Vec::new();
         self.head.apply(head, &mut out)?;
         if self.item.from > 0 {
-            let items = items.chunks_exact(self.item.from);
-            if !items.remainder().is_empty() {
-                return None;
-            }
-            for item in items {
+            for item in items.chunks_exact(self.item.from) {
                 self.item.apply(item, &mut out)?;
             }
         }

@@ -1,6 +1,6 @@
 //! Writes a log into anything that can seek.
 
-use crate::{Channel, Error, RecordHeader};
+use crate::{Channel, Error, RecordHeader, write_cdr};
 use mcap::Compression;
 use mcap::records::{MessageHeader, Metadata};
 use randt_messages::{MessageRef, Topic};
@@ -30,7 +30,8 @@ impl Default for Options {
             level: 0,
             // MCAP's own default.
             chunk_bytes: 1 << 20,
-            profile: "randt",
+            // Ours are serialised as those of ROS 2 are.
+            profile: "ros2",
             written_by: concat!("randt-log ", env!("CARGO_PKG_VERSION")).to_owned(),
         }
     }
@@ -111,7 +112,7 @@ impl<W: Write + Seek> LogWriter<W> {
         let channel = self.channel::<T>()?;
         let mut bytes = std::mem::take(&mut self.bytes);
         bytes.clear();
-        message.write_bytes(&mut bytes);
+        write_cdr(message, &mut bytes);
         let result = self.write_bytes(channel, RecordHeader::from_header(message.header()), &bytes);
         self.bytes = bytes;
         result
@@ -125,7 +126,7 @@ impl<W: Write + Seek> LogWriter<W> {
         };
         let added = schema.and_then(|schema| {
             let (topic, encoding) = (&channel.topic, &channel.message_encoding);
-            (self.inner).add_channel(schema, topic, encoding, &BTreeMap::new())
+            (self.inner).add_channel(schema, topic, encoding, &channel.metadata)
         });
         added.map(ChannelId).map_err(|cause| self.failed(cause))
     }

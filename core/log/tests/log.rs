@@ -133,25 +133,31 @@ fn a_layout_that_nothing_describes_is_refused_and_its_writer_named() {
     let scan = scan(0, 1);
     let mut bytes = Vec::new();
     scan.as_ref().write_bytes(&mut bytes);
+    const NAME: &str = "RadarScan-0123456789abcdef";
     let known = Channel::from_topic::<RadarScan>();
+    let definition = |fields: &str| format!("# layout {NAME}, topic x\n{fields}\n");
     for (encoding, schema) in [
-        ("protobuf", "message"),
-        (&known.schema_encoding, "message: ScanHead\n"),
+        ("protobuf", "message".to_owned()),
+        ("randt-layout", "message: ScanHead\n".to_owned()),
         (
-            &known.schema_encoding,
-            "message: A\nstruct A, 8 bytes\n  4 8 header u64\n",
+            "randt-layout",
+            "message: A\nstruct A, 8 bytes\n  4 8 header u64\n".to_owned(),
         ),
         (
-            &known.schema_encoding,
-            "message: A\nstruct A, 8 bytes\n  0 8 header A\n",
+            "randt-layout",
+            "message: A\nstruct A, 8 bytes\n  0 8 header A\n".to_owned(),
         ),
         (
-            &known.schema_encoding,
-            "message: A\nstruct A, 0 bytes\n  0 0 header [u8; 0]\n",
+            "randt-layout",
+            "message: A\nstruct A, 0 bytes\n  0 0 header [u8; 0]\n".to_owned(),
         ),
+        ("ros2msg", definition("uint64 header")),
+        ("ros2msg", definition("string header")),
+        ("ros2msg", definition("randt_msgs/Header header")),
+        ("ros2msg", definition("uint8[0] header")),
     ] {
         let channel = Channel {
-            type_name: "RadarScan-0123456789abcdef".to_owned(),
+            type_name: NAME.to_owned(),
             schema_encoding: encoding.to_owned(),
             schema: schema.as_bytes().to_vec(),
             ..known.clone()

@@ -57,16 +57,22 @@ impl<T: Topic> Message<T> {
     /// Reads a message from the bytes that [`MessageRef::write_bytes`] made; `None` where their
     /// number does not fit.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
-        let (head, tail) = bytes.split_at_checked(size_of::<T::Head>())?;
+        let (head, items) = bytes.split_at_checked(size_of::<T::Head>())?;
+        Self::from_parts(head, items)
+    }
+
+    /// The same from the bytes of the head and those of the items, wherever they lie.
+    pub fn from_parts(head: &[u8], items: &[u8]) -> Option<Self> {
         let item = size_of::<T::Item>();
-        let count = tail.len().checked_div(item).unwrap_or(0);
-        if count * item != tail.len() || count > T::MAX_ITEMS {
+        let count = items.len().checked_div(item).unwrap_or(0);
+        if head.len() != size_of::<T::Head>() || count * item != items.len() || count > T::MAX_ITEMS
+        {
             return None;
         }
         let mut message = Self::default();
         bytemuck::bytes_of_mut(&mut *message.head).copy_from_slice(head);
         if count > 0 {
-            message.items = bytemuck::pod_collect_to_vec(tail);
+            message.items = bytemuck::pod_collect_to_vec(items);
         }
         Some(message)
     }

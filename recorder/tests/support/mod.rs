@@ -112,7 +112,7 @@ pub fn settings() -> Settings {
 
 pub fn recorder<S: Sink>(sink: S, settings: Settings) -> Recorder<S> {
     let loaded = loaded();
-    let viewer = Viewer::new(loaded.config.robot.clone());
+    let viewer = Viewer::new(&loaded.config);
     let records = configuration_records(&loaded);
     let preamble = Box::new(move || records.clone());
     Recorder::new(sink, settings, preamble, viewer, Positions::default())

@@ -8,9 +8,10 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// What every drive leaves in its folder.
-const RESULTS: [&str; 8] = [
+const RESULTS: [&str; 9] = [
     "keyframes.tum",
     "map.pgm",
+    "map.png",
     "map.yaml",
     "odometry.csv",
     "odometry.tum",

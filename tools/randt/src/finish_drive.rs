@@ -83,6 +83,7 @@ pub fn finish_drive(
     let trust = trust_spans::for_evaluation(&trust_spans);
     let silently_wrong = silently_wrong(&odometry, results.truth(), &trust);
     let mut report = Report {
+        schema: report::SCHEMA.to_owned(),
         randt: randt_version::VERSION.to_owned(),
         scans: results.states.len() as u64,
         keyframes: mapper.keyframes().len() as u64,

@@ -23,6 +23,7 @@ pub mod judgement;
 pub mod latency;
 pub mod loops;
 pub mod machine;
+pub mod map_png;
 pub mod mission;
 pub mod missions;
 pub mod odometry_csv;

@@ -18,6 +18,10 @@ use std::path::{Path, PathBuf};
 pub const ROOT: &str = "/var/lib/randt";
 const FOLDER: &str = "missions";
 const CURRENT: &str = "current";
+/// Where a mission goes on its way out.
+const DELETED: &str = ".deleted";
+/// Bytes of a name: a folder's has 255 at most, and exports add to it.
+const NAME_MAX: usize = 100;
 
 /// The folder of all missions.
 #[derive(Clone, Debug)]
@@ -169,6 +173,28 @@ impl Missions {
         free.with_context(|| format!("{}: all names are taken", self.folder().display()))
     }
 
+    /// Removes one that is not the current one, with all that it holds. One whose removal was cut
+    /// short is no mission any more.
+    pub fn delete(&self, mission: &Mission) -> anyhow::Result<()> {
+        let current = self.current_or_none().map(|current| current.name());
+        ensure!(
+            current.as_ref() != Some(&mission.name()),
+            "{}: is the current mission; `randt mission new` begins another one",
+            mission.name()
+        );
+        ensure!(
+            !mission.is_written(),
+            "{}: a mapper writes its map",
+            mission.name()
+        );
+        let (folder, gone) = (mission.folder(), self.root.join(DELETED));
+        let context = || format!("{}: cannot be removed", folder.display());
+        // What an earlier removal left.
+        let _ = fs::remove_dir_all(&gone);
+        fs::rename(folder, &gone).with_context(context)?;
+        fs::remove_dir_all(&gone).with_context(context)
+    }
+
     /// The link changes at once: at no moment is there none.
     fn point_to(&self, mission: &Mission) -> anyhow::Result<()> {
         let (link, new) = (self.link(), self.root.join(".current.part"));
@@ -183,12 +209,14 @@ impl Missions {
     }
 }
 
-/// A name becomes a folder's.
+/// A name becomes a folder's, and stands in lines of text.
 fn check_name(name: &str) -> anyhow::Result<()> {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
+    let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '-' | '_' | '.' | ' ');
+    let is_tidy = name.trim() == name && !name.starts_with(['.', '-']);
     ensure!(
-        !name.is_empty() && !name.starts_with(['.', '-']) && name.chars().all(is_plain),
-        "{name:?}: a mission's name consists of letters, digits, '-', '_' and '.'"
+        !name.is_empty() && is_tidy && name.chars().all(is_plain) && name.len() <= NAME_MAX,
+        "{name:?}: a mission's name consists of letters, digits, blanks, '-', '_' and '.', of at most \
+         {NAME_MAX} bytes, and begins with a letter, a digit or '_'"
     );
     Ok(())
 }
@@ -277,6 +305,19 @@ mod tests {
     }
 
     #[test]
+    fn a_mission_is_deleted_unless_it_is_the_current_one() {
+        let root = tempfile::tempdir().unwrap();
+        let missions = Missions::open(root.path()).unwrap();
+        let [old, current] =
+            ["Kühlhaus Süd", "attic"].map(|name| missions.begin(Some(name), &at(5, true)).unwrap());
+        let text = format!("{:#}", missions.delete(&current).unwrap_err());
+        assert!(text.contains("is the current mission"), "{text}");
+        missions.delete(&old).unwrap();
+        assert_eq!(names(&missions), ["attic"]);
+        assert!(!root.path().join(DELETED).exists() && missions.get("Kühlhaus Süd").is_err());
+    }
+
+    #[test]
     fn a_link_that_leads_nowhere_is_named() {
         let root = tempfile::tempdir().unwrap();
         let missions = Missions::open(root.path()).unwrap();
@@ -288,9 +329,25 @@ mod tests {
 
     #[test]
     fn names_that_lead_elsewhere_are_refused() {
-        for name in ["", ".", "..", "../a", "a/b", "-x", "a b", ".hidden"] {
-            assert!(check_name(name).is_err(), "{name}");
+        let long = "x".repeat(101);
+        for name in [
+            "",
+            ".",
+            "..",
+            "../a",
+            "a/b",
+            "-x",
+            " a",
+            "a ",
+            ".hidden",
+            "a\nb",
+            "a\u{202e}b",
+            &long,
+        ] {
+            assert!(check_name(name).is_err(), "{name:?}");
         }
-        assert!(check_name("2026-11-24T13-05-10Z-2").is_ok());
+        for name in ["2026-11-24T13-05-10Z-2", "Kühlhaus Süd 2", "a b"] {
+            assert!(check_name(name).is_ok(), "{name}");
+        }
     }
 }

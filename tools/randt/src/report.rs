@@ -17,6 +17,10 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Name and version of the form of `report.json`, which docs/report.md describes. A key that is
+/// added keeps the version; one that goes, or means something else, raises it.
+pub const SCHEMA: &str = "randt-report/1";
+
 /// The report, as it is written and read. Its fields are the keys of `report.json`. Everything but
 /// `timing` is a function of input and configuration.
 ///
@@ -24,6 +28,8 @@ use std::path::Path;
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Report {
+    /// What the file is: [`SCHEMA`].
+    pub schema: String,
     /// Version and commit of the program.
     pub randt: String,
     /// What was read.
@@ -304,6 +310,26 @@ pub fn input(info: &InputInfo, path: &Path, imu: bool, imu_samples: u64) -> anyh
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_key_is_documented() {
+        let report = Report {
+            accuracy: Some(Accuracy::default()),
+            ..Report::default()
+        };
+        let text = include_str!("../../../docs/report.md");
+        let report = serde_json::to_value(&report).unwrap();
+        let mut keys: Vec<String> = report.as_object().unwrap().keys().cloned().collect();
+        for part in ["input", "trust", "accuracy"] {
+            let inside = report[part].as_object().unwrap().keys();
+            keys.extend(inside.map(|key| format!("{part}.{key}")));
+        }
+        keys.push("comparison".to_owned());
+        for key in keys {
+            assert!(text.contains(&format!("`{key}`")), "{key}");
+        }
+        assert!(text.contains(SCHEMA));
+    }
 
     #[test]
     fn what_is_written_is_read_and_what_an_older_report_lacks_is_empty() {

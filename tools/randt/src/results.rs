@@ -1,5 +1,6 @@
 //! What a run leaves behind: trajectories, picture, report.
 
+use crate::map_png::map_png;
 use crate::odometry_csv::odometry_csv;
 use anyhow::Context;
 use randt_evaluation::{
@@ -175,6 +176,9 @@ impl Results {
         let picture = |name| picture.as_ref().with_context(|| too_wide(name));
         let map = picture("map.pgm").map(|it| it.to_pgm());
         let about = picture("map.yaml").map(|it| it.to_yaml("map.pgm").into_bytes());
+        // For people: with path and scale.
+        let shown = picture("map.png");
+        let shown = shown.and_then(|it| map_png(it, trajectory, largest_component(mapper)));
         vec![
             ("odometry.csv", Ok(odometry_csv(&self.states).into_bytes())),
             ("odometry.tum", Ok(self.odometry().to_tum().into_bytes())),
@@ -182,6 +186,7 @@ impl Results {
             ("keyframes.tum", Ok(keyframes(mapper).to_tum().into_bytes())),
             ("map.pgm", map),
             ("map.yaml", about),
+            ("map.png", shown.context("map.png")),
         ]
     }
 
@@ -212,6 +217,13 @@ impl Results {
             loops: &loops,
         })?)
     }
+}
+
+/// The map's largest component, as trajectories name it.
+fn largest_component(mapper: &Mapper) -> u64 {
+    let first = mapper.largest_component().first_keyframe();
+    let first = mapper.keyframes().get(first.0);
+    first.map_or(0, |keyframe| keyframe.odom_frame_id)
 }
 
 fn too_wide(name: &str) -> String {

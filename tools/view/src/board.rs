@@ -1,11 +1,11 @@
 //! What there is to show: of everything the newest.
 
-use randt_config::Robot;
+use randt_config::{Config, Robot};
 use randt_foxglove_schemas::tile::{Detail, of_tile};
-use randt_foxglove_schemas::{Graph, SceneUpdate, ViewerTopic};
+use randt_foxglove_schemas::{Graph, SceneUpdate, SubmapCells, ViewerTopic};
 use randt_geometry::Pose2;
 use randt_messages::{
-    Correction, MapperGraph, MapperGrid, Message, MessageRef, OdometryState, RadarPoints,
+    Correction, Keyframe, MapperGraph, MapperGrid, Message, MessageRef, OdometryState, RadarPoints,
 };
 use std::collections::{BTreeMap, VecDeque};
 
@@ -43,6 +43,8 @@ pub struct Board {
     pub(crate) points: Option<Message<RadarPoints>>,
     pub(crate) clouds: u64,
     graph: Graph,
+    /// Odometry's submap, and when it was drawn, ns; none where it is not followed.
+    cells: Option<(SubmapCells, i64)>,
     /// By channel and name.
     pub(crate) entities: BTreeMap<(ViewerTopic, String), Entity>,
     /// Number of the newest change of an entity.
@@ -53,9 +55,10 @@ pub struct Board {
 
 impl Board {
     /// Nothing yet, of a robot.
-    pub fn new(robot: Robot) -> Self {
+    pub fn new(config: &Config) -> Self {
         Self {
-            robot,
+            robot: config.robot.clone(),
+            cells: Some((SubmapCells::new(config), 0)),
             ..Self::default()
         }
     }
@@ -126,6 +129,28 @@ impl Board {
         }
         for (name, update) in entities {
             self.draw(update, name);
+        }
+    }
+
+    /// A keyframe, which becomes part of the submap.
+    pub fn take_keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) {
+        let header = keyframe.head.header;
+        let Some((cells, drawn_ns)) = &mut self.cells else {
+            return;
+        };
+        cells.take(Message {
+            head: Box::new(*keyframe.head),
+            items: keyframe.items.to_vec(),
+        });
+        let topic = ViewerTopic::Cells;
+        let pause_ns = topic.live_period_ns();
+        if (0..pause_ns).contains(&(header.published_ns - *drawn_ns)) {
+            return;
+        }
+        *drawn_ns = header.published_ns;
+        let update = cells.draw(header.stamp_ns);
+        if let Some(bytes) = randt_foxglove_schemas::bytes(&update) {
+            self.put((topic, "cells".to_owned()), None, bytes, None);
         }
     }
 
@@ -205,7 +230,7 @@ mod tests {
 
     #[test]
     fn age_and_time_are_right_for_a_recording_too() {
-        let mut board = Board::new(Robot::default());
+        let mut board = Board::new(&Config::default());
         assert_eq!((board.age_s(5), board.rate_hz()), (None, None));
         for i in 0..20 {
             board.take_state(&state(1_000_000_000_000 + i * 200_000_000));
@@ -220,8 +245,23 @@ mod tests {
     }
 
     #[test]
+    fn the_cells_of_the_submap_are_drawn_again_after_a_while() {
+        let mut board = Board::new(&Config::default());
+        let mut version_after = |id: u64, published_s: i64| {
+            let mut keyframe = Message::<Keyframe>::default();
+            keyframe.head.id = id;
+            keyframe.head.header.published_ns = published_s * 1_000_000_000;
+            keyframe.head.header.stamp_ns = keyframe.head.header.published_ns;
+            board.take_keyframe(keyframe.as_ref());
+            board.version
+        };
+        let versions = [(0, 100), (1, 102), (2, 106)].map(|(id, s)| version_after(id, s));
+        assert_eq!(versions, [1, 1, 2]);
+    }
+
+    #[test]
     fn a_tile_is_sent_only_where_it_differs_and_another_drive_has_no_tile() {
-        let mut board = Board::new(Robot::default());
+        let mut board = Board::new(&Config::default());
         let mut tile = Message::<MapperGrid> {
             items: vec![0; TILE_CELLS * TILE_CELLS],
             ..Message::default()

@@ -5,6 +5,8 @@ use crate::sent_entities::SentEntities;
 use crate::status_text::status_text;
 use crate::{Board, Flow, protocol};
 use randt_foxglove_schemas::{ViewerTopic, bytes, pose_of_state, status, transforms};
+use randt_log::write_cdr;
+use randt_messages::{MessageRef, OdometryState, OdometryStateTopic};
 use std::collections::{BTreeMap, VecDeque};
 
 /// A cloud takes this much of the link's time, s.
@@ -13,6 +15,10 @@ const CLOUD_TAKES_S: f64 = 0.2;
 const FAST: f64 = 250_000.0;
 /// ... it comes with this period instead of its usual one.
 const CLOUD_FAST_NS: i64 = 450_000_000;
+/// The state with all its numbers goes with every pose from this rate on in bytes a second, ...
+const STATES_FAST: f64 = 100_000.0;
+/// ... else with this period.
+const STATES_SLOW_NS: i64 = 1_000_000_000;
 /// A cloud of fewer bytes than this shows nothing.
 const CLOUD_LEAST: f64 = 1_200.0;
 /// Allowed beyond the window: pose and status do not wait for what fills the link.
@@ -53,6 +59,7 @@ pub struct Client {
     status_ns: i64,
     log_ns: i64,
     cloud_ns: i64,
+    state_ns: i64,
     time_ns: i64,
     time_of: u64,
     /// Frames that were overtaken by newer ones before they could go.
@@ -103,6 +110,7 @@ impl Client {
             ViewerTopic::Status => self.status_ns = 0,
             ViewerTopic::Log => self.log_ns = 0,
             ViewerTopic::Points => self.cloud_ns = 0,
+            ViewerTopic::State => self.state_ns = 0,
             _ => {}
         }
         self.had.remove(&topic);
@@ -117,7 +125,7 @@ impl Client {
     pub fn next(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
         if flow.has_room(0, BEYOND) {
             let urgent = self.status(board, flow, now_ns);
-            let urgent = urgent.or_else(|| self.state(board, now_ns));
+            let urgent = urgent.or_else(|| self.state(board, flow, now_ns));
             if urgent.is_some() {
                 return urgent;
             }
@@ -177,12 +185,18 @@ impl Client {
         Some(Frame::Binary(protocol::time(self.time_ns)))
     }
 
-    fn state(&mut self, board: &Board, now_ns: i64) -> Option<Frame> {
+    fn state(&mut self, board: &Board, flow: &Flow, now_ns: i64) -> Option<Frame> {
         let state = board.state?;
-        for topic in [ViewerTopic::Transforms, ViewerTopic::Pose] {
+        for topic in [
+            ViewerTopic::Transforms,
+            ViewerTopic::Pose,
+            ViewerTopic::State,
+        ] {
             let had = self.had.get(&topic).copied();
-            let subscription = self.subscription(topic);
-            let Some(subscription) = subscription.filter(|_| had != Some(board.states)) else {
+            let is_thinned = topic == ViewerTopic::State && flow.rate() < STATES_FAST;
+            let is_early = is_thinned && now_ns - self.state_ns < STATES_SLOW_NS;
+            let is_due = had != Some(board.states) && !is_early;
+            let Some(subscription) = self.subscription(topic).filter(|_| is_due) else {
                 continue;
             };
             if let Some(time) = self.time(board, now_ns, board.states) {
@@ -190,9 +204,14 @@ impl Client {
             }
             let payload = match topic {
                 ViewerTopic::Pose => bytes(&pose_of_state(&state))?,
+                ViewerTopic::State => state_bytes(&state),
                 _ => bytes(&transforms(&board.robot, &state, board.correction.as_ref()))?,
             };
-            self.dropped += had.map_or(0, |had| board.states - had - 1);
+            if topic == ViewerTopic::State {
+                self.state_ns = now_ns;
+            } else {
+                self.dropped += had.map_or(0, |had| board.states - had - 1);
+            }
             self.had.insert(topic, board.states);
             return Some(data(subscription, state.header.stamp_ns, &payload));
         }
@@ -238,6 +257,16 @@ impl Client {
         let (subscription, payload) = self.entities.next(board, flow, now_ns, wanted)?;
         Some(data(subscription, board.time_ns(now_ns), &payload))
     }
+}
+
+/// A state as a log has it.
+fn state_bytes(head: &OdometryState) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_cdr(
+        MessageRef::<OdometryStateTopic> { head, items: &[] },
+        &mut bytes,
+    );
+    bytes
 }
 
 fn data(subscription: u32, log_time_ns: i64, payload: &[u8]) -> Frame {

@@ -1,6 +1,8 @@
 //! What the view reads of the bus.
 
-use randt_messages::{MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic, RadarPoints};
+use randt_messages::{
+    Keyframe, MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic, RadarPoints,
+};
 use randt_stage::{Error, Stage, Subscriber, Waitable};
 use randt_view::Board;
 
@@ -11,6 +13,7 @@ pub struct Inputs {
     corrections: Subscriber<MapperCorrection>,
     graphs: Subscriber<MapperGraph>,
     tiles: Subscriber<MapperGrid>,
+    keyframes: Subscriber<Keyframe>,
 }
 
 impl Inputs {
@@ -22,6 +25,7 @@ impl Inputs {
             corrections: stage.subscriber()?,
             graphs: stage.subscriber()?,
             tiles: stage.subscriber()?,
+            keyframes: stage.subscriber()?,
         })
     }
 
@@ -43,6 +47,9 @@ impl Inputs {
         while let Some(tile) = self.tiles.receive()? {
             board.take_tile(tile.message());
         }
+        while let Some(keyframe) = self.keyframes.receive()? {
+            board.take_keyframe(keyframe.message());
+        }
         Ok(())
     }
 
@@ -54,6 +61,7 @@ impl Inputs {
             &self.corrections,
             &self.graphs,
             &self.tiles,
+            &self.keyframes,
         ]
     }
 }

@@ -47,7 +47,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     stage.follow_configuration(selection, &config, &["robot", "view"], None);
     let clock = stage.clock();
     let mut inputs = Inputs::open(&mut stage)?;
-    let mut board = Board::new(config.robot);
+    let mut board = Board::new(&config);
     let mut server = Server::new(&listen, policy, limits, stage.epoch());
     stage.running()?;
     loop {

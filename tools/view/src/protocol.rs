@@ -39,6 +39,11 @@ pub fn server_info(session: &str) -> String {
 
 /// A channel that can be subscribed to.
 pub fn advertise(id: u32, channel: &Channel) -> String {
+    // A schema that is text goes as it is.
+    let schema = match channel.schema_encoding.as_str() {
+        "ros2msg" => String::from_utf8_lossy(&channel.schema).into_owned(),
+        _ => STANDARD.encode(&channel.schema),
+    };
     json!({
         "op": "advertise",
         "channels": [{
@@ -47,7 +52,7 @@ pub fn advertise(id: u32, channel: &Channel) -> String {
             "encoding": channel.message_encoding,
             "schemaName": channel.type_name,
             "schemaEncoding": channel.schema_encoding,
-            "schema": STANDARD.encode(&channel.schema),
+            "schema": schema,
         }],
     })
     .to_string()

@@ -9,6 +9,8 @@ use std::collections::BTreeMap;
 /// Below this rate tiles are shown without detail at first, bytes a second: a building takes 10 s
 /// and more.
 const SLOW: f64 = 100_000.0;
+/// Below this rate no cells are shown: a submap's are up to 300 kB.
+const CELLS_RATE_MIN: f64 = 250_000.0;
 /// The version of an entity that was sent without its detail: no entity's.
 const COARSE: u64 = 0;
 
@@ -60,7 +62,9 @@ impl SentEntities {
         }
         let is_slow = flow.rate() < SLOW;
         let wanted = board.entities.iter().filter(|(key, entity)| {
-            subscription(key.0).is_some() && self.versions.get(*key) != Some(&entity.version)
+            let is_shown = key.0 != ViewerTopic::Cells || flow.rate() >= CELLS_RATE_MIN;
+            let is_new = self.versions.get(*key) != Some(&entity.version);
+            is_shown && is_new && subscription(key.0).is_some()
         });
         let next = wanted.min_by(|(key, entity), (other, than)| {
             let (known, far) = self.urgency(board, is_slow, key, entity);
@@ -85,8 +89,8 @@ impl SentEntities {
         Some((subscription(key.0)?, Cow::Borrowed(payload)))
     }
 
-    /// The least goes first: what has no position; then, on a slow link, what was not sent yet;
-    /// then by the squared distance.
+    /// The least goes first, and cells last: what has no position; then, on a slow link, what was
+    /// not sent yet; then by the squared distance.
     fn urgency(
         &self,
         board: &Board,
@@ -94,6 +98,9 @@ impl SentEntities {
         key: &(ViewerTopic, String),
         entity: &Entity,
     ) -> (bool, f64) {
+        if key.0 == ViewerTopic::Cells {
+            return (true, f64::INFINITY);
+        }
         let Some([x_m, y_m]) = entity.position_m else {
             return (false, -1.0);
         };

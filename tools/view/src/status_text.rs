@@ -48,13 +48,13 @@ pub(crate) fn status_text(board: &Board, now_ns: i64, round_trip_s: f64) -> (Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use randt_config::Robot;
+    use randt_config::Config;
     use randt_messages::{Correction, Localizability, OdometryState, TrustReason};
 
     #[test]
     fn an_old_pose_is_shown_as_old() {
         const S: i64 = 1_000_000_000;
-        let mut board = Board::new(Robot::default());
+        let mut board = Board::new(&Config::default());
         let (text, level) = status_text(&board, 0, 0.0);
         assert!(text.starts_with("no pose yet") && level == StatusLevel::Bad);
         let mut state = OdometryState {

@@ -15,9 +15,10 @@ mod slots;
 mod snapshot;
 mod stages;
 
-use crate::{exit::Outcome, identity::Identity, output::print};
+use crate::{exit::Outcome, identity::Identity, output::print_value};
 use finding::{Finding, Grade};
 use randt_stage::{Domain, DomainArguments};
+use serde_json::json;
 use snapshot::DomainSnapshot;
 
 /// Arguments of `randt doctor`.
@@ -33,6 +34,9 @@ pub struct Arguments {
     /// starts)
     #[arg(long, requires = "clean")]
     state: bool,
+    /// As JSON
+    #[arg(long, conflicts_with = "clean")]
+    json: bool,
     #[command(flatten)]
     domain: DomainArguments,
 }
@@ -52,7 +56,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let domain = arguments.domain.domain()?;
     if let Some(finding) = owner::open_to_all(&domain) {
         // Nothing in it is opened: anybody may have made it.
-        return print_findings(&title(&domain), &[finding]);
+        return print_findings(arguments.json, &title(&domain), &[finding]);
     }
     // Root's process reads and cleans with the rights of the domain's owner, who may have put
     // links in it.
@@ -76,7 +80,7 @@ fn examine(domain: Domain, arguments: &Arguments) -> anyhow::Result<Outcome> {
     findings.push(shared_memory::check(&snapshot));
     findings.push(slots::check(&snapshot));
     findings.push(leftovers::check(&snapshot));
-    print_findings(&title(&snapshot.domain), &findings.concat())
+    print_findings(arguments.json, &title(&snapshot.domain), &findings.concat())
 }
 
 fn title(domain: &Domain) -> String {
@@ -84,9 +88,12 @@ fn title(domain: &Domain) -> String {
 }
 
 /// Prints what was found.
-fn print_findings(title: &str, findings: &[Finding]) -> anyhow::Result<Outcome> {
-    let lines: String = findings.iter().map(ToString::to_string).collect();
-    print(&format!("{title}\n{lines}"))?;
+fn print_findings(json: bool, title: &str, findings: &[Finding]) -> anyhow::Result<Outcome> {
+    let value = json!({ "about": title, "findings": findings });
+    print_value(json, &value, || {
+        let lines: String = findings.iter().map(ToString::to_string).collect();
+        format!("{title}\n{lines}")
+    })?;
     let bad = findings.iter().any(|finding| finding.grade == Grade::Bad);
     Ok(if bad { Outcome::Failed } else { Outcome::Good })
 }

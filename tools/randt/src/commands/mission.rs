@@ -3,6 +3,7 @@
 
 mod boot;
 mod copy;
+mod delete;
 mod export;
 mod list;
 mod logged;
@@ -41,6 +42,8 @@ enum Action {
     List(list::Arguments),
     /// Copy a mission somewhere else, with whole logs and its report
     Export(export::Arguments),
+    /// Remove a mission with its map, logs and report
+    Delete(delete::Arguments),
     /// Decide at the robot's start whether the last mission goes on (systemd calls this)
     Boot(boot::Arguments),
     /// Make whole logs of those that a power cut left, and records that cannot be read anew
@@ -61,6 +64,7 @@ fn act(arguments: Arguments) -> anyhow::Result<Outcome> {
         Action::Stop(arguments) => stop::run(&missions, &arguments),
         Action::List(arguments) => list::run(&missions, &arguments),
         Action::Export(arguments) => export::run(&missions, &arguments),
+        Action::Delete(arguments) => delete::run(&missions, &arguments),
         Action::Boot(arguments) => boot::run(&missions, &arguments),
         Action::Recover => recover::run(&missions),
     }

@@ -6,6 +6,7 @@ use crate::job;
 use crate::output::{head_only, log_options, may_write, print, write_whole};
 use crate::progress;
 use anyhow::{Context as _, ensure};
+use randt_config::NameOrFile;
 use randt_evaluation::stamp_text;
 use randt_geometry::Pose2;
 use randt_log::{LogFile, ROBOT_METADATA};
@@ -24,6 +25,8 @@ const CLEARANCE_MIN_M: f64 = 0.15;
 #[command(group(clap::ArgGroup::new("drive").required(true).args(["world", "file"])))]
 pub struct Arguments {
     /// The world to drive through: building, yard (sloping ground) or tunnel
+    #[arg(hide_possible_values = true,
+        value_parser = NameOrFile::new(World::NAMES.iter().copied()))]
     world: Option<String>,
     /// A world of your own, as docs/worlds.md says
     #[arg(long = "world", value_name = "FILE")]

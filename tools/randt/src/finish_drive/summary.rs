@@ -109,7 +109,7 @@ pub fn text(report: &Report, out: &Path) -> String {
     }
     let _ = writeln!(
         text,
-        "written to {}: odometry.csv, odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, plot.svg, report.json",
+        "written to {}: odometry.csv, odometry.tum, trajectory.tum, keyframes.tum, map.pgm, map.yaml, map.png, plot.svg, report.json",
         out.display()
     );
     text

@@ -1,7 +1,7 @@
 //! What a client gets at once, what it is spared, and what waits for the link.
 
 use super::*;
-use randt_config::Robot;
+use randt_config::Config;
 use randt_messages::{MapperGrid, Message, OdometryState, RadarPoints, Return, TILE_CELLS};
 
 const S: i64 = 1_000_000_000;
@@ -15,7 +15,7 @@ fn state(id: i64) -> OdometryState {
 
 /// A board with a cloud, a pose, and tiles at the columns.
 fn board(columns: &[i32]) -> Board {
-    let mut board = Board::new(Robot::default());
+    let mut board = Board::new(&Config::default());
     board.take_state(&state(0));
     let mut points = Message::<RadarPoints> {
         items: vec![Return::default(); 2000],
@@ -87,11 +87,11 @@ fn the_most_important_goes_first_and_tiles_by_their_distance() {
         .iter()
         .map(|(subscription, _)| *subscription - 100)
         .collect();
-    assert_eq!(order[..5], [1, 2, 3, 4, 5]);
+    assert_eq!(order[..6], [1, 2, 3, 4, 5, 6]);
     // Four quarters of four tiles, without detail first, and again with it.
-    assert_eq!(order[5..], [7; 32]);
+    assert_eq!(order[6..], [8; 32]);
     let columns = [0, 1, 5, -40, 0, 1, 5, -40];
-    for (column, entities) in columns.into_iter().zip(got[5..].chunks(4)) {
+    for (column, entities) in columns.into_iter().zip(got[6..].chunks(4)) {
         let name = format!("tile 0 {column}.");
         assert!(
             entities.iter().all(|(_, text)| text.contains(&name)),
@@ -135,15 +135,15 @@ fn a_panel_that_is_opened_anew_gets_everything_anew() {
             answer(&mut flow, now_s * S);
         }
         got.iter()
-            .filter(|(subscription, _)| *subscription >= 107)
+            .filter(|(subscription, _)| *subscription >= 108)
             .count()
     };
     assert_eq!(count(&mut client, 101), 16, "without detail and with it");
     assert_eq!(count(&mut client, 102), 0);
-    client.receive(r#"{"op":"unsubscribe","subscriptionIds":[107]}"#);
+    client.receive(r#"{"op":"unsubscribe","subscriptionIds":[108]}"#);
     assert_eq!(count(&mut client, 103), 0);
     client.receive(
-        r#"{"op":"subscribe","subscriptions":[{"id":200,"channelId":7},{"id":9,"channelId":99}]}"#,
+        r#"{"op":"subscribe","subscriptions":[{"id":200,"channelId":8},{"id":9,"channelId":99}]}"#,
     );
     assert_eq!(count(&mut client, 104), 16);
 }

@@ -1,9 +1,11 @@
 //! What a check has found.
 
+use serde::Serialize;
 use std::fmt;
 
 /// How much it matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Grade {
     /// As it should be.
     Ok,
@@ -14,7 +16,7 @@ pub enum Grade {
 }
 
 /// A sentence, and the command that fixes it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     pub grade: Grade,
     about: &'static str,

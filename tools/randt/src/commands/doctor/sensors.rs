@@ -24,6 +24,9 @@ pub struct Arguments {
     /// Do not check the IMU
     #[arg(long)]
     no_imu: bool,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
     #[command(flatten)]
     selection: SelectionArguments,
     #[command(flatten)]
@@ -53,6 +56,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         format!(", IMU: {}", config.imu.source.name())
     };
     print_findings(
+        arguments.json,
         &format!("radar: {}{imu}", config.radar.source.name()),
         &findings,
     )

@@ -13,17 +13,17 @@ use std::path::PathBuf;
 pub struct Arguments {
     #[command(flatten)]
     common: Common,
-    /// What it speaks
+    /// The IMU's protocol, as imu.source names it
     #[arg(long, value_enum)]
     proto: Proto,
     /// mip, xsens, line: a link to the serial port, which stays when the port gets another name
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// phidget: where the network server listens, 127.0.0.1:5661 if not given. line: where
+    /// phidget22: where the network server listens, 127.0.0.1:5661 if not given. line: where
     /// datagrams go; if not given, a serial port
     #[arg(long, value_name = "IP:PORT", conflicts_with = "link")]
     address: Option<SocketAddr>,
-    /// phidget: the device's serial number
+    /// phidget22: the device's serial number
     #[arg(long, value_name = "NUMBER", default_value_t = 123_456)]
     serial: u32,
 }
@@ -31,7 +31,7 @@ pub struct Arguments {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Proto {
     /// A Phidgets Spatial behind a Phidget network server
-    Phidget,
+    Phidget22,
     /// A MicroStrain on a pseudo-terminal
     Mip,
     /// An Xsens MTi on a pseudo-terminal
@@ -47,7 +47,7 @@ const PHIDGET_SERVER: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOS
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let faults = arguments.common.begin();
     match arguments.proto {
-        Proto::Phidget => faults.check("phidget", FaultKind::NOT_OF_PHIDGET)?,
+        Proto::Phidget22 => faults.check("phidget22", FaultKind::NOT_OF_PHIDGET)?,
         Proto::Mip => faults.check("mip", FaultKind::NOT_OF_SERIAL)?,
         Proto::Xsens => faults.check("xsens", FaultKind::NOT_OF_SERIAL)?,
         Proto::Line if arguments.address.is_some() => {
@@ -60,7 +60,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     let mut measurements = ImuMeasurements::new(recording, pace, faults);
     let ends: &dyn Fn() -> bool = &crate::job::interrupted;
     let protocol = match arguments.proto {
-        Proto::Phidget => {
+        Proto::Phidget22 => {
             let address = arguments.address.unwrap_or(PHIDGET_SERVER);
             let mut server = PhidgetServer::open(address, arguments.serial)?;
             eprintln!("Phidget network server: {}", server.address());

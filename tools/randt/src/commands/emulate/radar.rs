@@ -15,7 +15,7 @@ use std::net::SocketAddr;
 pub struct Arguments {
     #[command(flatten)]
     common: Common,
-    /// The radar's protocol
+    /// The radar's protocol, as radar.source names it
     #[arg(long)]
     proto: Protocol,
     /// navtech: where to listen, if not 127.0.0.1:6317; beam-udp: where to send, if not

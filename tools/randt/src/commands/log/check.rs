@@ -1,10 +1,11 @@
 //! `randt log check`: every byte and every checksum of a log, and what was not recorded.
 
 use crate::exit::Outcome;
-use crate::output::print;
+use crate::output::{json, print};
 use anyhow::Context;
 use randt_log::{LogReader, check_sums};
 use randt_messages::{DropCause, LogDropTopic, health::text_of};
+use serde::Serialize;
 use std::fmt::Write;
 use std::fs::File;
 use std::io::BufReader;
@@ -16,37 +17,33 @@ pub struct Arguments {
     /// The logs
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
 }
 
 /// Checks all, and prints for each whether it is good.
 pub fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let mut outcome = Outcome::Good;
+    let mut all = Vec::new();
     for file in &arguments.files {
-        let Checked {
-            messages,
-            damaged,
-            missing,
-        } = check(file)?;
-        let name = file.display();
-        let mut text = String::new();
-        // Writing to a String cannot fail.
-        let _ = match (damaged.as_slice(), missing.as_slice()) {
-            ([], []) => writeln!(text, "{name}: good, {messages} messages"),
-            ([], _) => writeln!(text, "{name}: whole, {messages} messages, but not all"),
-            _ => writeln!(text, "{name}: damaged, {messages} messages can be read"),
-        };
-        for wrong in damaged.iter().chain(&missing) {
-            outcome = Outcome::DataLost;
-            let _ = writeln!(text, "  {wrong}");
+        let checked = check(file)?;
+        // A large log takes a while: each is printed when it is read.
+        if !arguments.json {
+            print(&text(&checked))?;
         }
-        print(&text)?;
+        all.push(checked);
     }
-    Ok(outcome)
+    if arguments.json {
+        print(&json(&all)?)?;
+    }
+    let is_good = |it: &Checked| it.damaged.is_empty() && it.missing.is_empty();
+    Ok(Outcome::finished(!all.iter().all(is_good)))
 }
 
 /// What a log is like.
-#[derive(Default)]
+#[derive(Default, Serialize)]
 struct Checked {
+    file: String,
     /// Messages that can be read.
     messages: u64,
     damaged: Vec<String>,
@@ -54,9 +51,27 @@ struct Checked {
     missing: Vec<String>,
 }
 
+/// For people. Writing to a String cannot fail.
+fn text(checked: &Checked) -> String {
+    let (name, messages) = (&checked.file, checked.messages);
+    let mut text = String::new();
+    let _ = match (checked.damaged.as_slice(), checked.missing.as_slice()) {
+        ([], []) => writeln!(text, "{name}: good, {messages} messages"),
+        ([], _) => writeln!(text, "{name}: whole, {messages} messages, but not all"),
+        _ => writeln!(text, "{name}: damaged, {messages} messages can be read"),
+    };
+    for wrong in checked.damaged.iter().chain(&checked.missing) {
+        let _ = writeln!(text, "  {wrong}");
+    }
+    text
+}
+
 fn check(path: &Path) -> anyhow::Result<Checked> {
     let mut reader = LogReader::open(path)?;
-    let mut checked = Checked::default();
+    let mut checked = Checked {
+        file: path.display().to_string(),
+        ..Checked::default()
+    };
     while let Some(entry) = reader.next_entry()? {
         checked.messages += 1;
         if let Ok(Some(drop)) = entry.decode::<LogDropTopic>() {

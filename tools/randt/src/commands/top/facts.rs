@@ -100,62 +100,17 @@ fn times(p50: Option<f64>, p99: Option<f64>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::commands::top::snapshot::Map;
-    use crate::latency::LatencyFigures;
-
-    fn empty() -> Snapshot {
-        Snapshot {
-            prefix: "randt".to_owned(),
-            run: "/run/randt".to_owned(),
-            stages: Vec::new(),
-            topics: Vec::new(),
-            latency_ms: LatencyFigures::default(),
-            robot: None,
-            map: None,
-            notes: Vec::new(),
-        }
-    }
+    use crate::commands::top::snapshot::sample;
 
     #[test]
     fn facts_fit_their_place_and_have_a_dash_where_nothing_is_known() {
-        let mut snapshot = empty();
+        let mut snapshot = sample();
+        let known = (snapshot.robot.take(), snapshot.map.take());
+        let latency = std::mem::take(&mut snapshot.latency_ms);
         let unknown = [robot(&snapshot), map(&snapshot)].concat();
         assert!(unknown.iter().all(|(_, value)| value == "-"), "{unknown:?}");
-        let far = || Pose {
-            x_m: -1234.567,
-            y_m: -1234.567,
-            yaw_rad: -3.0,
-        };
-        snapshot.robot = Some(Robot {
-            pose: far(),
-            map_pose: Some(far()),
-            velocity: [-12.345, -0.123, -2.0],
-            trust: "degraded",
-            trust_reasons: vec!["weak", "held"],
-            trust_text: String::new(),
-            localizability: "partial",
-            weak_direction_rad: Some(-1.5),
-            age_s: 99.0,
-            gyro_bias_rad_s: [-0.01, -0.02, 0.03],
-            odom_frame_id: 0,
-            scan: 0,
-        });
-        snapshot.map = Some(Map {
-            keyframes: 12_345,
-            on_disk: 12_345,
-            loops: 12_345,
-            confirmed_loops: 12_345,
-            components: 12,
-            path_m: 12_345.678,
-            tiles: 1234,
-            version: 0,
-        });
-        snapshot.latency_ms = LatencyFigures {
-            wait_p50: Some(123.45),
-            wait_p99: Some(123.45),
-            compute_p50: Some(1.25),
-            compute_p99: Some(123.45),
-        };
+        (snapshot.robot, snapshot.map) = known;
+        snapshot.latency_ms = latency;
         let known = [robot(&snapshot), map(&snapshot)].concat();
         assert!(
             known

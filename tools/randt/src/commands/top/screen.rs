@@ -12,8 +12,9 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 use ratatui::{DefaultTerminal, Frame};
 use std::time::Duration;
 
-/// From this width on robot and map stand beside each other.
-const WIDE: u16 = 110;
+/// From this width on robot and map stand beside each other: the topics, and two columns of facts
+/// with 34 each.
+const WIDE: u16 = WIDE_TOPICS.1 + 2 * 34;
 /// Between two columns of a table, and the width of the topics with that: the longest name has 20
 /// characters.
 const TOPICS: (usize, u16) = (2, 46);
@@ -223,5 +224,43 @@ fn color(state: &str) -> Style {
         "degraded" | "starting" | "stopping" | "stopped" => Style::new().fg(Color::Yellow),
         "dead" | "lost" => Style::new().fg(Color::Red).add_modifier(Modifier::BOLD),
         _ => Style::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::snapshot::sample;
+    use super::*;
+    use ratatui::Terminal;
+    use ratatui::backend::TestBackend;
+
+    #[test]
+    fn nothing_is_cut_on_a_terminal_of_80_columns_or_more() {
+        let snapshot = sample();
+        let facts = [facts::robot(&snapshot), facts::map(&snapshot)].concat();
+        for width in 80..=150 {
+            let mut terminal = Terminal::new(TestBackend::new(width, 30)).unwrap();
+            terminal
+                .draw(|frame| draw(frame, &snapshot, false))
+                .unwrap();
+            let cells = terminal.backend().buffer().content().iter();
+            let text: Vec<&str> = cells.map(|cell| cell.symbol()).collect();
+            let rows: Vec<String> = text.chunks(width.into()).map(<[&str]>::concat).collect();
+            for (name, value) in &facts {
+                let shown = format!("{name:<9} {value}");
+                assert!(
+                    rows.iter().any(|row| row.contains(&shown)),
+                    "{width}: {shown}"
+                );
+            }
+            for topic in &snapshot.topics {
+                let is_whole = |row: &String| {
+                    let lost = topic.lost.to_string();
+                    let rest = row.split_once(topic.name.as_str());
+                    rest.is_some_and(|(_, rest)| rest.split(' ').any(|word| word == lost))
+                };
+                assert!(rows.iter().any(is_whole), "{width}: {}", topic.name);
+            }
+        }
     }
 }

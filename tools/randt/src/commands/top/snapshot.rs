@@ -169,3 +169,67 @@ impl From<&GraphHead> for Map {
         }
     }
 }
+
+/// One whose values are as long as they become.
+#[cfg(test)]
+pub fn sample() -> Snapshot {
+    let far = || Pose {
+        x_m: -1234.567,
+        y_m: -1234.567,
+        yaw_rad: -3.0,
+    };
+    let topic = |topic: &randt_messages::BusTopic| TopicRow {
+        name: topic.name.to_owned(),
+        rate_hz: 250.0,
+        age_s: Some(99.0),
+        lost: 12_345,
+    };
+    let stage = |name: &str| StageRow {
+        name: name.to_owned(),
+        pid: 4_194_304,
+        state: "degraded",
+        epoch: 1,
+        restarts: 123,
+        cpu_percent: Some(100.0),
+        rss_bytes: Some(123_456_789),
+        lost: 12_345,
+        message: String::new(),
+    };
+    Snapshot {
+        prefix: "randt".to_owned(),
+        run: "/run/randt".to_owned(),
+        stages: ["radar", "odometry", "recorder"].map(stage).into(),
+        topics: randt_messages::BUS_TOPICS.iter().map(topic).collect(),
+        latency_ms: LatencyFigures {
+            wait_p50: Some(123.45),
+            wait_p99: Some(123.45),
+            compute_p50: Some(1.25),
+            compute_p99: Some(123.45),
+        },
+        robot: Some(Robot {
+            pose: far(),
+            map_pose: Some(far()),
+            velocity: [-12.345, -0.123, -2.0],
+            trust: "degraded",
+            trust_reasons: vec!["weak", "held"],
+            trust_text: String::new(),
+            localizability: "partial",
+            weak_direction_rad: Some(-1.5),
+            age_s: 99.0,
+            gyro_bias_rad_s: [-0.01, -0.02, 0.03],
+            odom_frame_id: 0,
+            scan: 0,
+        }),
+        map: Some(Map {
+            keyframes: 12_345,
+            on_disk: 12_345,
+            loops: 12_345,
+            confirmed_loops: 12_345,
+            components: 12,
+            path_m: 12_345.678,
+            tiles: 1234,
+            version: 0,
+        }),
+        notes: Vec::new(),
+    }
+}

@@ -3,7 +3,7 @@
 use super::layout::{Column, Layout};
 use crate::units::count;
 use anyhow::Context;
-use randt_log::{Entry, LogReader};
+use randt_log::{Entry, LogReader, StoredLayout};
 use std::collections::{BTreeMap, btree_map::Entry as Slot};
 use std::fs::File;
 use std::io::{BufWriter, Read, Seek, Write};
@@ -43,6 +43,7 @@ pub fn export<R: Read + Seek>(
 }
 
 struct Table {
+    stored: StoredLayout,
     layout: Layout,
     messages: BufWriter<File>,
     items: Option<BufWriter<File>>,
@@ -51,7 +52,9 @@ struct Table {
 impl Table {
     fn begin(folder: &Path, entry: &Entry<'_>, items: bool) -> anyhow::Result<Self> {
         let channel = entry.channel;
-        let layout = Layout::parse(&String::from_utf8_lossy(&channel.schema))?;
+        let stored = channel.stored_layout();
+        let stored = stored.context("no description of its messages")?;
+        let layout = Layout::from_stored(&stored);
         // `radar/scan/v1` becomes `radar_scan_v1`.
         let stem = channel.topic.replace('/', "_");
         let create = |name: String| {
@@ -73,6 +76,7 @@ impl Table {
             writeln!(items, "sequence,time_ns,{}", names(&layout.item))?;
         }
         Ok(Self {
+            stored,
             layout,
             messages,
             items,
@@ -85,8 +89,8 @@ impl Table {
             let cells: Vec<_> = columns.iter().map(|column| column.text(bytes)).collect();
             cells.join(",")
         };
-        let split = layout.head_bytes.min(entry.bytes.len());
-        let (head, rest) = entry.bytes.split_at(split);
+        let split = self.stored.split(entry.bytes);
+        let (head, rest) = split.context("a message of another size than its layout says")?;
         write!(self.messages, "{}", row(&layout.head, head))?;
         if let Some(items) = rest.len().checked_div(layout.item_bytes) {
             write!(self.messages, ",{items}")?;

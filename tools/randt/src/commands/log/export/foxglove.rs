@@ -1,8 +1,6 @@
 //! An MCAP in Foxglove's well-known schemas alone, for viewers that know nothing of ours: also
 //! what the recorder leaves out because it follows from the rest.
 
-mod cells;
-mod pace;
 mod translator;
 
 use crate::output::{finish, log_options};

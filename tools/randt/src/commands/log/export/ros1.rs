@@ -1,10 +1,11 @@
 //! A ROS 1 bag (format 2.0), with its indices.
 
-use super::ros::{Message, Style, TOPICS, Translator, time};
+use super::ros::{Message, TOPICS, Translator};
 use crate::output::temporary_name;
 use crate::units::count;
 use anyhow::Context;
 use randt_log::LogReader;
+use randt_ros_messages::{Style, time};
 use std::fs::{self, File};
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -42,6 +43,10 @@ fn write<R: Read + Seek>(reader: &mut LogReader<R>, path: &Path) -> anyhow::Resu
             messages += 1;
         }
     }
+    for message in translator.finish() {
+        bag.add(&message)?;
+        messages += 1;
+    }
     bag.finish()?;
     Ok(messages)
 }
@@ -73,7 +78,7 @@ impl Bag {
     }
 
     fn add(&mut self, message: &Message) -> std::io::Result<()> {
-        let topic = TOPICS.iter().position(|(name, _)| *name == message.topic);
+        let topic = TOPICS.iter().position(|topic| topic.name == message.topic);
         let Some((number, index)) = topic.and_then(|t| Some((t, self.index.get_mut(t)?))) else {
             return Ok(());
         };
@@ -166,22 +171,31 @@ fn header(index_at: u64, chunks: u32) -> Vec<u8> {
 }
 
 fn connection(number: usize) -> Vec<u8> {
-    let Some((topic, kind)) = TOPICS.get(number) else {
+    let Some(topic) = TOPICS.get(number) else {
         return Vec::new();
     };
+    let (kind, topic_name) = (topic.kind, topic.name);
     let type_name = format!("{}/{}", kind.package, kind.name);
-    let definition = kind.definition(Style::Ros1);
+    let definition = kind.text(Style::Ros1);
     let mut data = Vec::new();
     for (name, value) in [
-        ("topic", *topic),
+        ("topic", topic_name),
         ("type", type_name.as_str()),
         ("md5sum", kind.md5),
         ("message_definition", definition.as_str()),
     ] {
         field(&mut data, name, value.as_bytes());
     }
+    if topic.is_latched {
+        // `rosbag play` publishes it so that who comes late gets it.
+        field(&mut data, "latching", b"1");
+    }
     let number = (number as u32).to_le_bytes();
-    let fields: [(&str, &[u8]); 3] = [("op", &[7]), ("conn", &number), ("topic", topic.as_bytes())];
+    let fields: [(&str, &[u8]); 3] = [
+        ("op", &[7]),
+        ("conn", &number),
+        ("topic", topic_name.as_bytes()),
+    ];
     record(&fields, &data)
 }
 

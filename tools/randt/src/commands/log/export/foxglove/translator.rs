@@ -1,13 +1,11 @@
 //! Our messages as viewers', in the order in which they come: which view each goes to, and how
 //! often.
 
-use super::cells::Cells;
-use super::pace::Pace;
 use randt_config::{Config, Robot};
 use randt_foxglove_schemas::topic;
 use randt_foxglove_schemas::{
-    FrameTransforms, Graph, Grid, Log, PointCloud, PoseInFrame, SceneUpdate, Tiles, channel,
-    mounting, of_drop, of_points, of_scan, pose_of_state, transforms,
+    FrameTransforms, Graph, Grid, Log, Pace, PointCloud, PoseInFrame, SceneUpdate, SubmapCells,
+    Tiles, channel, mounting, of_drop, of_points, of_scan, pose_of_state, transforms,
 };
 use randt_log::{Channel, Entry, RecordHeader};
 use randt_messages::{
@@ -45,13 +43,17 @@ views! {
     SCAN = "view/scan", PointCloud, RadarScan, Some("raw clouds are");
     POINTS = topic::POINTS, PointCloud, RadarPoints, Some("filtered clouds are");
     POSE = topic::POSE, PoseInFrame, OdometryStateTopic, Some("pose and transforms are");
-    CELLS = "view/cells", SceneUpdate, Keyframe, Some("NDT cells are");
-    GRAPH = "view/graph", SceneUpdate, MapperGraph, Some("the pose graph is");
-    LOOPS = "view/loops", SceneUpdate, MapperGraph, Some("loops are");
+    CELLS = topic::CELLS, SceneUpdate, Keyframe, Some("NDT cells are");
+    GRAPH = topic::GRAPH, SceneUpdate, MapperGraph, Some("the pose graph is");
+    LOOPS = topic::LOOPS, SceneUpdate, MapperGraph, Some("loops are");
     GRID = topic::GRID, Grid, MapperGrid, Some("the occupancy grid is");
     MISSING = "view/missing", Log, LogDropTopic, None;
 }
 
+/// Graph and grid are shown as often as this, or as seldom as they take no more than this before
+/// compression.
+const PERIOD_NS: i64 = 2_000_000_000;
+const BYTES_PER_SECOND: i64 = 500_000;
 /// A node's line, mark and overhead in a drawing, about: only the pace goes by it.
 const NODE_BYTES: usize = 100;
 
@@ -70,7 +72,7 @@ pub struct Translator {
     /// Stamp of the newest state or keyframe: drawings of the map are as old.
     stamp_ns: i64,
     correction: Option<Correction>,
-    cells: Cells,
+    cells: SubmapCells,
     graph: Graph,
     graph_pace: Pace,
     tiles: Tiles,
@@ -86,11 +88,11 @@ impl Translator {
             newest: None,
             stamp_ns: 0,
             correction: None,
-            cells: Cells::new(config),
+            cells: SubmapCells::new(config),
             graph: Graph::default(),
-            graph_pace: Pace::default(),
+            graph_pace: Pace::new(PERIOD_NS, BYTES_PER_SECOND),
             tiles: Tiles::default(),
-            grid_pace: Pace::default(),
+            grid_pace: Pace::new(PERIOD_NS, BYTES_PER_SECOND),
         }
     }
 

@@ -1,13 +1,14 @@
 //! The cells of odometry's submap, made again from the keyframes that went into it.
 
+use crate::{SceneUpdate, of_cells};
 use randt_config::Config;
-use randt_foxglove_schemas::{SceneUpdate, of_cells};
 use randt_geometry::Pose2;
 use randt_messages::{Keyframe, KeyframePoint, Message};
-use randt_ndt::Grid;
+use randt_ndt::{Cell, Grid};
 use std::collections::VecDeque;
 
 /// A keyframe that may be in the next submap too: submaps overlap.
+#[derive(Debug)]
 struct Scan {
     id: u64,
     pose: Pose2,
@@ -15,7 +16,8 @@ struct Scan {
 }
 
 /// The newest keyframe's submap.
-pub struct Cells {
+#[derive(Debug)]
+pub struct SubmapCells {
     grid: Grid,
     /// Odometry frame and number of the submap.
     submap: Option<(u64, u64)>,
@@ -23,7 +25,7 @@ pub struct Cells {
     scans: VecDeque<Scan>,
 }
 
-impl Cells {
+impl SubmapCells {
     /// No submap yet, and cells by the rule that odometry made them by.
     pub fn new(config: &Config) -> Self {
         let margin_m = config.submap.radius_m + 2.0 * config.cell_size_m();
@@ -72,6 +74,11 @@ impl Cells {
         }
     }
 
+    /// The cells in the frame of the submap's root, and where that lies in `odom`.
+    pub fn cells(&self) -> (impl Iterator<Item = &Cell>, [f64; 3]) {
+        (self.grid.cells(), self.root.to_array())
+    }
+
     /// The cells as they now are.
     pub fn draw(&self, stamp_ns: i64) -> SceneUpdate {
         of_cells(self.grid.cells(), self.root.to_array(), stamp_ns)
@@ -109,8 +116,8 @@ mod tests {
 
     #[test]
     fn a_submap_has_what_came_since_its_root() {
-        let mut cells = Cells::new(&Config::default());
-        let count = |cells: &Cells| cells.grid.cells().map(|cell| cell.count).sum::<u32>();
+        let mut cells = SubmapCells::new(&Config::default());
+        let count = |cells: &SubmapCells| cells.grid.cells().map(|cell| cell.count).sum::<u32>();
         (0..4).for_each(|id| cells.take(keyframe(id, 3.0 * id as f64, [0, 0])));
         assert_eq!(count(&cells), 32);
         cells.take(keyframe(3, 9.0, [0, 0]));
