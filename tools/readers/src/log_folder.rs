@@ -2,7 +2,7 @@
 //! some minutes; the drive goes on.
 
 use crate::log::LogSource;
-use crate::{Counter, Error, Event, InputInfo, Source, counters::Counters};
+use crate::{Counter, Error, Event, InputInfo, InputTopic, Source, counters::Counters};
 use randt_log::LogReader;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -50,28 +50,30 @@ pub(crate) struct LogFolder {
 impl LogFolder {
     /// Opens the first of these files; `None` where there is none.
     pub fn open(files: Vec<PathBuf>, radar_required: bool) -> Result<Option<Self>, Error> {
-        let (mut scans, mut without) = (Some(0), None);
+        let mut scans = Some(0);
+        let mut topics: Vec<InputTopic> = Vec::new();
         for file in &files {
-            match LogSource::open(file, radar_required) {
-                Ok(log) => {
-                    let both = scans.zip(log.info().scans);
-                    scans = both.map(|(a, b): (u64, u64)| a.saturating_add(b));
+            let log = LogSource::open(file, false)?;
+            let both = scans.zip(log.info().scans);
+            scans = both.map(|(a, b): (u64, u64)| a.saturating_add(b));
+            for topic in &log.info().topics {
+                match topics.iter_mut().find(|known| known.name == topic.name) {
+                    Some(known) => known.messages += topic.messages,
+                    None => topics.push(topic.clone()),
                 }
-                // A mission's last minutes may have no sweep.
-                Err(error @ Error::NoRadar { .. }) => without = Some(error),
-                Err(error) => return Err(error),
             }
         }
         let mut rest = files.into_iter();
         let Some(first) = rest.next() else {
             return Ok(None);
         };
-        if let (Some(0), Some(error)) = (scans, without) {
-            return Err(error);
+        if radar_required && scans == Some(0) {
+            // It names what there is instead.
+            LogSource::open(&first, true)?;
         }
         let present = LogSource::open(&first, false)?;
         let mut info = present.info().clone();
-        info.scans = scans;
+        (info.scans, info.topics) = (scans, topics);
         Ok(Some(Self {
             info,
             present,
