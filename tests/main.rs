@@ -33,6 +33,7 @@ mod graph;
 mod held_clean_up;
 mod import;
 mod imu;
+mod inspect;
 mod kill_storm;
 mod links;
 mod live;

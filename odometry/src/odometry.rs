@@ -195,7 +195,7 @@ impl Odometry {
             self.counters.scans_repeated += 1;
             return;
         }
-        if self.frame.is_lost || !self.follows_last_scan(end_ns) {
+        if self.frame.is_lost || !self.follows_last_scan(end_ns, samples) {
             self.open_frame(sink);
         }
         self.integrate(samples);
@@ -225,12 +225,14 @@ impl Odometry {
         self.forget_gyro_before_window();
     }
 
-    /// Whether the sweep comes after the last one, without a gap that the motion model cannot
-    /// bridge.
-    fn follows_last_scan(&self, end_ns: i64) -> bool {
-        let gap_max_ns = (self.config.odometry.gap_max_s * 1e9) as i64;
+    /// Whether the sweep comes after the last one, without a gap that motion model and gyro cannot
+    /// bridge; with that many samples since the last one.
+    fn follows_last_scan(&self, end_ns: i64, samples: usize) -> bool {
         let last_ns = self.synchronizer.last_end_ns();
-        last_ns.is_some_and(|last_ns| end_ns > last_ns && end_ns - last_ns <= gap_max_ns)
+        let has_gyro = self.gyro.is_some() && !self.gyro_check.is_refused();
+        let samples = if has_gyro { samples } else { 0 };
+        let gap_s = last_ns.map(|last_ns| (end_ns - last_ns) as f64 * 1e-9);
+        gap_s.is_some_and(|gap_s| gap_s > 0.0 && self.config.bridges_gap(gap_s, samples))
     }
 
     /// A new odometry frame: of the old one only the gyro is carried over.

@@ -215,7 +215,7 @@ fn standstill_makes_no_keyframes_and_no_way() {
 }
 
 #[test]
-fn a_gap_of_more_than_a_second_opens_a_new_frame_and_a_shorter_one_does_not() {
+fn a_long_gap_opens_a_new_frame_and_one_that_the_gyro_bridges_does_not() {
     let without = |gap: std::ops::Range<usize>| {
         let mut number = 0;
         let kept = DRIVE.iter().filter(|event| {
@@ -225,17 +225,23 @@ fn a_gap_of_more_than_a_second_opens_a_new_frame_and_a_shorter_one_does_not() {
         });
         kept.cloned().collect::<Vec<_>>()
     };
-    // Six scans missing: 1.4 s from the last to the next.
-    let outcome = run(&without(30..36));
-    assert_eq!(outcome.frames(), [(0, 30), (1, 34)]);
+    // Sixteen scans missing: 3.4 s from the last to the next.
+    let outcome = run(&without(30..46));
+    assert_eq!(outcome.frames(), [(0, 30), (1, 24)]);
     assert_eq!(outcome.counters.frames_reopened, 1);
     let second = &outcome.states[30..];
     assert_eq!(second[0].pose, [0.0; 3], "a frame begins at its own origin");
-    assert!(error_m(second, &truth(&DRIVE)[36..]) < 0.1);
+    assert!(error_m(second, &truth(&DRIVE)[46..]) < 0.1);
     assert!(outcome.keyframes.iter().any(|(frame, _)| *frame == 1));
-    // Three: 0.8 s, bridged by motion model and gyro.
-    let outcome = run(&without(30..33));
-    assert_eq!(outcome.frames(), [(0, 67)]);
+    // Six: 1.4 s, bridged by gyro and registration.
+    let outcome = run(&without(30..36));
+    assert_eq!(outcome.frames(), [(0, 64)]);
+    let true_poses = [&truth(&DRIVE)[..30], &truth(&DRIVE)[36..]].concat();
+    assert!(error_m(&outcome.states, &true_poses) < 0.1);
+    // Without a gyro that is too long.
+    let mut events = without(30..36);
+    events.retain(|event| !matches!(event, Event::Imu(_)));
+    assert_eq!(run(&events).frames(), [(0, 30), (1, 34)]);
 }
 
 #[test]

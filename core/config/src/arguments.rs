@@ -33,6 +33,20 @@ impl SelectionArguments {
         with
     }
 
+    /// The same as arguments of another command.
+    pub fn as_arguments(&self) -> Vec<String> {
+        let mut arguments = Vec::new();
+        for (option, value) in [
+            ("--profile", &self.profile),
+            ("--sensor", &self.sensor),
+            ("--robot", &self.robot),
+        ] {
+            arguments.extend(value.iter().map(|value| format!("{option}={value}")));
+        }
+        arguments.extend(self.set.iter().map(|set| format!("--set={set}")));
+        arguments
+    }
+
     /// What was chosen, in a line.
     pub fn description(&self) -> String {
         let profile = self.profile.as_deref().unwrap_or(DEFAULT_PROFILE);

@@ -75,6 +75,19 @@ impl Config {
         }
     }
 
+    /// Whether a gap between sweeps is bridged, in which a gyro has given that many samples.
+    pub fn bridges_gap(&self, gap_s: f64, gyro_samples: usize) -> bool {
+        let odometry = &self.odometry;
+        let has_turn = gyro_samples as f64 >= GYRO_HZ_MIN * gap_s;
+        let with_gyro_s = odometry.gap_with_gyro_max_s.max(odometry.gap_max_s);
+        gap_s
+            <= if has_turn {
+                with_gyro_s
+            } else {
+                odometry.gap_max_s
+            }
+    }
+
     /// A number that differs where any value differs that is used in computing: FNV-1a over all
     /// keys with their values.
     pub fn fingerprint(&self) -> u64 {
@@ -133,6 +146,9 @@ config! {
     view: View,
 }
 
+/// Slowest gyro whose turn over a gap between sweeps is believed, Hz: five samples a sweep.
+const GYRO_HZ_MIN: f64 = 25.0;
+
 /// Sections that decide how messages are acquired, not what is computed from them: another address
 /// makes the same map.
 const DRIVERS: &[&str] = &["radar", "imu", "record", "view"];
@@ -142,6 +158,11 @@ const BELOW: &[[(&str, &str); 2]] = &[
     [("submap", "overlap_m"), ("submap", "radius_m")],
     [("sensor", "range_min_m"), ("sensor", "range_max_m")],
     [("sensor", "range_min_m"), ("filter", "range_max_m")],
+    // Otherwise every bin is a cluster of its own.
+    [
+        ("sensor", "range_resolution_m"),
+        ("sensor", "connectivity_m"),
+    ],
 ];
 
 impl Config {

@@ -110,6 +110,12 @@ pub enum Error {
         /// What the input has.
         found: f64,
     },
+    /// Polar images do not say how wide their range bins are.
+    #[error("{bins} bins are not a CTS350-X's 3768: say sensor.range_resolution_m")]
+    BinSizeUnknown {
+        /// Bins of a beam.
+        bins: usize,
+    },
     /// More than one mistake, in the order of their locations.
     #[error("{} mistakes:{}", .0.len(), .0.iter().map(|e| format!("\n  {e}")).collect::<String>())]
     Several(

@@ -16,6 +16,7 @@
 
 #[cfg(feature = "clap")]
 mod arguments;
+mod bins;
 mod builtin;
 mod config;
 mod error;

@@ -81,8 +81,11 @@ impl Selection {
                 }
             }
         }
-        let mut overrides = self.set.iter();
-        overrides.try_for_each(|text| apply_override(text, loaded))
+        // All at once: connectivity_m may be set before range_resolution_m.
+        loaded.with_connectivity(|loaded| {
+            let mut overrides = self.set.iter();
+            overrides.try_for_each(|text| apply_override(text, loaded))
+        })
     }
 
     /// The radar that the robot's driver is for.
@@ -156,7 +159,8 @@ impl Loaded {
         text: &str,
         only: Option<&'static Kind>,
     ) -> Result<(), Error> {
-        Error::all(Layer { source, text, only }.apply(self))
+        let layer = Layer { source, text, only };
+        Error::all(self.with_connectivity(|loaded| layer.apply(loaded)))
     }
 }
 

@@ -130,6 +130,10 @@ section! {
         /// A gap between sweeps above this opens a new odometry frame, s.
         pub gap_max_s: f64 = 1.0
             => within(0.01, 60.0, "shorter than any sweep; after a minute the robot may be anywhere"),
+        /// The same where a gyro measured the turn throughout, s. Then the speed alone is guessed:
+        /// after 3 s it is off by what registration still finds.
+        pub gap_with_gyro_max_s: f64 = 3.0
+            => within(0.01, 60.0, "shorter than any sweep; after a minute the robot may be anywhere"),
         /// Fastest speed that the platform can have, m/s; an estimate above it is lost.
         pub speed_max_m_s: f64 = 20.0 => within(0.1, 100.0, "a crawl; faster than any car on a road"),
     }

@@ -12,6 +12,8 @@ use std::io::{BufRead, BufReader, Read};
 pub(crate) const FRAME_MARK: &str = "odom_frame_id";
 /// No row is longer; a file without line ends is something else.
 const LINE_BYTES_MAX: u64 = 1 << 16;
+/// Nor is any table of true poses: an hour of a thousand rows a second has a tenth of this.
+const TABLE_BYTES_MAX: u64 = 2 << 30;
 /// Nothing on Earth is farther, m; what is comes from a broken file.
 pub(crate) const POSITION_MAX_M: f64 = 1e8;
 /// Six printed digits keep a rotation to 1e-5; what is off by more is none.
@@ -25,7 +27,16 @@ impl Trajectory {
             source,
         };
         let file = File::open(path).map_err(io)?;
-        Self::read_from(BufReader::new(file), path)
+        let mut input = BufReader::new(file);
+        let begin = input.fill_buf().map_err(io)?;
+        let first_line = begin.split(|byte| *byte == b'\n').next();
+        if first_line.is_some_and(|line| line.contains(&b',') && !line.starts_with(b"#")) {
+            let mut bytes = Vec::new();
+            let read = input.take(TABLE_BYTES_MAX).read_to_end(&mut bytes);
+            read.map_err(io)?;
+            return crate::table::read(&String::from_utf8_lossy(&bytes), path);
+        }
+        Self::read_from(input, path)
     }
 
     /// Reads rows; `path` is for messages.
@@ -61,7 +72,7 @@ impl Trajectory {
                 frame = frame_mark(comment).map_err(refuse)?.unwrap_or(frame);
             } else if !text.is_empty() {
                 let cells: Vec<&str> = text.split_ascii_whitespace().collect();
-                let (stamp, transform) = parse_row(&cells).map_err(refuse)?;
+                let (stamp, transform, left_out) = parse_row(&cells).map_err(refuse)?;
                 let trajectory = trajectory.get_or_insert_with(|| match stamp {
                     Some(_) => Self::stamped(),
                     None => Self::unstamped(),
@@ -72,11 +83,15 @@ impl Trajectory {
                     transform,
                 };
                 trajectory.accept(pose, stamp.is_some()).map_err(refuse)?;
+                trajectory.leave_out(left_out);
             }
         }
-        trajectory.ok_or_else(|| Error::Empty {
+        let mut trajectory = trajectory.ok_or_else(|| Error::Empty {
             path: path.to_owned(),
-        })
+        })?;
+        // A clock that was set back begins a frame that is earlier.
+        trajectory.sort();
+        Ok(trajectory)
     }
 
     /// Adds a row if it goes with those before.
@@ -86,6 +101,7 @@ impl Trajectory {
         }
         if let Some(last) = self.poses().last()
             && stamped
+            && pose.frame == last.frame
             && pose.stamp_ns <= last.stamp_ns
         {
             return Err(format!(
@@ -112,15 +128,22 @@ fn frame_mark(comment: &str) -> Result<Option<u64>, String> {
     }
 }
 
-/// A row's stamp, where its format has one, and its pose.
-fn parse_row(cells: &[&str]) -> Result<(Option<i64>, Transform), String> {
+/// A row's stamp, where its format has one, its pose, and what a plane leaves out of it.
+fn parse_row(cells: &[&str]) -> Result<(Option<i64>, Transform, [f64; 2]), String> {
     match *cells {
         [stamp, ref rest @ ..] if rest.len() == 7 => {
             let stamp_ns = parse_stamp_ns(stamp)
                 .ok_or_else(|| format!("stamp {stamp:?} must be seconds, such as 1700000000.25"))?;
-            Ok((Some(stamp_ns), parse_tum(&numbers(rest)?)?))
+            let row: [f64; 7] = numbers(rest)?;
+            let [_, _, z_m, x, y, ..] = row;
+            // The third component of the z axis.
+            let up = 1.0 - 2.0 * (x * x + y * y);
+            Ok((Some(stamp_ns), parse_tum(&row)?, [z_m, up]))
         }
-        _ if cells.len() == 12 => Ok((None, parse_kitti(&numbers(cells)?)?)),
+        _ if cells.len() == 12 => {
+            let row = numbers(cells)?;
+            Ok((None, parse_kitti(&row)?, flattened(&row)))
+        }
         _ => Err(format!(
             "{} columns; a TUM row has 8 (stamp x y z qx qy qz qw), a KITTI row 12 (3 x 4 matrix)",
             cells.len()
@@ -151,7 +174,12 @@ fn parse_tum(&[x_m, y_m, _, x, y, z, w]: &[f64; 7]) -> Result<Transform, String>
     Ok(Pose2::new(x_m, y_m, yaw_rad).into())
 }
 
-fn parse_kitti(m: &[f64; 12]) -> Result<Transform, String> {
+/// Height, and how far the z axis points up: 1 in the plane.
+pub(crate) fn flattened(m: &[f64; 12]) -> [f64; 2] {
+    [m[11], m[10]]
+}
+
+pub(crate) fn parse_kitti(m: &[f64; 12]) -> Result<Transform, String> {
     let transform = Transform::from_rows([m[0], m[1], m[3]], [m[4], m[5], m[7]]);
     if transform.is_rigid(RIGID_TOLERANCE) {
         return Ok(transform);

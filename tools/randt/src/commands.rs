@@ -6,6 +6,7 @@ mod demo;
 mod doctor;
 mod emulate;
 mod import;
+mod inspect;
 pub mod layout;
 mod log;
 mod mission;
@@ -24,7 +25,10 @@ use clap::{Parser, Subcommand};
 /// The commands by what they serve, as `--help` lists them.
 pub const GROUPS: &[Group] = &[
     ("Run and watch", &["demo", "run", "up", "top"]),
-    ("Recordings", &["record", "log", "plot", "play", "import"]),
+    (
+        "Recordings",
+        &["inspect", "record", "log", "plot", "play", "import"],
+    ),
     ("Missions", &["mission"]),
     ("Check and calibrate", &["doctor", "config", "calibrate"]),
     ("Without a robot", &["simulate", "emulate"]),
@@ -58,6 +62,8 @@ pub struct Arguments {
 pub enum Command {
     /// Simulate a drive, compute it and show how exact that is
     Demo(demo::Arguments),
+    /// Show what a recording holds, what is odd, and the command to run it
+    Inspect(inspect::Arguments),
     /// Compute trajectory and map of a recording
     Run(run::Arguments),
     /// Simulate a drive and write it as a log
@@ -101,6 +107,7 @@ impl Command {
     pub fn run(self) -> anyhow::Result<Outcome> {
         match self {
             Self::Demo(arguments) => demo::run(arguments),
+            Self::Inspect(arguments) => inspect::run(arguments),
             Self::Run(arguments) => run::run(arguments),
             Self::Simulate(arguments) => simulate::run(arguments),
             Self::Import(arguments) => import::run(arguments),

@@ -5,6 +5,7 @@ use crate::units::count;
 use anyhow::Context;
 use randt_log::LogReader;
 use randt_messages::{OdometryState, OdometryStateTopic};
+use randt_readers::log_files;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -107,21 +108,23 @@ fn difference(
     }
 }
 
-/// The states that a log holds, in order.
+/// The states that a log, or a folder of logs, holds, in order.
 pub fn published(log: &Path) -> anyhow::Result<Vec<OdometryState>> {
-    let mut reader = LogReader::open(log).with_context(|| {
-        format!(
-            "{}: only a log of a live run has poses to compare with",
-            log.display()
-        )
-    })?;
     let mut states = Vec::new();
-    while let Some(entry) = reader.next_entry()? {
-        if let Some(state) = entry.decode::<OdometryStateTopic>()? {
-            states.push(*state.head);
+    for file in log_files(log)? {
+        let mut reader = LogReader::open(&file).with_context(|| {
+            format!(
+                "{}: only a log of a live run has poses to compare with",
+                file.display()
+            )
+        })?;
+        while let Some(entry) = reader.next_entry()? {
+            if let Some(state) = entry.decode::<OdometryStateTopic>()? {
+                states.push(*state.head);
+            }
         }
+        reader.translated().for_each(|text| warn(&text));
     }
-    reader.translated().for_each(|text| warn(&text));
     anyhow::ensure!(
         !states.is_empty(),
         "{}: no pose was recorded in it, so there is nothing to compare with",

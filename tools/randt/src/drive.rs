@@ -35,6 +35,9 @@ impl Drive {
             sensor: robot.sensor(),
             scans: Some(scans),
             configuration: None,
+            bin_size: None,
+            without_intensity: None,
+            topics: Vec::new(),
             extrinsics: Extrinsics {
                 radar: Some(robot.radar_mounting),
                 imu: Some(Quaternion::IDENTITY),

@@ -50,7 +50,9 @@ pub fn status(result: anyhow::Result<Outcome>) -> u8 {
         Err(error) => {
             eprintln!("error: {}", text(&error));
             let is_of = |cause: &(dyn std::error::Error + 'static)| {
-                cause.is::<randt_config::Error>() || cause.is::<Refused>()
+                let of_input = cause.downcast_ref::<randt_readers::Error>();
+                let is_size = matches!(of_input, Some(randt_readers::Error::BinSize { .. }));
+                cause.is::<randt_config::Error>() || cause.is::<Refused>() || is_size
             };
             let configuration = error.chain().any(is_of);
             if configuration {

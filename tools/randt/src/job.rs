@@ -1,9 +1,12 @@
 //! One computation: a source through the pipeline into results, with progress and Ctrl-C.
 
-use crate::{pipeline::Pipeline, report::Counters, results::Results};
+use crate::pipeline::Pipeline;
+use crate::report::{Count, Counters};
+use crate::results::Results;
 use indicatif::ProgressBar;
 use randt_config::{Config, Loaded};
 use randt_filter::check_sweep;
+use randt_messages::{ImuUse, OdometryState};
 use randt_readers::{Event, Extrinsics, Source};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -24,6 +27,10 @@ pub struct Done {
     pub read_ns: Vec<u64>,
     /// IMU samples read.
     pub imu_samples: u64,
+    /// Whether the IMU was to be used.
+    pub use_imu: bool,
+    /// Scans without a return.
+    pub empty: u64,
     /// Scans left out because they cannot be this sensor's.
     pub misfits: u64,
     /// Why the first of them.
@@ -41,6 +48,25 @@ impl Done {
         if let Some(misfit) = &self.first_misfit {
             let first = misfit.to_string();
             counters.add_lost("scans_not_of_this_sensor", self.misfits, first);
+        }
+        let scans = self.read_ns.len() as u64;
+        let first = format!("of {scans} scans without a single return");
+        match 2 * self.empty > scans {
+            true => counters.add_lost("scans_empty", self.empty, first),
+            false => counters.add(
+                "scans_empty",
+                Count {
+                    count: self.empty,
+                    first,
+                    loss: false,
+                },
+            ),
+        }
+        let states = &self.results.states;
+        let is_used = |state: &OdometryState| state.imu_use != ImuUse::None as u32;
+        if self.use_imu && self.imu_samples > 0 && !states.iter().any(is_used) {
+            let first = format!("{} samples cover 0 of {scans} scans", self.imu_samples);
+            counters.add_lost("imu_covers_no_scan", 1, first);
         }
         if self.interrupted {
             counters.add_lost("interrupted", 1, "the input was not read to its end");
@@ -63,6 +89,19 @@ pub fn catch_interrupts() {
 /// Whether the user has asked for the end.
 pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// Takes from the input what it knows and the configuration does not: mounting, width of the range
+/// bins, whether returns have an intensity. Sets the width for the input too.
+pub fn fit_input(loaded: Loaded, source: &mut dyn Source) -> Result<Loaded, randt_config::Error> {
+    let mut loaded = with_mounting(loaded, source);
+    if let Some(bins) = source.info().bin_size {
+        source.set_bin_size(loaded.take_bin_size(bins.bins, bins.size_m)?);
+    }
+    if source.info().without_intensity.is_some() {
+        loaded.without_intensity();
+    }
+    Ok(loaded)
 }
 
 /// Takes the mounting from the input where none is configured.
@@ -97,6 +136,8 @@ pub fn run(
         pipeline: Pipeline::new(config, use_imu),
         read_ns: Vec::new(),
         imu_samples: 0,
+        use_imu,
+        empty: 0,
         misfits: 0,
         first_misfit: None,
         imu_fault_ns: None,
@@ -113,6 +154,7 @@ pub fn run(
             Event::Scan(scan) => {
                 done.read_ns.push(std::mem::take(&mut read_ns));
                 bar.inc(1);
+                done.empty += u64::from(scan.items.is_empty());
                 if let Err(misfit) = check_sweep(&scan.head.sweep, config) {
                     done.misfits += 1;
                     // One damaged scan is stepped over; another sensor's input is refused.

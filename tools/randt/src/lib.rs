@@ -30,6 +30,7 @@ pub mod odometry_csv;
 pub mod output;
 pub mod pipeline;
 pub mod plain_file;
+pub mod poses;
 pub mod process;
 pub mod progress;
 pub mod recorded;

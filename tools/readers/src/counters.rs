@@ -17,6 +17,13 @@ impl Counters {
         self.add(name, count, false, first);
     }
 
+    /// Adds those of another input.
+    pub fn add_all(&mut self, others: Vec<Counter>) {
+        for other in others {
+            self.add(other.name, other.count, other.loss, || other.first);
+        }
+    }
+
     fn add(&mut self, name: &'static str, count: u64, loss: bool, first: impl FnOnce() -> String) {
         if count == 0 {
             return;

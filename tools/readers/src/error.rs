@@ -16,7 +16,7 @@ pub enum Error {
     },
     /// The content is none that this crate reads.
     #[error(
-        "{path}: {found}; expected an Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP or db3) or a randt log"
+        "{path}: {found}; expected a folder of polar images (Oxford, Boreas, MulRan, RADIATE), a ROS 1 bag, a ROS 2 bag (MCAP or db3) or a randt log"
     )]
     NotRecognised {
         /// File or folder.
@@ -25,7 +25,9 @@ pub enum Error {
         found: String,
     },
     /// There is no radar in it.
-    #[error("{path}: no radar topic (sensor_msgs/PointCloud2); it holds {topics}")]
+    #[error(
+        "{path}: no radar topic (sensor_msgs/PointCloud2, Image or LaserScan, or Navtech's RadarFftDataMessage) to take by itself or by --radar-topic; it holds {topics}"
+    )]
     NoRadar {
         /// File.
         path: String,
@@ -33,7 +35,7 @@ pub enum Error {
         topics: String,
     },
     /// The topic asked for is not in it, or has another type.
-    #[error("{path}: no topic {topic} of type {wanted}; it holds {topics}")]
+    #[error("{path}: no topic {topic} of type {wanted} ({option}); it holds {topics}")]
     NoTopic {
         /// File.
         path: String,
@@ -41,8 +43,32 @@ pub enum Error {
         topic: String,
         /// The type that it should have.
         wanted: &'static str,
+        /// The option that names it.
+        option: &'static str,
         /// The topics that are there, with their types.
         topics: String,
+    },
+    /// No message of the radar's topic can be decoded.
+    #[error(
+        "{path}: no radar topic that can be decoded; {topic}: {why}; --radar-topic or --intensity-field may help; it holds {topics}"
+    )]
+    NotDecoded {
+        /// File.
+        path: String,
+        /// The radar's topic.
+        topic: String,
+        /// What is wrong with its first message.
+        why: String,
+        /// The topics that are there, with their types.
+        topics: String,
+    },
+    /// A polar image does not say how large its range bins are (a mistake in the configuration).
+    #[error("{path}: {bins} bins are not a CTS350-X's 3768: say sensor.range_resolution_m (--set)")]
+    BinSize {
+        /// The image or topic.
+        path: String,
+        /// Bins of a beam.
+        bins: usize,
     },
     /// The file as a whole is broken.
     #[error("{path}: at byte {offset}: {what}")]

@@ -48,6 +48,34 @@ pub struct InputInfo {
     pub extrinsics: Extrinsics,
     /// The configuration that a live run was recorded with, as TOML.
     pub configuration: Option<String>,
+    /// Range bins of polar images.
+    pub bin_size: Option<BinSize>,
+    /// The fields that the returns have, where none of them is an intensity.
+    pub without_intensity: Option<String>,
+    /// What is in it.
+    pub topics: Vec<InputTopic>,
+}
+
+/// A topic of an input, or a file that stands for one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InputTopic {
+    /// Name.
+    pub name: String,
+    /// Type of its messages.
+    pub type_name: String,
+    /// Number of its messages.
+    pub messages: u64,
+    /// As what it is used: `radar`, `imu`, `twist`, `mounting`; `None` where it is not.
+    pub used_as: Option<&'static str>,
+}
+
+/// Range bins of polar images.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BinSize {
+    /// Bins of a beam.
+    pub bins: usize,
+    /// Width of a bin, m; `None` where neither the input nor the number of bins tells it.
+    pub size_m: Option<f64>,
 }
 
 /// A log that is read from its beginning to its end.
@@ -57,6 +85,9 @@ pub struct InputInfo {
 pub trait Source {
     /// The input's description of itself.
     fn info(&self) -> &InputInfo;
+
+    /// Sets the width of a polar image's range bins, m; before the first event.
+    fn set_bin_size(&mut self, _size_m: f64) {}
 
     /// The next event, `None` at the end.
     ///

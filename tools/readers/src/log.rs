@@ -4,7 +4,7 @@ use crate::limit::{is_instant, is_misread, no_instant};
 use crate::ros2::count_damage;
 use crate::summary::Summary;
 use crate::sweep::repair;
-use crate::{Counter, Error, Event, Extrinsics, InputInfo, Source, counters::Counters};
+use crate::{Counter, Error, Event, Extrinsics, InputInfo, InputTopic, Source, counters::Counters};
 use randt_log::{Damage, LogReader};
 use randt_messages::{
     DropCause, ImuSampleTopic, LogDrop, LogDropTopic, RadarScan, Topic, TruthPoseTopic, TwistTopic,
@@ -27,6 +27,20 @@ impl LogSource {
         let reader = LogReader::open(path)?;
         let robot = reader.robot()?;
         let channels = Summary::read(path).map(|summary| summary.channels());
+        let topics = channels.iter().flatten();
+        let topics = topics.map(|(name, type_name, _, messages)| InputTopic {
+            used_as: match name.as_str() {
+                RadarScan::NAME => Some("radar"),
+                ImuSampleTopic::NAME => Some("imu"),
+                TwistTopic::NAME => Some("twist"),
+                TruthPoseTopic::NAME => Some("truth"),
+                _ => None,
+            },
+            name: name.clone(),
+            type_name: type_name.clone(),
+            messages: *messages,
+        });
+        let topics = topics.collect();
         let scans = channels.map(|channels| {
             let channels = channels.iter();
             let radar = channels.filter(|(topic, ..)| topic == RadarScan::NAME);
@@ -45,6 +59,9 @@ impl LogSource {
                 scans,
                 configuration: reader.configuration().map(str::to_owned),
                 extrinsics: robot.into(),
+                bin_size: None,
+                without_intensity: None,
+                topics,
             },
             reader,
             counters: Counters::default(),

@@ -1,7 +1,7 @@
 //! Brings sweeps and IMU samples of a log into one order of stamps, reading a bounded stretch
 //! ahead.
 
-use crate::{Counter, Error, Event, InputInfo, Source};
+use crate::{Counter, Error, Event, InputInfo, Source, counters::Counters};
 use std::collections::VecDeque;
 
 /// How far to read on for the other stream, ns of stamps. A driver delivers a sweep within a turn
@@ -10,6 +10,28 @@ const AHEAD_NS: i64 = 1_000_000_000;
 /// Most sweeps held (a sweep of 10,000 returns has 136 kB), and most IMU samples (8 s at 1 kHz).
 const SWEEPS_MAX: usize = 32;
 const SAMPLES_MAX: usize = 8192;
+
+/// A stamp that is off by more than [`AHEAD_NS`] is a stray where this many or fewer come in a row,
+/// and those before and behind them are in order.
+const STRAYS_MAX: usize = 3;
+
+/// How many of a queue's events before its last one are strays: outside the time from the one
+/// before them, which may have been given out already, to the last one.
+fn strays(queue: &VecDeque<Event>, given_ns: Option<i64>) -> usize {
+    let mut stamps = queue.iter().rev().map(Event::stamp_ns);
+    let Some(last_ns) = stamps.next() else {
+        return 0;
+    };
+    let is_near = |stamp_ns: i64| stamp_ns.abs_diff(last_ns) <= AHEAD_NS as u64;
+    let run: Vec<i64> = stamps.clone().take_while(|ns| !is_near(*ns)).collect();
+    let before_ns = stamps.nth(run.len()).or(given_ns);
+    let Some(before_ns) = before_ns.filter(|ns| is_near(*ns) && *ns <= last_ns) else {
+        return 0;
+    };
+    let between = before_ns..=last_ns;
+    let are_strays = run.len() <= STRAYS_MAX && run.iter().all(|ns| !between.contains(ns));
+    if are_strays { run.len() } else { 0 }
+}
 
 /// A source whose streams are each in the log's order and merged by their stamps.
 ///
@@ -22,6 +44,9 @@ pub(crate) struct InOrder<S> {
     twists: VecDeque<Event>,
     sweeps: VecDeque<Event>,
     newest_ns: i64,
+    /// The last sweep and the last sample that were given out.
+    given_ns: [Option<i64>; 2],
+    counters: Counters,
     ended: bool,
 }
 
@@ -34,13 +59,16 @@ impl<S: Source> InOrder<S> {
             twists: VecDeque::new(),
             sweeps: VecDeque::new(),
             newest_ns: i64::MIN,
+            given_ns: [None; 2],
+            counters: Counters::default(),
             ended: false,
         }
     }
 
     /// Whether the oldest event held can be given out.
     fn is_decided(&self) -> bool {
-        if self.ended || (!self.samples.is_empty() && !self.sweeps.is_empty()) {
+        // The one behind shows whether a stamp is a stray.
+        if self.ended || (self.samples.len() > 1 && self.sweeps.len() > 1) {
             return true;
         }
         if self.sweeps.len() >= SWEEPS_MAX
@@ -48,8 +76,20 @@ impl<S: Source> InOrder<S> {
         {
             return true;
         }
-        self.oldest_ns()
-            .is_some_and(|oldest| self.newest_ns.saturating_sub(oldest) > AHEAD_NS)
+        let is_past = |oldest| self.newest_ns.saturating_sub(oldest) > AHEAD_NS;
+        !self.may_have_stray() && self.oldest_ns().is_some_and(is_past)
+    }
+
+    /// Whether the only event of a stream is far behind the one before it: the next one shows
+    /// whether it is a stray.
+    fn may_have_stray(&self) -> bool {
+        let [sweep_ns, sample_ns] = self.given_ns;
+        let streams = [(&self.sweeps, sweep_ns), (&self.samples, sample_ns)];
+        streams.into_iter().any(|(queue, given_ns)| {
+            let head_ns = queue.front().map(Event::stamp_ns);
+            let behind = given_ns.zip(head_ns);
+            queue.len() == 1 && behind.is_some_and(|(given, head)| given - head > AHEAD_NS)
+        })
     }
 
     fn oldest_ns(&self) -> Option<i64> {
@@ -79,11 +119,36 @@ impl<S: Source> InOrder<S> {
             .find(|q| q.front().is_some_and(|e| e.stamp_ns() == oldest))?;
         queue.pop_front()
     }
+
+    /// Drops strays before the event that came last.
+    fn drop_strays(&mut self) {
+        let [sweep_ns, sample_ns] = self.given_ns;
+        for (queue, given_ns) in [(&mut self.sweeps, sweep_ns), (&mut self.samples, sample_ns)] {
+            let count = strays(queue, given_ns);
+            let last = queue.pop_back();
+            for _ in 0..count {
+                let stray_ns = queue.pop_back().map(|event| event.stamp_ns());
+                let next_ns = last.as_ref().map(Event::stamp_ns);
+                self.counters.count_loss("stamps_off", 1, || {
+                    format!(
+                        "stamp {} does not stand between its neighbours; the next one is {}",
+                        stray_ns.unwrap_or_default(),
+                        next_ns.unwrap_or_default()
+                    )
+                });
+            }
+            queue.extend(last);
+        }
+    }
 }
 
 impl<S: Source> Source for InOrder<S> {
     fn info(&self) -> &InputInfo {
         self.inner.info()
+    }
+
+    fn set_bin_size(&mut self, size_m: f64) {
+        self.inner.set_bin_size(size_m);
     }
 
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
@@ -99,11 +164,20 @@ impl<S: Source> Source for InOrder<S> {
                 Event::Twist(_) => self.twists.push_back(event),
                 Event::Truth(_) => self.truth.push_back(event),
             }
+            self.drop_strays();
         }
-        Ok(self.take_oldest())
+        let event = self.take_oldest();
+        match &event {
+            Some(Event::Scan(scan)) => self.given_ns[0] = Some(scan.head.header.stamp_ns),
+            Some(Event::Imu(sample)) => self.given_ns[1] = Some(sample.header.stamp_ns),
+            _ => {}
+        }
+        Ok(event)
     }
 
     fn counters(&self) -> Vec<Counter> {
-        self.inner.counters()
+        let mut counters = self.inner.counters();
+        counters.extend(self.counters.list());
+        counters
     }
 }

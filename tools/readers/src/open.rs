@@ -1,14 +1,16 @@
 //! Recognises an input by its content.
 
+use crate::folders::ImageFolder;
 use crate::log::LogSource;
+use crate::log_folder::{LogFolder, log_files};
 use crate::merge::InOrder;
-use crate::oxford::OxfordFolder;
-use crate::ros::{Recording, RosSource};
+use crate::ros::compressed::{MAGIC, unpack_file};
+use crate::ros::{Merged, Recording, RosSource};
 use crate::{Error, Options, Source, ros1, ros2};
 use randt_log::{LogReader, ROBOT_METADATA};
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// First bytes of a PNG.
 const PNG_MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
@@ -23,37 +25,52 @@ pub fn open(path: &Path, options: &Options) -> Result<Box<dyn Source>, Error> {
     }
     let first = first_bytes(path)?;
     if first.starts_with(PNG_MAGIC) {
-        return Ok(Box::new(OxfordFolder::open_image(path, options)?));
+        let image = ImageFolder::open_image(path, options)?;
+        return Ok(Box::new(image));
     }
     if first.starts_with(mcap::MAGIC) && is_ours(path)? {
         let log = LogSource::open(path, options.radar_required)?;
         return Ok(Box::new(InOrder::new(log)));
     }
-    match open_bag(path, &first)? {
-        Some(bag) => ros_source(bag, path, options),
-        None => Err(not_recognised(path, describe(&first))),
-    }
+    ros_source(vec![path.to_owned()], path, options)
 }
 
-/// Opens one file of a ROS bag; `None` where it is none.
-fn open_bag(path: &Path, first: &[u8]) -> Result<Option<Box<dyn Recording>>, Error> {
+/// Opens one file of a ROS bag.
+fn open_bag(path: &Path) -> Result<Box<dyn Recording>, Error> {
+    let first = first_bytes(path)?;
     Ok(if first.starts_with(ros1::MAGIC) {
-        Some(Box::new(ros1::Bag::open(path)?))
+        Box::new(ros1::Bag::open(path)?)
     } else if first.starts_with(mcap::MAGIC) {
-        Some(Box::new(ros2::McapBag::open(path)?))
+        Box::new(ros2::McapBag::open(path)?)
     } else if first.starts_with(ros2::DATABASE_MAGIC) {
-        Some(Box::new(ros2::Database::open(path)?))
+        Box::new(ros2::Database::open(path)?)
     } else {
-        None
+        return Err(not_recognised(path, describe(&first)));
     })
 }
 
+/// The files of one recording as a source; those that are compressed are decompressed first.
 fn ros_source(
-    bag: Box<dyn Recording>,
+    mut files: Vec<PathBuf>,
     path: &Path,
     options: &Options,
 ) -> Result<Box<dyn Source>, Error> {
-    let source = RosSource::open(bag, path, options)?;
+    let mut unpacked = Vec::new();
+    for file in &mut files {
+        if first_bytes(file)?.starts_with(&MAGIC) {
+            let plain = unpack_file(file).map_err(Error::io(file))?;
+            *file = plain.to_path_buf();
+            unpacked.push(plain);
+        }
+    }
+    let recording = Merged::new(files, open_bag)?;
+    if recording.is_empty() {
+        let found = recording.unreadable().first().cloned();
+        let found =
+            found.unwrap_or_else(|| "a folder without radar images or bag files".to_owned());
+        return Err(not_recognised(path, found));
+    }
+    let source = RosSource::open(recording, unpacked, path, options)?;
     Ok(Box::new(InOrder::new(source)))
 }
 
@@ -77,29 +94,13 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>, Error> {
 }
 
 fn open_folder(path: &Path, options: &Options) -> Result<Box<dyn Source>, Error> {
-    if let Some(folder) = OxfordFolder::open(path, options)? {
-        return Ok(Box::new(folder));
+    if let Some(folder) = ImageFolder::open(path, options)? {
+        return Ok(Box::new(InOrder::new(folder)));
     }
-    let (mut files, mut unreadable) = (Vec::new(), Vec::new());
-    for file in ros2::bag_files(path)? {
-        let first = first_bytes(&file)?;
-        match open_bag(&file, &first) {
-            Ok(Some(bag)) => files.push(bag),
-            Ok(None) => unreadable.push(format!("{}: {}", file.display(), describe(&first))),
-            Err(error) => unreadable.push(error.to_string()),
-        }
+    if let Some(logs) = LogFolder::open(log_files(path)?, options.radar_required)? {
+        return Ok(Box::new(InOrder::new(logs)));
     }
-    if files.is_empty() {
-        let found = unreadable.into_iter().next();
-        let found =
-            found.unwrap_or_else(|| "a folder without radar images or bag files".to_owned());
-        return Err(not_recognised(path, found));
-    }
-    ros_source(
-        Box::new(ros2::SplitBag::new(files, unreadable)),
-        path,
-        options,
-    )
+    ros_source(ros2::bag_files(path)?, path, options)
 }
 
 fn not_recognised(path: &Path, found: String) -> Error {

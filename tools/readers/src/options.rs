@@ -12,6 +12,19 @@ pub enum StampMeaning {
     SweepMiddle,
 }
 
+impl StampMeaning {
+    /// First and last instant of a sweep of this length.
+    pub(crate) fn interval(self, stamp_ns: i64, period_ns: i64) -> (i64, i64) {
+        let after_ns = match self {
+            Self::SweepEnd => 0,
+            Self::SweepMiddle => period_ns / 2,
+            Self::SweepBegin => period_ns,
+        };
+        let end_ns = stamp_ns.saturating_add(after_ns);
+        (end_ns.saturating_sub(period_ns), end_ns)
+    }
+}
+
 /// The order in time of a sweep's beams, seen from above.
 ///
 /// Azimuths of a point cloud are right as they are; this sets only which beam was measured first.
@@ -29,15 +42,23 @@ pub enum Rotation {
 /// Settings of an input. The defaults fit every recording that contains its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Radar topic of a bag; without it the PointCloud2 topic with the most messages.
+    /// Radar topic of a bag; without it the one that can be decoded best, of several such the one
+    /// that is named after a radar, then the one with the most messages.
     pub radar_topic: Option<String>,
+    /// Field of a point cloud to take for the intensity; without it, it is found by its name.
+    pub intensity_field: Option<String>,
+    /// Whether a point cloud's azimuths grow clockwise, so that y points right; without it, as in
+    /// the clouds of Navtech's driver only.
+    pub mirrored: Option<bool>,
     /// IMU topic of a bag; without it the Imu topic with the most messages.
     pub imu_topic: Option<String>,
     /// Topic of a bag with the robot's velocity (Odometry, TwistStamped,
     /// TwistWithCovarianceStamped); none without it, because it may be of another estimate, or the
     /// truth.
     pub twist_topic: Option<String>,
-    /// What a point cloud's stamp means.
+    /// Width of a polar image's range bins, m; without it, as the input says.
+    pub bin_size_m: Option<f64>,
+    /// What the stamp of a point cloud, or of an image whose rows have none, means.
     pub stamp: StampMeaning,
     /// Sense of rotation of a point cloud's radar.
     pub rotation: Rotation,
@@ -59,6 +80,9 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             radar_topic: None,
+            intensity_field: None,
+            bin_size_m: None,
+            mirrored: None,
             imu_topic: None,
             twist_topic: None,
             stamp: StampMeaning::default(),

@@ -1,9 +1,9 @@
 //! ROS 2 bags: MCAP and SQLite (db3), alone or as a folder of several files.
 
+mod bag_files;
 mod database;
 mod mcap;
-mod split_bag;
 
+pub(crate) use bag_files::bag_files;
 pub(crate) use database::{Database, MAGIC as DATABASE_MAGIC};
 pub(crate) use mcap::{McapBag, count_damage};
-pub(crate) use split_bag::{SplitBag, bag_files};

@@ -51,8 +51,8 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    /// `None` where the file has no whole summary, whatever the reason: reading it through needs
-    /// none.
+    /// `None` where the file has no whole summary, or one that does not name its channels: reading
+    /// it through needs none.
     pub fn read(path: &Path) -> Option<Self> {
         let mut file = File::open(path).ok()?;
         let length = file.metadata().ok()?.len();
@@ -73,7 +73,16 @@ impl Summary {
             }
         }
         let summary = reader.finish()?;
-        summary.stats.as_ref()?;
+        // Writers need not repeat their channels in the summary, nor count their messages.
+        let stats = summary.stats.as_ref()?;
+        let counts = &stats.channel_message_counts;
+        let counted = counts
+            .values()
+            .try_fold(0_u64, |sum, n| sum.checked_add(*n));
+        let has_channels = counts.keys().all(|id| summary.channels.contains_key(id));
+        if !has_channels || counted != Some(stats.message_count) {
+            return None;
+        }
         Some(Self {
             file,
             length,

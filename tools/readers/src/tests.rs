@@ -2,8 +2,11 @@
 
 mod bags;
 mod damage;
+mod data_sets;
+mod layouts;
 mod learning;
 mod mounting;
+mod navtech;
 mod oxford;
 mod support;
 mod twists;

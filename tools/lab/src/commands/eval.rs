@@ -4,6 +4,7 @@ use randt::exit::Outcome;
 use randt::found_loops;
 use randt::judgement::Judgement;
 use randt::output::print_value;
+use randt::poses;
 use randt::trust_spans;
 use randt_evaluation::{
     Evaluation, LoopEvaluation, LoopLimits, SilentlyWrong, Trajectory, Worst, silently_wrong,
@@ -18,10 +19,12 @@ const COVERAGE_MIN: f64 = 0.95;
 /// Arguments of `randt-lab eval`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// The estimate: TUM rows (stamp x y z qx qy qz qw) or KITTI rows (3 x 4 matrix)
+    /// The estimate: TUM rows (stamp x y z qx qy qz qw), KITTI rows (3 x 4 matrix), or the folder
+    /// of a run
     #[arg(value_name = "EST")]
     estimate: String,
-    /// The truth, in the same format
+    /// The truth, in the same format, Oxford's radar_odometry.csv, MulRan's global_pose.csv, or a
+    /// log with true poses
     #[arg(value_name = "TRUTH")]
     truth: String,
     /// Judge the accepted loops of a run by its report.json
@@ -96,8 +99,8 @@ struct FalseLoopFigures {
 
 /// Reads both, compares, prints. Ends with "data lost" where too little of the truth is covered.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
-    let estimate = Trajectory::read(&arguments.estimate)?;
-    let truth = Trajectory::read(&arguments.truth)?;
+    let estimate = poses::read(&arguments.estimate)?;
+    let truth = poses::read(&arguments.truth)?;
     let limits = LoopLimits {
         translation_m: arguments.false_loop_m,
         ..LoopLimits::default()
@@ -120,6 +123,19 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
              errors are pooled",
             evaluation.frames
         );
+    }
+    for (name, left_out) in [
+        ("estimate", estimate.left_out()),
+        ("truth", truth.left_out()),
+    ] {
+        if left_out.is_flattened() {
+            eprintln!(
+                "note: the {name} has heights over {:.2} m and tilts up to {:.1} deg; x, y and yaw \
+                 alone are compared",
+                left_out.height_m(),
+                left_out.tilt_deg()
+            );
+        }
     }
     if evaluation.coverage >= COVERAGE_MIN {
         return Ok(Outcome::Good);

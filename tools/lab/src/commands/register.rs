@@ -128,7 +128,7 @@ fn first_scan(
 ) -> anyhow::Result<(Message<RadarScan>, Config)> {
     let mut source = randt_readers::open(path, options)?;
     let loaded: Loaded = selection.load(source.info().sensor.name())?;
-    let config = job::with_mounting(loaded, source.as_ref()).config;
+    let config = job::fit_input(loaded, source.as_mut())?.config;
     while let Some(event) = source.next_event()? {
         if let Event::Scan(scan) = event {
             return Ok((scan, config));

@@ -14,8 +14,8 @@ use std::path::PathBuf;
 /// Arguments of `randt import`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or
-    /// one of our logs
+    /// A folder of polar images (Oxford, Boreas, MulRan, RADIATE), a ROS 1 bag, a ROS 2 bag (MCAP,
+    /// db3, or its folder), one of our logs, a folder of them, or a mission
     input: PathBuf,
     /// The log to write; it gets this name when it is whole
     log: PathBuf,

@@ -18,10 +18,10 @@ use std::path::PathBuf;
 /// Arguments of `randt plot`.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// One of our logs, finished or not
+    /// One of our logs, finished or not, a folder of them, or a mission
     #[arg(value_name = "LOG")]
     log: PathBuf,
-    /// Folder for the pictures; if not given, named after the log, beside it
+    /// Folder for the pictures; if not given, named after it, beside it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }

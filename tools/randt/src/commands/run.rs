@@ -20,8 +20,8 @@ use std::time::Instant;
 /// Arguments of `randt run`.
 #[derive(Debug, Default, clap::Args)]
 pub struct Arguments {
-    /// An Oxford Radar RobotCar folder, a ROS 1 bag, a ROS 2 bag (MCAP, db3, or its folder), or
-    /// one of our logs
+    /// A folder of polar images (Oxford, Boreas, MulRan, RADIATE), a ROS 1 bag, a ROS 2 bag (MCAP,
+    /// db3, or its folder), one of our logs, a folder of them, or a mission
     #[arg(value_name = "INPUT")]
     input: PathBuf,
     /// Folder for the trajectories, odometry.csv (every scan's pose with covariance and trust),
@@ -75,7 +75,7 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     for problem in &loaded.passed_over {
         eprintln!("passed over: {problem}");
     }
-    let mut config = job::with_mounting(loaded, source.as_ref()).config;
+    let mut config = job::fit_input(loaded, source.as_mut())?.config;
     config.loops.enabled &= !arguments.no_loops;
     // Before the work: whether there is anything to compare with.
     let published = (arguments.compare).then(|| compare::published(&arguments.input));

@@ -1,5 +1,5 @@
-//! `sensor_msgs/PointCloud2`, as found: fields by name, offset and datatype, any step, either byte
-//! order.
+//! `sensor_msgs/PointCloud2`, as found: fields by name and role, offset and datatype, any step,
+//! either byte order.
 
 use super::wire::{Encoding, Malformed, RosHeader, Wire};
 
@@ -18,17 +18,29 @@ pub(crate) struct Cloud {
     pub points: Vec<Point>,
     /// Points left out because a value was NaN or infinite.
     pub not_finite: u32,
+    /// The fields' names, where none of them is an intensity: all points are then as strong.
+    pub without_intensity: Option<String>,
+    /// Whether its fields have as many values as the cloud has points, which only Navtech's driver
+    /// says: it counts azimuths clockwise as if they were counter-clockwise.
+    pub is_navtech: bool,
 }
 
-/// Names under which drivers publish the strength of an echo, best first.
-const INTENSITY_NAMES: [&str; 6] = [
+/// Names under which drivers publish the strength of an echo, best first, in lower case.
+const INTENSITY_NAMES: [&str; 9] = [
     "intensity",
     "intensities",
     "power",
     "amplitude",
+    "magnitude",
+    "reflectivity",
     "snr",
     "rcs",
+    "i",
 ];
+
+/// The intensity of returns that have none: above every threshold that sensor.intensity_min can
+/// have.
+pub(crate) const UNKNOWN_INTENSITY: f32 = 65_536.0;
 
 /// Most points in a message: ten times a sweep's most returns and then some. A larger count is
 /// damage.
@@ -89,41 +101,69 @@ impl Field {
     }
 }
 
+/// A field's name, and where it stands unless its datatype is unknown.
+type NamedField = (String, Option<Field>);
+
+/// The fields of the message, in its order, and the smallest count of their values.
+fn fields(wire: &mut Wire<'_>) -> Result<(Vec<NamedField>, u32), Malformed> {
+    let mut fields = Vec::new();
+    let mut least = u32::MAX;
+    for _ in 0..wire.u32()? {
+        let name = wire.string()?;
+        let offset = wire.u32()? as usize;
+        let datatype = Datatype::from_code(wire.u8()?);
+        // No field of ours is an array: drivers set it to 0, 1 or the cloud's width.
+        least = least.min(wire.u32()?);
+        fields.push((name, datatype.map(|datatype| Field { offset, datatype })));
+    }
+    Ok((fields, least))
+}
+
+/// The fields as a list for people.
+fn names(fields: &[NamedField]) -> String {
+    let names: Vec<&str> = fields.iter().map(|(name, _)| name.as_str()).collect();
+    match names.as_slice() {
+        [] => "no field".to_owned(),
+        names => names.join(", "),
+    }
+}
+
 impl Cloud {
-    pub fn decode(bytes: &[u8], encoding: Encoding) -> Result<Self, Malformed> {
+    /// Decodes a message. `intensity_field` names the field to take for the intensity; without it,
+    /// or where it is absent, the field is found by the names that drivers use.
+    pub fn decode(
+        bytes: &[u8],
+        encoding: Encoding,
+        intensity_field: Option<&str>,
+    ) -> Result<Self, Malformed> {
         let mut wire = Wire::new(bytes, encoding)?;
         let header = wire.header()?;
         let height = wire.u32()? as usize;
         let width = wire.u32()? as usize;
 
-        let (mut x, mut y, mut intensity) = (None, None, None);
-        let mut rank = INTENSITY_NAMES.len();
-        for _ in 0..wire.u32()? {
-            let name = wire.string()?;
-            let offset = wire.u32()? as usize;
-            let datatype = Datatype::from_code(wire.u8()?);
-            wire.u32()?; // count: only arrays have more than one, and none of ours is one
-            let field = datatype.map(|datatype| Field { offset, datatype });
-            match name.as_str() {
-                "x" => x = field,
-                "y" => y = field,
-                other => {
-                    let found = INTENSITY_NAMES.iter().position(|name| *name == other);
-                    if let Some(found) = found.filter(|found| *found < rank) {
-                        (rank, intensity) = (found, field);
-                    }
-                }
-            }
-        }
+        let (fields, values) = fields(&mut wire)?;
         let big_endian = wire.u8()? != 0;
         let point_step = wire.u32()? as usize;
         let row_step = wire.u32()? as usize;
         let data = wire.bytes()?;
 
-        let x = x.ok_or_else(|| wire.malformed("no field x of a known datatype"))?;
-        let y = y.ok_or_else(|| wire.malformed("no field y of a known datatype"))?;
-        let what = "no field intensity of a known datatype";
-        let intensity = intensity.ok_or_else(|| wire.malformed(what))?;
+        let named = |wanted: &str| {
+            let mut fields = fields.iter();
+            fields.find_map(|(name, field)| name.eq_ignore_ascii_case(wanted).then_some(*field)?)
+        };
+        let missing = |what: &str| {
+            let names = names(&fields);
+            wire.malformed(format!("no field {what} of a known datatype among {names}"))
+        };
+        let x = named("x").ok_or_else(|| missing("x"))?;
+        let y = named("y").ok_or_else(|| missing("y"))?;
+        let intensity = match intensity_field {
+            Some(name) => {
+                let missing = || missing(&format!("{name} (--intensity-field)"));
+                Some(named(name).ok_or_else(missing)?)
+            }
+            None => INTENSITY_NAMES.into_iter().find_map(named),
+        };
         let count = height
             .checked_mul(width)
             .filter(|count| *count <= MAX_POINTS);
@@ -138,6 +178,8 @@ impl Cloud {
             header,
             points: Vec::with_capacity(count.min(data.len())),
             not_finite: 0,
+            without_intensity: intensity.is_none().then(|| names(&fields)),
+            is_navtech: values > 1 && values as usize == width,
         };
         for index in 0..count {
             let start = (index / width) * row_step + (index % width) * point_step;
@@ -146,7 +188,10 @@ impl Cloud {
                 Some(Point {
                     x_m: x.read(point, big_endian)?,
                     y_m: y.read(point, big_endian)?,
-                    intensity: intensity.read(point, big_endian)? as f32,
+                    intensity: match intensity {
+                        Some(intensity) => intensity.read(point, big_endian)? as f32,
+                        None => UNKNOWN_INTENSITY,
+                    },
                 })
             });
             let point = point.ok_or_else(|| wire.malformed("fewer points than width x height"))?;

@@ -8,7 +8,10 @@ use crate::{Error, counters::Counters};
 /// The message types that matter here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    Cloud,
+    /// Sweeps.
+    Radar(RadarKind),
+    /// The size of a Navtech's bins.
+    RadarConfiguration,
     Imu,
     Twist(TwistKind),
     /// Transforms that hold for the whole recording.
@@ -18,11 +21,38 @@ pub(crate) enum Kind {
     Other,
 }
 
+/// The message types that hold a radar's sweep, or a part of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum RadarKind {
+    Cloud,
+    /// A polar image.
+    Image,
+    /// A polar image with its encoder and times (navtech_msgs).
+    BScan,
+    /// One azimuth of a Navtech.
+    Fft,
+    LaserScan,
+}
+
 impl Kind {
     /// From a topic and its type, in ROS 1's or ROS 2's spelling.
     pub fn from_topic(topic: &str, type_name: &str) -> Self {
+        // Navtech's messages have been in several packages.
+        let own_name = type_name.rsplit('/').next().unwrap_or(type_name);
+        match own_name {
+            name if name.starts_with("RadarFftData") => return Self::Radar(RadarKind::Fft),
+            name if name.starts_with("RadarBScan") => return Self::Radar(RadarKind::BScan),
+            name if name.starts_with("RadarConfiguration")
+                || name.starts_with("ConfigurationDataMessage") =>
+            {
+                return Self::RadarConfiguration;
+            }
+            _ => {}
+        }
         match type_name.replace("/msg/", "/").as_str() {
-            "sensor_msgs/PointCloud2" => Self::Cloud,
+            "sensor_msgs/PointCloud2" => Self::Radar(RadarKind::Cloud),
+            "sensor_msgs/Image" => Self::Radar(RadarKind::Image),
+            "sensor_msgs/LaserScan" => Self::Radar(RadarKind::LaserScan),
             "sensor_msgs/Imu" => Self::Imu,
             "nav_msgs/Odometry" => Self::Twist(TwistKind::Odometry),
             "geometry_msgs/TwistStamped" => Self::Twist(TwistKind::Plain),

@@ -1,58 +1,64 @@
 //! A ROS recording as a log of sweeps, IMU samples and twists.
 
-use super::Cloud;
+mod decoded;
+mod event;
+mod learn;
+
+use super::Merged;
 use super::decode_transforms;
-use super::imu::RosImu;
-use super::recording::{Channel, Kind, Recording};
-use super::transform::{Transform, Tree};
-use super::twist::{RosTwist, find_twist};
+use super::navtech::{Configuration, FftTurn};
+use super::recording::{Channel, Kind, RadarKind, Recording};
+use super::stamp_check::StampCheck;
+use super::topics::{choose_imu, choose_radar, list};
+use super::twist::find_twist;
 use super::wire::{Encoding, Malformed};
-use crate::limit::{is_instant, is_misread, no_instant};
-use crate::sweep::{Polar, Turn};
-use crate::{Counter, Error, Event, Extrinsics, InputInfo, Options, Source, counters::Counters};
-use randt_geometry::{Pose2, elementary::atan2};
-use randt_messages::{Header, ImuSample, SensorKind, Twist};
+use crate::limit::{is_instant, no_instant};
+use crate::sweep::Turn;
+use crate::{
+    Counter, Error, Event, Extrinsics, InputInfo, InputTopic, Options, Source, counters::Counters,
+};
+use decoded::Decoded;
+use randt_messages::SensorKind;
 use std::collections::VecDeque;
 use std::path::Path;
-
-/// Sweeps from which a radar's turn is learned before the first is given out.
-const LEARN_SWEEPS: usize = 8;
-/// Most IMU samples held meanwhile: over a minute at 250 Hz.
-const LEARN_SAMPLES: usize = 20_000;
+use tempfile::TempPath;
 
 /// A bag of any format that is being read. Its fields are the recording, the topics that matter,
 /// what was learned of them, and what was counted.
 pub(crate) struct RosSource {
-    recording: Box<dyn Recording>,
+    recording: Merged,
+    /// Files that were decompressed for it; they go away with it.
+    _unpacked: Vec<TempPath>,
     channels: Vec<Channel>,
     /// For messages to the user.
     path: String,
+    options: Options,
     info: InputInfo,
     counters: Counters,
     radar: Option<usize>,
     imu: Option<usize>,
     twist: Option<usize>,
-    /// Whether the radar hangs upside down.
+    /// Whether azimuths are counted clockwise: the radar hangs upside down, or its driver does so.
     mirrored: bool,
     turn: Option<Turn>,
-    waiting: VecDeque<Decoded>,
+    /// A Navtech's turn of which some azimuths are here, its bins, and the time of a turn.
+    fft_turn: FftTurn,
+    last_arrival_ns: i64,
+    navtech: Option<Configuration>,
+    bin_m: Option<f64>,
+    period_ns: i64,
+    stamp_checks: [StampCheck; 3],
+    waiting: VecDeque<(Decoded, i64)>,
     sweeps: u64,
     samples: u64,
     twists: u64,
 }
 
-/// A message that matters, before it gets its number.
-enum Decoded {
-    Cloud(Cloud),
-    Imu(RosImu, i64),
-    Twist(RosTwist, i64),
-    Transforms(Vec<Transform>),
-}
-
 impl RosSource {
     /// Chooses the topics, reads the first sweeps and learns from them.
     pub fn open(
-        mut recording: Box<dyn Recording>,
+        mut recording: Merged,
+        unpacked: Vec<TempPath>,
         path: &Path,
         options: &Options,
     ) -> Result<Self, Error> {
@@ -61,11 +67,12 @@ impl RosSource {
         let channels = recording.channels().to_vec();
         let first = channels.first();
         let encoding = first.map_or(Encoding::Ros1, |channel| channel.encoding);
-        let mut choose = |kind, topic: &Option<String>| {
-            choose(&channels, kind, topic.as_deref(), path, &mut counters)
+        let radar = choose_radar(&recording, options, path, &mut counters);
+        let radar = match (radar, options.radar_required) {
+            (Err(Error::NotDecoded { .. }), false) => None,
+            (radar, _) => radar?,
         };
-        let radar = choose(Kind::Cloud, &options.radar_topic)?;
-        let imu = choose(Kind::Imu, &options.imu_topic)?;
+        let imu = choose_imu(&channels, options.imu_topic.as_deref(), path, &mut counters)?;
         let twist = find_twist(&channels, options.twist_topic.as_deref(), path)?;
         if radar.is_none() && options.radar_required {
             // It may be the damage that hides the radar: read on to name it.
@@ -78,18 +85,43 @@ impl RosSource {
                 topics: list(&channels) + &damage.unwrap_or_default(),
             });
         }
+        let chosen: Vec<usize> = [radar, imu, twist].into_iter().flatten().collect();
+        recording.select(&chosen);
         let scans = radar.and_then(|radar| channels.get(radar));
-        let scans = scans.map_or(0, |channel| channel.messages);
+        let azimuths = match scans.map(|channel| channel.kind) {
+            Some(Kind::Radar(RadarKind::Fft)) => 400,
+            _ => 1,
+        };
+        let scans = scans.map_or(0, |channel| channel.messages / azimuths);
+        let topic = |(index, channel): (usize, &Channel)| InputTopic {
+            name: channel.topic.clone(),
+            type_name: channel.type_name.clone(),
+            messages: channel.messages,
+            used_as: match channel.kind {
+                _ if Some(index) == radar => Some("radar"),
+                _ if Some(index) == imu => Some("imu"),
+                _ if Some(index) == twist => Some("twist"),
+                Kind::StaticTransforms | Kind::Transforms => Some("mounting"),
+                Kind::RadarConfiguration => Some("the radar's bins"),
+                _ => None,
+            },
+        };
+        let topics = channels.iter().enumerate().map(topic).collect();
         let mut source = Self {
             recording,
+            _unpacked: unpacked,
             channels,
             path: path.display().to_string(),
+            options: options.clone(),
             info: InputInfo {
                 format,
                 sensor: SensorKind::Unknown,
                 scans: Some(scans),
                 extrinsics: Extrinsics::default(),
                 configuration: None,
+                bin_size: None,
+                without_intensity: None,
+                topics,
             },
             counters,
             radar,
@@ -97,114 +129,66 @@ impl RosSource {
             twist,
             mirrored: false,
             turn: None,
+            fft_turn: FftTurn::default(),
+            last_arrival_ns: 0,
+            navtech: None,
+            bin_m: None,
+            period_ns: 0,
+            stamp_checks: Default::default(),
             waiting: VecDeque::new(),
             sweeps: 0,
             samples: 0,
             twists: 0,
         };
-        source.learn(options, encoding)?;
+        source.learn(encoding)?;
         Ok(source)
     }
 
-    /// Reads ahead: mounting, and what is the same in every turn.
-    fn learn(&mut self, options: &Options, encoding: Encoding) -> Result<(), Error> {
-        let mut tree = Tree::default();
-        for bytes in self.recording.static_transforms() {
-            match decode_transforms(bytes, encoding) {
-                Ok(transforms) => transforms.into_iter().for_each(|t| tree.add(t)),
-                Err(malformed) => self
-                    .counters
-                    .count_loss("transforms_malformed", 1, || malformed.to_string()),
-            }
-        }
-        let (mut clouds, mut samples) = (0, 0);
-        while clouds < LEARN_SWEEPS && samples < LEARN_SAMPLES {
-            let Some(decoded) = self.decode_next()? else {
-                break;
-            };
-            match decoded {
-                Decoded::Transforms(transforms) => transforms.into_iter().for_each(|t| tree.add(t)),
-                other => {
-                    clouds += usize::from(matches!(other, Decoded::Cloud(_)));
-                    samples += usize::from(matches!(other, Decoded::Imu(..) | Decoded::Twist(..)));
-                    self.waiting.push_back(other);
-                }
-            }
-        }
-        self.mount(&tree);
-        let sweep = |decoded: &Decoded| match decoded {
-            Decoded::Cloud(cloud) => Some(Polar::from_cloud(cloud, self.mirrored).0),
-            _ => None,
-        };
-        let sweeps: Vec<Polar> = self.waiting.iter().filter_map(sweep).collect();
-        if self.radar.is_some() {
-            let turn = Turn::learn(&sweeps, options, &mut self.counters);
-            self.info.sensor = turn.sensor();
-            self.turn = Some(turn);
-        }
-        Ok(())
-    }
-
-    /// Finds where the sensors sit from the frames of their first messages.
-    fn mount(&mut self, tree: &Tree) {
-        let radar = self.waiting.iter().find_map(|decoded| match decoded {
-            Decoded::Cloud(cloud) => Some(cloud.header.frame.as_str()),
-            _ => None,
-        });
-        let imu = self.waiting.iter().find_map(|decoded| match decoded {
-            Decoded::Imu(imu, _) => Some(imu.header.frame.as_str()),
-            _ => None,
-        });
-        let counters = &mut self.counters;
-        let mut mounting = |frame: Option<&str>, name: &'static str| {
-            let frame = frame?;
-            let found = tree.in_base(frame);
-            if found.is_none() {
-                counters.count_event(name, 1, || {
-                    format!("no static transform from base_link to {frame}: identity assumed")
-                });
-            }
-            found
-        };
-        if let Some((translation, rotation)) = mounting(radar, "radar_mounting_assumed") {
-            let forward: [f64; 3] = rotation.rotate([1.0, 0.0, 0.0].into()).into();
-            let up: [f64; 3] = rotation.rotate([0.0, 0.0, 1.0].into()).into();
-            let ([x_m, y_m, _], [fx, fy, _], [_, _, uz]) = (translation, forward, up);
-            self.mirrored = uz < 0.0;
-            self.info.extrinsics.radar = Some(Pose2::new(x_m, y_m, atan2(fy, fx)));
-        }
-        let imu = mounting(imu, "imu_mounting_assumed");
-        self.info.extrinsics.imu = imu.map(|(_, rotation)| rotation);
-    }
-
-    /// The next message of a topic that matters; malformed ones are counted and stepped over.
-    fn decode_next(&mut self) -> Result<Option<Decoded>, Error> {
+    /// The next message of a topic that matters, with when it was recorded; malformed ones are
+    /// counted and stepped over.
+    fn decode_next(&mut self) -> Result<Option<(Decoded, i64)>, Error> {
         loop {
             let Some(raw) = self.recording.next_message(&mut self.counters)? else {
                 self.recording.close(&mut self.counters);
-                return Ok(None);
+                let turn = self.navtech.map(|navtech| navtech.encoder_turn);
+                let last = self
+                    .fft_turn
+                    .take(turn)
+                    .and_then(|turn| Decoded::fft_turn(turn).ok());
+                return Ok(last.map(|last| (last, self.last_arrival_ns)));
             };
             let (index, arrival_ns, offset, bytes) =
                 (raw.channel, raw.arrival_ns, raw.offset, raw.bytes);
             let Some(&Channel { encoding, kind, .. }) = self.channels.get(index) else {
                 continue;
             };
-            let decoded = if Some(index) == self.radar {
-                Cloud::decode(bytes, encoding).map(Decoded::Cloud)
+            self.last_arrival_ns = arrival_ns;
+            let decoded = if kind == Kind::RadarConfiguration {
+                // The first one holds; they are sent again and again.
+                let found = Configuration::decode(bytes, encoding).ok();
+                self.navtech = self.navtech.or(found);
+                continue;
+            } else if let (true, Kind::Radar(kind)) = (Some(index) == self.radar, kind) {
+                let turn = self.navtech.map(|navtech| navtech.encoder_turn);
+                let field = self.options.intensity_field.as_deref();
+                Decoded::radar(bytes, encoding, (kind, field), &mut self.fft_turn, turn)
             } else if Some(index) == self.imu {
-                RosImu::decode(bytes, encoding).map(|imu| Decoded::Imu(imu, arrival_ns))
+                Decoded::imu(bytes, encoding).map(Some)
             } else if let (true, Kind::Twist(kind)) = (Some(index) == self.twist, kind) {
-                RosTwist::decode(bytes, encoding, kind)
-                    .map(|twist| Decoded::Twist(twist, arrival_ns))
+                Decoded::twist(bytes, encoding, kind).map(Some)
             } else if kind == Kind::Transforms && self.turn.is_none() {
-                decode_transforms(bytes, encoding).map(Decoded::Transforms)
+                decode_transforms(bytes, encoding).map(|t| Some(Decoded::Transforms(t)))
             } else {
                 continue;
             };
             match decoded {
-                Ok(mut decoded) => {
-                    if self.stamp(&mut decoded, arrival_ns) {
-                        return Ok(Some(decoded));
+                Ok(None) => {}
+                Ok(Some(mut decoded)) => {
+                    let learning = self.turn.is_none() && self.period_ns == 0;
+                    if self.stamp(&mut decoded, arrival_ns)
+                        && (learning || self.has_good_stamp(&decoded, arrival_ns))
+                    {
+                        return Ok(Some((decoded, arrival_ns)));
                     }
                 }
                 Err(malformed) => self.count_malformed(index, offset, &malformed),
@@ -215,11 +199,8 @@ impl RosSource {
     /// A publisher that leaves the stamp at zero is stamped on arrival; false where no measurement
     /// has the stamp.
     fn stamp(&mut self, decoded: &mut Decoded, arrival_ns: i64) -> bool {
-        let header = match decoded {
-            Decoded::Cloud(cloud) => &mut cloud.header,
-            Decoded::Imu(imu, _) => &mut imu.header,
-            Decoded::Twist(twist, _) => &mut twist.header,
-            Decoded::Transforms(_) => return true,
+        let Some(header) = decoded.header_mut() else {
+            return true;
         };
         if header.stamp_ns == 0 {
             header.stamp_ns = arrival_ns;
@@ -247,68 +228,15 @@ impl RosSource {
             format!("{path}: chunk at byte {offset}: {malformed}")
         });
     }
-
-    fn event(&mut self, decoded: Decoded) -> Option<Event> {
-        match decoded {
-            Decoded::Cloud(cloud) => {
-                let (polar, without_direction) = Polar::from_cloud(&cloud, self.mirrored);
-                let counters = &mut self.counters;
-                let first = || "a return at range 0 has no direction".to_owned();
-                counters.count_event("returns_at_range_zero", without_direction.into(), first);
-                let stamp_ns = cloud.header.stamp_ns;
-                let first = || format!("a NaN or infinite value in the sweep stamped {stamp_ns}");
-                counters.count_event("returns_not_finite", cloud.not_finite.into(), first);
-                let scan = self.turn.as_ref()?.build(polar, self.sweeps, counters);
-                self.sweeps += 1;
-                Some(Event::Scan(scan))
-            }
-            Decoded::Imu(imu, arrival_ns) => {
-                let stamp_ns = imu.header.stamp_ns;
-                let (rate_rad_s, acceleration_m_s2) = (imu.rate_rad_s, imu.acceleration_m_s2);
-                if is_misread(
-                    &mut self.counters,
-                    stamp_ns,
-                    &rate_rad_s,
-                    &acceleration_m_s2,
-                ) {
-                    return None;
-                }
-                let header = Header {
-                    sequence: self.samples,
-                    stamp_ns,
-                    ..Header::default()
-                };
-                self.samples += 1;
-                Some(Event::Imu(ImuSample {
-                    header,
-                    device_ns: stamp_ns,
-                    arrival_ns,
-                    rate_rad_s,
-                    acceleration_m_s2,
-                }))
-            }
-            Decoded::Twist(twist, arrival_ns) => {
-                let header = Header {
-                    sequence: self.twists,
-                    stamp_ns: twist.header.stamp_ns,
-                    ..Header::default()
-                };
-                self.twists += 1;
-                Some(Event::Twist(Twist {
-                    header,
-                    arrival_ns,
-                    velocity: twist.velocity,
-                    covariance: twist.covariance,
-                }))
-            }
-            Decoded::Transforms(_) => None,
-        }
-    }
 }
 
 impl Source for RosSource {
     fn info(&self) -> &InputInfo {
         &self.info
+    }
+
+    fn set_bin_size(&mut self, size_m: f64) {
+        self.bin_m = Some(size_m);
     }
 
     fn next_event(&mut self) -> Result<Option<Event>, Error> {
@@ -317,10 +245,10 @@ impl Source for RosSource {
                 None => self.decode_next()?,
                 waiting => waiting,
             };
-            let Some(decoded) = decoded else {
+            let Some((decoded, arrival_ns)) = decoded else {
                 return Ok(None);
             };
-            if let Some(event) = self.event(decoded) {
+            if let Some(event) = self.event(decoded, arrival_ns)? {
                 return Ok(Some(event));
             }
         }
@@ -329,54 +257,4 @@ impl Source for RosSource {
     fn counters(&self) -> Vec<Counter> {
         self.counters.list()
     }
-}
-
-/// The topics of a recording with their types, for an error's text.
-pub(super) fn list(channels: &[Channel]) -> String {
-    if channels.is_empty() {
-        return "no topic".to_owned();
-    }
-    let topic = |channel: &Channel| format!("{} ({})", channel.topic, channel.type_name);
-    channels.iter().map(topic).collect::<Vec<_>>().join(", ")
-}
-
-/// The topic asked for, or the one of the kind with the most messages.
-fn choose(
-    channels: &[Channel],
-    kind: Kind,
-    wanted: Option<&str>,
-    path: &Path,
-    counters: &mut Counters,
-) -> Result<Option<usize>, Error> {
-    let (type_name, counter) = match kind {
-        Kind::Cloud => ("sensor_msgs/PointCloud2", "radar_topic_chosen"),
-        _ => ("sensor_msgs/Imu", "imu_topic_chosen"),
-    };
-    let of_kind = || {
-        let channels = channels.iter().enumerate();
-        channels.filter(|(_, channel)| channel.kind == kind)
-    };
-    if let Some(topic) = wanted {
-        let found = of_kind().find(|(_, channel)| channel.topic == topic);
-        let missing = || Error::NoTopic {
-            path: path.display().to_string(),
-            topic: topic.to_owned(),
-            wanted: type_name,
-            topics: list(channels),
-        };
-        return Ok(Some(found.ok_or_else(missing)?.0));
-    }
-    // The first of those with the most.
-    let best = of_kind().rev().max_by_key(|(_, channel)| channel.messages);
-    if let Some((_, chosen)) = best
-        && of_kind().count() > 1
-    {
-        counters.count_event(counter, 1, || {
-            let others: Vec<_> = of_kind()
-                .map(|(_, c)| format!("{} ({})", c.topic, c.messages))
-                .collect();
-            format!("{} of {}", chosen.topic, others.join(", "))
-        });
-    }
-    Ok(best.map(|(index, _)| index))
 }

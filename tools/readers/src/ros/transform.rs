@@ -64,7 +64,9 @@ impl Tree {
         let mut translation = [0.0; 3];
         let mut rotation = Quaternion::IDENTITY;
         for _ in 0..MAX_CHAIN {
-            if BASE_FRAMES.contains(&frame) {
+            // Robots of a fleet put their name before their frames: robot_1/base_link.
+            let own_name = frame.rsplit('/').next().unwrap_or(frame);
+            if BASE_FRAMES.contains(&own_name) {
                 return Some((translation, rotation));
             }
             let step = self.transforms.iter().find(|t| t.child == frame)?;

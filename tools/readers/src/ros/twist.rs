@@ -2,7 +2,7 @@
 //! `geometry_msgs/TwistWithCovarianceStamped`.
 
 use super::recording::{Channel, Kind};
-use super::source::list;
+use super::topics::list;
 use super::wire::{Encoding, Malformed, RosHeader, Wire};
 use crate::Error;
 use std::path::Path;
@@ -74,6 +74,7 @@ pub(super) fn find_twist(
         path: path.display().to_string(),
         topic: topic.to_owned(),
         wanted: "nav_msgs/Odometry, geometry_msgs/TwistStamped or TwistWithCovarianceStamped",
+        option: "--twist-topic",
         topics: list(channels),
     })
 }

@@ -3,6 +3,8 @@
 //! The two differ in alignment, byte order, the terminating zero of strings and the sequence
 //! number of the header; all four live here, so that each message type has one decoder.
 
+use std::borrow::Cow;
+
 /// How a message is serialised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
@@ -16,7 +18,7 @@ pub(crate) enum Encoding {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what} at byte {at} of a message of {length}")]
 pub(crate) struct Malformed {
-    pub what: &'static str,
+    pub what: Cow<'static, str>,
     pub at: usize,
     pub length: usize,
 }
@@ -61,9 +63,9 @@ impl<'a> Wire<'a> {
         Ok(wire)
     }
 
-    pub fn malformed(&self, what: &'static str) -> Malformed {
+    pub fn malformed(&self, what: impl Into<Cow<'static, str>>) -> Malformed {
         Malformed {
-            what,
+            what: what.into(),
             at: self.at,
             length: self.bytes.len(),
         }
@@ -93,8 +95,20 @@ impl<'a> Wire<'a> {
         Ok(u8::from_le_bytes(self.array()?))
     }
 
+    pub fn u16(&mut self) -> Result<u16, Malformed> {
+        Ok(u16::from_le_bytes(self.array()?))
+    }
+
     pub fn u32(&mut self) -> Result<u32, Malformed> {
         Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    pub fn u64(&mut self) -> Result<u64, Malformed> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    pub fn f32(&mut self) -> Result<f32, Malformed> {
+        Ok(f32::from_le_bytes(self.array()?))
     }
 
     pub fn f64(&mut self) -> Result<f64, Malformed> {
@@ -107,6 +121,24 @@ impl<'a> Wire<'a> {
             *value = self.f64()?;
         }
         Ok(values)
+    }
+
+    /// A sequence of any type, each of at least `size` bytes.
+    pub fn sequence<T>(
+        &mut self,
+        size: usize,
+        read: impl Fn(&mut Self) -> Result<T, Malformed>,
+    ) -> Result<Vec<T>, Malformed> {
+        let length = self.u32()? as usize;
+        if length > self.remaining() / size.max(1) {
+            return Err(self.malformed("sequence longer than its message"));
+        }
+        (0..length).map(|_| read(self)).collect()
+    }
+
+    /// Bytes behind the cursor.
+    pub fn remaining(&self) -> usize {
+        self.bytes.len().saturating_sub(self.at)
     }
 
     /// A sequence of bytes.

@@ -2,7 +2,7 @@
 
 use super::learn::{Turn, ahead, resultant};
 use super::polar::{Cluster, Polar, PolarPoint, clusters};
-use crate::{StampMeaning, counters::Counters, limit::strongest};
+use crate::{counters::Counters, limit::strongest};
 use randt_geometry::elementary::{PI, wrap};
 use randt_messages::{Beam, MAX_BEAMS, MAX_RETURNS, Message, RadarScan, Return};
 
@@ -69,13 +69,7 @@ impl Turn {
 
     /// First and last instant of a sweep with this stamp.
     fn interval(&self, stamp_ns: i64) -> (i64, i64) {
-        let after_ns = match self.stamp {
-            StampMeaning::SweepEnd => 0,
-            StampMeaning::SweepMiddle => self.period_ns / 2,
-            StampMeaning::SweepBegin => self.period_ns,
-        };
-        let end_ns = stamp_ns.saturating_add(after_ns);
-        (end_ns.saturating_sub(self.period_ns), end_ns)
+        self.stamp.interval(stamp_ns, self.period_ns)
     }
 
     fn start_of(&self, polar: &Polar) -> f64 {

@@ -2,7 +2,7 @@
 
 use super::support::*;
 use crate::counters::Counters;
-use crate::ros::{Cloud, Encoding, Kind, Recording};
+use crate::ros::{Cloud, Encoding, Kind, RadarKind, Recording};
 use crate::{Error, Event, Options, open, ros1};
 use std::path::Path;
 
@@ -85,8 +85,8 @@ fn rewritten(path: &Path, layout: &CloudLayout, style: Style, limit: usize) -> V
         };
         let (arrival_ns, bytes) = (raw.arrival_ns, raw.bytes);
         let (topic, type_name, bytes) = match channels[raw.channel].kind {
-            Kind::Cloud => {
-                let cloud = Cloud::decode(bytes, Encoding::Ros1).unwrap();
+            Kind::Radar(RadarKind::Cloud) => {
+                let cloud = Cloud::decode(bytes, Encoding::Ros1, None).unwrap();
                 let points = cloud
                     .points
                     .iter()
@@ -152,6 +152,7 @@ const WIDE: CloudLayout = CloudLayout {
     row_padding: 5,
     rows: 1,
     intensity_name: "power",
+    values: 1,
 };
 const DOUBLE: CloudLayout = CloudLayout {
     point_step: 40,

@@ -35,7 +35,7 @@ fn read(path: &Path) -> Result<(usize, Vec<Counter>), Error> {
 }
 
 /// One kind of damage to a file, accidental or deliberate.
-fn mutate(random: &mut Random, bytes: &[u8]) -> Vec<u8> {
+pub(super) fn mutate(random: &mut Random, bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..=random.below(3) {
         let at = random.below(bytes.len());
@@ -279,10 +279,11 @@ proptest! {
             row_padding,
             rows,
             intensity_name: "intensities",
+            values: 1,
         };
         let points: Vec<_> = points.into_iter().map(|(x, y, i)| (x.into(), y.into(), i.into())).collect();
         let cloud = TestCloud { stamp_ns: 1_700_000_000_123_456_789, points };
-        let read = Cloud::decode(&cloud.serialise(style, &layout), style.encoding()).unwrap();
+        let read = Cloud::decode(&cloud.serialise(style, &layout), style.encoding(), None).unwrap();
         prop_assert_eq!(read.header.stamp_ns, cloud.stamp_ns);
         prop_assert_eq!(read.header.frame, "left_radar_link");
         let read: Vec<_> = read.points.iter().map(|p| (p.x_m, p.y_m, f64::from(p.intensity))).collect();

@@ -13,6 +13,14 @@ fn scans(events: Vec<Event>) -> Vec<Message<RadarScan>> {
     scans.collect()
 }
 
+/// For images of 100 bins, which no known radar has.
+fn options() -> Options {
+    Options {
+        bin_size_m: Some(0.0438),
+        ..Options::default()
+    }
+}
+
 /// Writes a grey image of these rows.
 pub fn image(path: &Path, rows: &[Vec<u8>]) {
     let file = std::fs::File::create(path).unwrap();
@@ -103,7 +111,7 @@ fn the_recording_has_eleven_listed_scans_of_400_beams() {
 fn bursty_stamps_become_a_steady_turn_over_the_encoders_zero() {
     let folder = tempfile::tempdir().unwrap();
     image(&folder.path().join("1000000.png"), &sweep_rows(1_000_000));
-    let scans = scans(read_all(folder.path()).0);
+    let scans = scans(read_with(folder.path(), &options()).0);
     let sweep = &scans[0].head.sweep;
     assert_eq!(
         (sweep.beam_count, sweep.beams_lost, scans[0].items.len()),
@@ -137,7 +145,7 @@ fn unmeasured_rows_are_counted_as_lost() {
     rows[7][10] = 0;
     rows.remove(20);
     image(&folder.path().join("1.png"), &rows);
-    let (events, source) = read_all(folder.path());
+    let (events, source) = read_with(folder.path(), &options());
     assert_eq!(scans(events)[0].head.sweep.beams_lost, 2);
     assert!(
         source
@@ -159,7 +167,7 @@ fn foreign_images_and_gaps_are_counted_and_stepped_over() {
     image(&radar.join("1200000.png"), &sweep_rows(1_200_000));
     let list = "1000000 1\n1040000 1\n1080000 1\n1120000 1\n1160000 1\n\n1200000 1\n";
     std::fs::write(folder.path().join("radar.timestamps"), list).unwrap();
-    let (events, source) = read_all(folder.path());
+    let (events, source) = read_with(folder.path(), &options());
     let scans = scans(events);
     assert_eq!(scans.len(), 2);
     assert_eq!(scans[1].head.header.sequence, 1);

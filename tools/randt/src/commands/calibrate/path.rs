@@ -66,7 +66,7 @@ impl Path {
         let log = recording.log.display();
         let mut source = randt_readers::open(&recording.log, &recording.options.options())?;
         let loaded = recording.selection.load(source.info().sensor.name())?;
-        let mut config = job::with_mounting(loaded, source.as_ref()).config;
+        let mut config = job::fit_input(loaded, source.as_mut())?.config;
         let robot = config.robot.clone();
         let mut yaw_rates = YawRateEstimator::new(&robot, &config.attitude);
         mode.prepare(&mut config);

@@ -12,6 +12,7 @@ use randt_messages::{
     Correction, ImuSampleTopic, Keyframe, LogDrop, LogDropTopic, MapperCorrection, MapperGraph,
     OdometryState, OdometryStateTopic, RadarPoints, RadarScan, Topic, TruthPoseTopic,
 };
+use randt_readers::log_files;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -56,26 +57,16 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Reads a log through.
+    /// Reads a log, or a folder of logs, through.
     pub fn read(path: &Path) -> anyhow::Result<Self> {
-        let mut reader = LogReader::open(path)?;
-        let robot = recorded::configuration(reader.robot()?, reader.configuration())?.robot;
-        let (roll, pitch, yaw) = (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
-        let imu = Quaternion::from_roll_pitch_yaw(roll, pitch, yaw);
-        let bar = progress::bar(Some(reader.progress().1), "bytes");
         let mut recording = Self {
             live: Trajectory::stamped(),
             truth: Trajectory::stamped(),
             ..Self::default()
         };
-        while let Some(entry) = reader.next_entry()? {
-            ensure!(!job::interrupted(), "interrupted; nothing was drawn");
-            if entry.channel.is_ours() {
-                recording.take(&entry, &imu)?;
-            }
-            bar.set_position(reader.progress().0);
+        for file in log_files(path)? {
+            recording.take_file(&file)?;
         }
-        bar.finish_and_clear();
         let times = || recording.topics.values().flatten().copied();
         let ends = times().min().zip(times().max());
         ensure!(
@@ -84,10 +75,28 @@ impl Recording {
             path.display()
         );
         (recording.begin_ns, recording.end_ns) = ends.unwrap_or_default();
+        Ok(recording)
+    }
+
+    fn take_file(&mut self, path: &Path) -> anyhow::Result<()> {
+        let mut reader = LogReader::open(path)?;
+        let robot = recorded::configuration(reader.robot()?, reader.configuration())?.robot;
+        let (roll, pitch, yaw) = (robot.imu_roll_rad, robot.imu_pitch_rad, robot.imu_yaw_rad);
+        let imu = Quaternion::from_roll_pitch_yaw(roll, pitch, yaw);
+        let bar = progress::bar(Some(reader.progress().1), "bytes");
+        while let Some(entry) = reader.next_entry()? {
+            ensure!(!job::interrupted(), "interrupted; nothing was drawn");
+            if entry.channel.is_ours() {
+                self.take(&entry, &imu)?;
+            }
+            bar.set_position(reader.progress().0);
+        }
+        bar.finish_and_clear();
         reader.translated().for_each(|text| warn(&text));
         let damage = reader.damage().iter();
-        recording.damage = damage.map(|damage| damage.first.clone()).collect();
-        Ok(recording)
+        self.damage
+            .extend(damage.map(|damage| damage.first.clone()));
+        Ok(())
     }
 
     fn take(&mut self, entry: &Entry<'_>, imu: &Quaternion) -> anyhow::Result<()> {

@@ -50,6 +50,12 @@ impl Pen {
     pub fn u8(&mut self, value: u8) {
         self.put([value]);
     }
+    pub fn u16(&mut self, value: u16) {
+        self.put(value.to_le_bytes());
+    }
+    pub fn f32(&mut self, value: f32) {
+        self.put(value.to_le_bytes());
+    }
     pub fn u32(&mut self, value: u32) {
         self.put(value.to_le_bytes());
     }
@@ -89,6 +95,8 @@ pub struct CloudLayout {
     pub row_padding: usize,
     pub rows: usize,
     pub intensity_name: &'static str,
+    /// Values that each field says it has.
+    pub values: u32,
 }
 
 impl CloudLayout {
@@ -101,6 +109,7 @@ impl CloudLayout {
         row_padding: 0,
         rows: 1,
         intensity_name: "intensity",
+        values: 1,
     };
 }
 
@@ -129,12 +138,12 @@ impl TestCloud {
         pen.string("elevation_index");
         pen.u32(1);
         pen.u8(200);
-        pen.u32(1);
+        pen.u32(layout.values);
         for (name, offset) in names.iter().zip(layout.offsets) {
             pen.string(name);
             pen.u32(offset as u32);
             pen.u8(layout.datatype);
-            pen.u32(1);
+            pen.u32(layout.values);
         }
         pen.u8(u8::from(layout.big_endian));
         pen.u32(layout.point_step as u32);

@@ -1,33 +1,38 @@
 //! A sweep's message from a polar image, with the time of each beam.
 
-use super::image::{ENCODER_TURN, PolarImage, Row};
+use super::{AZIMUTHS, PolarImage, Row};
 use crate::limit::strongest;
 use crate::sweep::{find_first_returns, wrap_f32};
 use randt_geometry::{Rotation, elementary::PI};
 use randt_messages::{Beam, MAX_RETURNS, Message, RadarScan, Return, SensorKind};
 
-/// Width of a range bin, m: "4.38 cm in range resolution" in the data set's documentation.
-/// Its software kit computes with 0.0432; ARCHITECTURE.md has the reason why we do not.
-const RESOLUTION_M: f64 = 0.0438;
-/// The rows' stamps are us.
-const NS_PER_US: i64 = 1000;
+/// Where the range bins lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct RangeBins {
+    /// Width of one, m.
+    pub size_m: f64,
+    /// Where the first one begins, m.
+    pub offset_m: f64,
+}
 
 /// Makes the message. Also gives the number of returns over the limit.
-pub(super) fn build(
+pub(crate) fn build(
     image: &PolarImage,
+    range_bins: RangeBins,
     power_min: f32,
     sequence: u64,
 ) -> (Message<RadarScan>, usize) {
     let mut message = Message::<RadarScan>::default();
-    let rows: Vec<Row> = image.rows().filter(|row| row.valid).collect();
-    let unwrapped = unwrap(rows.iter().map(|row| row.encoder));
-    let times_us = rows.iter().map(|row| row.time_us);
-    let stamps = unwrapped.iter().copied().zip(times_us);
+    let rows: Vec<Row> = image.rows().collect();
+    let turn = i64::from(image.turn);
+    let unwrapped = unwrap(rows.iter().map(|row| row.encoder), turn);
+    let times = rows.iter().map(|row| row.time);
+    let stamps = unwrapped.iter().copied().zip(times);
     let (Some(first), Some(last)) = (rows.first(), unwrapped.last()) else {
         return (message, 0);
     };
-    let rotation = Rotation::fit(stamps, first.time_us, NS_PER_US);
-    let step = step(&unwrapped);
+    let rotation = Rotation::fit(stamps, first.time, image.ns_per_tick);
+    let step = step(&unwrapped, turn);
 
     let head = &mut *message.head;
     let sweep = &mut head.sweep;
@@ -37,11 +42,11 @@ pub(super) fn build(
     head.header.sequence = sequence;
     head.header.stamp_ns = sweep.end_ns;
     sweep.sensor = SensorKind::NavtechCts as u32;
-    sweep.range_resolution_m = RESOLUTION_M as f32;
-    let rad_per_count = 2.0 * PI / f64::from(ENCODER_TURN);
+    sweep.range_resolution_m = range_bins.size_m as f32;
+    let rad_per_count = 2.0 * PI / turn as f64;
     sweep.azimuth_step_rad = (step * rad_per_count) as f32;
     sweep.beam_count = rows.len() as u32;
-    let expected = (f64::from(ENCODER_TURN) / step).round() as usize;
+    let expected = (turn as f64 / step).round() as usize;
     sweep.beams_lost = expected.saturating_sub(rows.len()) as u32;
 
     for (index, (row, counts)) in rows.iter().zip(&unwrapped).enumerate() {
@@ -58,7 +63,7 @@ pub(super) fn build(
         let kept = powers.filter(|(_, power)| f32::from(**power) > power_min);
         message.items.extend(kept.map(|(bin, power)| Return {
             // The middle of the bin, as in the data set's own conversion to Cartesian images.
-            range_m: ((bin as f64 + 0.5) * RESOLUTION_M) as f32,
+            range_m: ((bin as f64 + 0.5) * range_bins.size_m + range_bins.offset_m) as f32,
             intensity: f32::from(*power),
             beam: index as u16,
             bin: bin as u16,
@@ -74,8 +79,7 @@ pub(super) fn build(
 }
 
 /// Counts since the first row, over the encoder's zero.
-fn unwrap(encoders: impl Iterator<Item = u16>) -> Vec<i64> {
-    let turn = i64::from(ENCODER_TURN);
+fn unwrap(encoders: impl Iterator<Item = u16>, turn: i64) -> Vec<i64> {
     let mut previous = None;
     let mut sum = 0;
     encoders
@@ -89,10 +93,10 @@ fn unwrap(encoders: impl Iterator<Item = u16>) -> Vec<i64> {
 }
 
 /// Median step between rows, counts; the radar's 400 azimuths where there is one row only.
-fn step(unwrapped: &[i64]) -> f64 {
+fn step(unwrapped: &[i64], turn: i64) -> f64 {
     let steps = unwrapped.iter().zip(unwrapped.iter().skip(1));
     let mut steps: Vec<i64> = steps.map(|(a, b)| b - a).filter(|step| *step > 0).collect();
     steps.sort_unstable();
     let median = steps.get(steps.len() / 2);
-    median.map_or(f64::from(ENCODER_TURN) / 400.0, |step| *step as f64)
+    median.map_or(turn as f64 / AZIMUTHS as f64, |step| *step as f64)
 }

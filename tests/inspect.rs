@@ -1,0 +1,83 @@
+//! `randt inspect` as a user calls it, and a drive in several logs.
+
+use crate::support::corrupt_inputs::checked;
+use crate::support::drive;
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+const SCANS: u64 = 30;
+
+fn inspect(folder: &Path, input: &str) -> Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_randt"))
+        .args(["inspect", "--json", input])
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let stderr = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{stderr}");
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn an_inspection_names_what_is_there_what_is_odd_and_the_command() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut events = drive::events(SCANS);
+    drive::write(&events, &folder.path().join("drive.mcap"));
+    let found = inspect(folder.path(), "drive.mcap");
+    assert_eq!(
+        (&found["sweeps"], &found["steps_back"]),
+        (&SCANS.into(), &0.into())
+    );
+    assert!(found["sweeps_with_imu"].as_u64().unwrap() + 2 >= SCANS);
+    assert!(
+        (found["imu_hz"].as_f64().unwrap() - 250.0).abs() < 1.0,
+        "{}",
+        found["imu_hz"]
+    );
+    let command = found["command"].as_str().unwrap();
+    assert!(
+        command.starts_with("randt run drive.mcap --out RESULTS"),
+        "{command}"
+    );
+    let picture = found["picture"].as_str().unwrap();
+    let svg = fs::read_to_string(folder.path().join(picture)).unwrap();
+    assert_eq!(svg.matches("scan after").count(), 3);
+    assert_eq!(found["doubts"], Value::Array(vec![]));
+
+    // Four sweeps are missing, and the IMU hangs upside down.
+    let mut number = 0;
+    events.retain_mut(|event| {
+        if let randt_readers::Event::Imu(sample) = event {
+            sample.acceleration_m_s2[2] *= -1.0;
+        }
+        let is_scan = matches!(event, randt_readers::Event::Scan(_));
+        number += usize::from(is_scan);
+        !(is_scan && (10..14).contains(&number))
+    });
+    drive::write(&events, &folder.path().join("odd.mcap"));
+    let doubts = inspect(folder.path(), "odd.mcap")["doubts"].to_string();
+    assert!(
+        doubts.contains("1 gap between sweeps") && doubts.contains("robot.imu_roll_rad"),
+        "{doubts}"
+    );
+}
+
+#[test]
+fn a_mission_of_several_logs_is_computed_as_one_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = drive::events(SCANS);
+    let whole = folder.path().join("whole.mcap");
+    drive::write(&events, &whole);
+    let mission = folder.path().join("mission");
+    fs::create_dir_all(mission.join("logs")).unwrap();
+    for (number, part) in events.chunks(events.len().div_ceil(3)).enumerate() {
+        drive::write(part, &mission.join(format!("logs/{number}.mcap")));
+    }
+    let (one, several) = (checked(&whole, &[]), checked(&mission, &[]));
+    one.finished(0, SCANS as usize);
+    several.finished(0, SCANS as usize);
+    let read = |out: &Path| fs::read(out.join("odometry.tum")).unwrap();
+    assert!(read(&one.out) == read(&several.out));
+}

@@ -1,0 +1,116 @@
+//! Several of our logs as one: a folder of them, or a mission. A recorder begins a new file after
+//! some minutes; the drive goes on.
+
+use crate::log::LogSource;
+use crate::{Counter, Error, Event, InputInfo, InputTopic, Source, counters::Counters};
+use randt_log::LogReader;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+/// A mission's folder of logs.
+const MISSION_LOGS: &str = "logs";
+
+/// The logs that a path stands for, in the order of time: a file itself; those of a folder, or of a
+/// mission, whose recorder may have been stopped before it could name the last one.
+pub fn log_files(path: &Path) -> Result<Vec<PathBuf>, Error> {
+    if !path.is_dir() {
+        return Ok(vec![path.to_owned()]);
+    }
+    let logs = path.join(MISSION_LOGS);
+    let folder = if logs.is_dir() { logs.as_path() } else { path };
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
+        let path = entry.map_err(Error::io(folder))?.path();
+        let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
+        if !(name.ends_with(".mcap") || name.ends_with(".mcap.active")) || !path.is_file() {
+            continue;
+        }
+        let Ok(mut reader) = LogReader::open(&path) else {
+            continue;
+        };
+        if let Some(first) = reader.next_entry()?
+            && first.channel.is_ours()
+        {
+            files.push((first.time_ns, path));
+        }
+    }
+    files.sort();
+    Ok(files.into_iter().map(|(_, path)| path).collect())
+}
+
+/// Logs that are read one after the other.
+pub(crate) struct LogFolder {
+    info: InputInfo,
+    present: LogSource,
+    rest: std::vec::IntoIter<PathBuf>,
+    /// Of the logs that were read to their end.
+    counters: Counters,
+}
+
+impl LogFolder {
+    /// Opens the first of these files; `None` where there is none.
+    pub fn open(files: Vec<PathBuf>, radar_required: bool) -> Result<Option<Self>, Error> {
+        let mut scans = Some(0);
+        let mut topics: Vec<InputTopic> = Vec::new();
+        for file in &files {
+            let log = LogSource::open(file, false)?;
+            let both = scans.zip(log.info().scans);
+            scans = both.map(|(a, b): (u64, u64)| a.saturating_add(b));
+            for topic in &log.info().topics {
+                match topics.iter_mut().find(|known| known.name == topic.name) {
+                    Some(known) => known.messages += topic.messages,
+                    None => topics.push(topic.clone()),
+                }
+            }
+        }
+        let mut rest = files.into_iter();
+        let Some(first) = rest.next() else {
+            return Ok(None);
+        };
+        if radar_required && scans == Some(0) {
+            // It names what there is instead.
+            LogSource::open(&first, true)?;
+        }
+        let present = LogSource::open(&first, false)?;
+        let mut info = present.info().clone();
+        (info.scans, info.topics) = (scans, topics);
+        Ok(Some(Self {
+            info,
+            present,
+            rest,
+            counters: Counters::default(),
+        }))
+    }
+}
+
+impl Source for LogFolder {
+    fn info(&self) -> &InputInfo {
+        &self.info
+    }
+
+    fn next_event(&mut self) -> Result<Option<Event>, Error> {
+        loop {
+            if let Some(event) = self.present.next_event()? {
+                return Ok(Some(event));
+            }
+            let Some(next) = self.rest.next() else {
+                return Ok(None);
+            };
+            let next = LogSource::open(&next, false)?;
+            let (known, new) = (&self.info, next.info());
+            if known.configuration != new.configuration || known.extrinsics != new.extrinsics {
+                self.counters.count_event("logs_of_other_configuration", 1, || {
+                    "a later file has another configuration or mounting than the first: the first one's holds".to_owned()
+                });
+            }
+            let ended = std::mem::replace(&mut self.present, next);
+            self.counters.add_all(ended.counters());
+        }
+    }
+
+    fn counters(&self) -> Vec<Counter> {
+        let mut counters = self.counters.clone();
+        counters.add_all(self.present.counters());
+        counters.list()
+    }
+}
