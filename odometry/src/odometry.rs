@@ -353,13 +353,6 @@ impl Odometry {
         self.publisher.publish(&estimate, self.gyro.as_ref(), sink);
     }
 
-    /// The gyro's samples before the window's oldest sweep are not needed any more.
-    fn forget_gyro_before_window(&mut self) {
-        if let (Some(gyro), Some(oldest)) = (&mut self.gyro, self.window.oldest()) {
-            gyro.forget_before(oldest.message.head.sweep.begin_ns);
-        }
-    }
-
     fn retire_all(&mut self, sink: &mut impl Sink) {
         while self.window.len() > 0 {
             self.retire_oldest(sink);

@@ -367,8 +367,10 @@ impl KeyframeGraph {
 /// Holds a keyframe that comes next by the root of the submap that odometry registered it to:
 /// within a submap errors do not add up as those of its steps would.
 fn intra_submap_constraint(keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> Option<Edge> {
-    let to = KeyframeIdx(keyframes.len());
-    let from = keyframes.find(keyframe.submap_root)?;
+    let (to, from) = (
+        KeyframeIdx(keyframes.len()),
+        keyframes.find(keyframe.submap_root)?,
+    );
     let root = keyframes.get(from.0)?;
     // The step before is this constraint already, and another frame has none.
     if from.0 + 1 >= to.0 || root.odom_frame_id != keyframe.odom_frame_id {
@@ -395,7 +397,7 @@ fn intra_submap_constraint(keyframe: &MapKeyframe, keyframes: &KeyframeStore) ->
 fn step_information(covariance: &Matrix3<f64>) -> Matrix3<f64> {
     let floor = Matrix3::from_diagonal(&STEP_SIGMA_MIN.map(|sigma| sigma * sigma).into());
     let symmetric = (covariance + covariance.transpose()) * 0.5 + floor;
-    let information = symmetric.cholesky().map(|cholesky| cholesky.inverse());
-    let information = information.filter(|i| i.iter().all(|value| value.is_finite()));
+    let inverse = symmetric.cholesky().map(|cholesky| cholesky.inverse());
+    let information = inverse.filter(|i| i.iter().all(|value| value.is_finite()));
     information.map_or_else(Matrix3::identity, |i| (i + i.transpose()) * 0.5)
 }

@@ -53,4 +53,11 @@ impl Odometry {
         }
         Some(without.unwrap_or(solution))
     }
+
+    /// The gyro's samples before the window's oldest sweep are not needed any more.
+    pub(super) fn forget_gyro_before_window(&mut self) {
+        if let (Some(gyro), Some(oldest)) = (&mut self.gyro, self.window.oldest()) {
+            gyro.forget_before(oldest.message.head.sweep.begin_ns);
+        }
+    }
 }
