@@ -27,8 +27,7 @@ const STEP_SIGMA_MIN: [f64; 3] = [1e-3, 1e-3, 1e-4];
 const SUBMAP_SIGMA_M: [f64; 2] = [0.015, 0.003];
 const SUBMAP_SIGMA_RAD: [f64; 2] = [0.003, 0.0003];
 
-/// A keyframe is held by its submap where its step is this sure in every direction, m: half of the
-/// keyframes in building and yard.
+/// Its submap holds a keyframe whose step is this sure in every direction, m: half of them.
 const INTRA_SUBMAP_SIGMA_MAX_M: f64 = 0.02;
 
 /// The graph, and which closure each of its loops is of.
@@ -367,10 +366,8 @@ impl KeyframeGraph {
 /// Holds a keyframe that comes next by the root of the submap that odometry registered it to:
 /// within a submap errors do not add up as those of its steps would.
 fn intra_submap_constraint(keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> Option<Edge> {
-    let (to, from) = (
-        KeyframeIdx(keyframes.len()),
-        keyframes.find(keyframe.submap_root)?,
-    );
+    let to = KeyframeIdx(keyframes.len());
+    let from = keyframes.find(keyframe.submap_root)?;
     let root = keyframes.get(from.0)?;
     // The step before is this constraint already, and another frame has none.
     if from.0 + 1 >= to.0 || root.odom_frame_id != keyframe.odom_frame_id {
