@@ -6,9 +6,9 @@
 use super::uncertain::Innovation;
 use randt_geometry::{Pose2, elementary::PI};
 
-/// False loops that may lie in such a gate by chance, expected. With 0.02 a loop that is 0.59 m off
-/// enters M3500; with 0.005 three of its 1,954 true ones stay out where there are 1,368 false ones,
-/// and none of the other public graphs'.
+/// False loops that may lie in such a gate by chance, expected. With 0.02 a loop that is 0.59 m
+/// off enters M3500; with 0.005 two of its 1,954 true ones stay out where there are 1,368 false
+/// ones, and none of the other public graphs'.
 const EXPECTED_MAX: f64 = 0.005;
 /// Least extent of a map to either side, m: false loops within a room are off by its size.
 const EXTENT_MIN_M: f64 = 10.0;

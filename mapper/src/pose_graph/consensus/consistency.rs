@@ -110,13 +110,15 @@ impl Problem<'_> {
             let system = factorised(&mut system, &result.poses, &terms)?;
             let off = result.on.iter().filter(|on| !**on).count();
             let chance = Chance::new(off, &result.poses);
+            // Nearer than a true loop is on the average is no nearer.
+            let mean = self.gate / GATE * DOF;
             let (mut entering, mut near) = (Vec::new(), Vec::new());
             for l in waiting {
                 match innovation(&self.loops[l], &result.poses, system)? {
                     Some(found) if found.chi2 > NEAR * GATE.max(self.gate) => {}
                     Some(found)
                         if found.chi2 <= GATE.max(self.gate)
-                            && chance.is_out(&found, found.chi2.max(self.gate)) =>
+                            && chance.is_out(&found, found.chi2.max(mean)) =>
                     {
                         entering.push(l);
                     }
