@@ -73,10 +73,24 @@ impl Channel {
         self.message_encoding == BUS_ENCODING
     }
 
+    /// Whether its messages have the layout of this name: asked for each message.
+    pub(crate) fn has_layout(&self, name: &str) -> bool {
+        let rest = self.behind_mark();
+        let rest = rest.and_then(|rest| rest.strip_prefix(name.as_bytes()));
+        match rest {
+            Some(rest) => rest.first() == Some(&b','),
+            None => self.is_of_former_logs() && self.type_name == name,
+        }
+    }
+
+    /// What follows the mark that a definition of ours begins with.
+    fn behind_mark(&self) -> Option<&[u8]> {
+        let is_ros2 = self.message_encoding == ENCODING && self.schema_encoding == SCHEMA_ENCODING;
+        is_ros2.then(|| self.schema.strip_prefix(LAYOUT.as_bytes()))?
+    }
+
     fn named_layout(&self) -> Option<&str> {
-        (self.message_encoding == ENCODING && self.schema_encoding == SCHEMA_ENCODING)
-            .then_some(())?;
-        let rest = self.schema.strip_prefix(LAYOUT.as_bytes())?;
+        let rest = self.behind_mark()?;
         let end = rest.iter().position(|byte| *byte == b',')?;
         std::str::from_utf8(rest.get(..end)?).ok()
     }

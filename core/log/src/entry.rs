@@ -80,7 +80,7 @@ impl Entry<'_> {
         if self.channel.topic != T::NAME {
             return Ok(None);
         }
-        let message = if self.channel.layout() != T::TYPE_NAME {
+        let message = if !self.channel.has_layout(T::TYPE_NAME) {
             let translated = self.translation::<T>()?.apply(self.bytes);
             translated.and_then(|bytes| Message::from_bytes(&bytes))
         } else if self.channel.is_of_former_logs() {
