@@ -47,7 +47,11 @@ impl LeftObservations {
         let is_unneeded = |keyframe: &KeyframeIdx| {
             !graph.shows(*keyframe) && !is_near_node(*keyframe, reach_m, keyframes, graph)
         };
-        self.held.extract_if(.., is_unneeded).collect()
+        let held = self.held.iter().copied();
+        let unneeded: Vec<KeyframeIdx> = held.filter(is_unneeded).collect();
+        self.held
+            .retain(|keyframe| unneeded.binary_search(keyframe).is_err());
+        unneeded
     }
 }
 
