@@ -15,6 +15,7 @@ mod accuracy;
 mod bad_data;
 mod bad_input;
 mod bounds;
+mod bus;
 mod calibrate;
 mod config;
 mod death;

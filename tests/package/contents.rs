@@ -91,6 +91,7 @@ fn a_package_has_what_debian_asks_for() {
         "/usr/lib/udev/rules.d/60-randt.rules",
         "/usr/share/doc/randt/copyright",
         "/usr/share/doc/randt/changelog.gz",
+        "/usr/share/doc/randt/third-party.txt.gz",
         "/usr/share/doc/randt/operate.md",
         "/usr/share/doc/randt/examples/sensors/isdr-c.toml",
     ] {

@@ -1,21 +1,29 @@
-//! Python with the packages that read what we write: `mcap` and the official protobuf schemas, in
-//! an environment of its own.
+//! Python with the packages that read what we write: `mcap` and the official protobuf schemas for
+//! logs, `iceoryx2` for the bus, in an environment of its own.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
 /// What is installed, and what it is imported as.
-const PACKAGES: [&str; 3] = [
+const PACKAGES: &[&str] = &[
     "mcap==1.6.0",
     "mcap-protobuf-support==0.6.0",
     "foxglove-schemas-protobuf==0.4.0",
+    "iceoryx2==0.10.0",
+    "numpy==2.2.6",
 ];
-const IMPORTS: &str = "import mcap, mcap_protobuf, foxglove_schemas_protobuf";
+const IMPORTS: &str = "import mcap, mcap_protobuf, foxglove_schemas_protobuf, iceoryx2, numpy";
 
-/// A script of this folder, ready for its arguments. `None` where there is no network: a developer
-/// goes without, CI does not.
+/// A script of this folder, ready for its arguments; `None` as for [`program`].
 pub fn script(name: &str) -> Option<Command> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/support");
+    program(&folder.join(name))
+}
+
+/// A program in Python, ready for its arguments. `None` where there is no network: a developer goes
+/// without, CI does not.
+pub fn program(path: &Path) -> Option<Command> {
     static READY: OnceLock<bool> = OnceLock::new();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let venv = root.join("target/python-logs");
@@ -46,7 +54,7 @@ pub fn script(name: &str) -> Option<Command> {
     });
     is_ready.then(|| {
         let mut command = Command::new(&python);
-        command.arg(root.join("tests/support").join(name));
+        command.arg(path);
         command
     })
 }

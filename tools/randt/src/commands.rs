@@ -6,6 +6,7 @@ mod demo;
 mod doctor;
 mod emulate;
 mod import;
+pub mod layout;
 mod log;
 mod mission;
 mod play;
@@ -17,8 +18,8 @@ mod top;
 mod up;
 
 use crate::exit::Outcome;
-use crate::help::Group;
-use clap::Subcommand;
+use crate::help::{self, Group};
+use clap::{Parser, Subcommand};
 
 /// The commands by what they serve, as `--help` lists them.
 pub const GROUPS: &[Group] = &[
@@ -27,6 +28,7 @@ pub const GROUPS: &[Group] = &[
     ("Missions", &["mission"]),
     ("Check and calibrate", &["doctor", "config", "calibrate"]),
     ("Without a robot", &["simulate", "emulate"]),
+    ("Programs of your own", &["layout"]),
 ];
 
 /// What `--help` ends with.
@@ -40,6 +42,16 @@ Examples:
 
 `randt COMMAND --help` lists a command's options. What research needs (accuracy,
 ablation, scan registration, pose graphs, IMU recordings) is in randt-lab.";
+
+/// Radar SLAM for robots that work where cameras and LiDAR are blind: smoke, dust, fog.
+#[derive(Debug, Parser)]
+#[command(name = "randt", max_term_width = 100)]
+#[command(help_template = help::template::<Command>(GROUPS), after_help = EXAMPLES)]
+pub struct Arguments {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
 
 /// The commands.
 #[derive(Debug, Subcommand)]
@@ -77,6 +89,8 @@ pub enum Command {
     /// Estimate where the radar sits, and how late its stamps are
     #[command(subcommand)]
     Calibrate(calibrate::What),
+    /// Print the messages of the bus for a program in Python, C or Rust
+    Layout(layout::Arguments),
     /// Show or check a configuration
     #[command(subcommand)]
     Config(config::Action),
@@ -100,6 +114,7 @@ impl Command {
             Self::Top(arguments) => top::run(arguments),
             Self::Doctor(arguments) => doctor::run(arguments),
             Self::Calibrate(what) => calibrate::run(what),
+            Self::Layout(arguments) => layout::run(arguments),
             Self::Config(action) => config::run(action),
         }
     }
@@ -108,7 +123,6 @@ impl Command {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::help;
 
     #[test]
     fn every_command_is_in_one_group_and_the_page_fits_a_terminal() {

@@ -38,21 +38,26 @@ impl Outcome {
 
 /// Prints an error with its causes and gives the process's exit code.
 pub fn exit_code(result: anyhow::Result<Outcome>) -> ExitCode {
+    ExitCode::from(status(result))
+}
+
+/// The same as a number.
+pub fn status(result: anyhow::Result<Outcome>) -> u8 {
     match result {
-        Ok(Outcome::Good) => ExitCode::SUCCESS,
-        Ok(Outcome::Failed) => ExitCode::from(1),
-        Ok(Outcome::DataLost) => ExitCode::from(3),
+        Ok(Outcome::Good) => 0,
+        Ok(Outcome::Failed) => 1,
+        Ok(Outcome::DataLost) => 3,
         Err(error) => {
             eprintln!("error: {}", text(&error));
             let is_of = |cause: &(dyn std::error::Error + 'static)| {
                 cause.is::<randt_config::Error>() || cause.is::<Refused>()
             };
             let configuration = error.chain().any(is_of);
-            ExitCode::from(if configuration {
+            if configuration {
                 BAD_CONFIGURATION as u8
             } else {
                 1
-            })
+            }
         }
     }
 }
