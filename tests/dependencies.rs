@@ -66,7 +66,10 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
 
 /// Crates with a price in size, build time or determinism, and who may use them.
 const USERS: &[(&str, &[&str])] = &[
-    ("anyhow", &["randt", "randt-lab"]),
+    (
+        "anyhow",
+        &["randt", "randt-examples", "randt-lab", "randt-python"],
+    ),
     ("base64", &["randt-view"]),
     ("bzip2", &["randt-readers"]),
     (
@@ -74,11 +77,13 @@ const USERS: &[(&str, &[&str])] = &[
         &[
             "randt",
             "randt-config",
+            "randt-examples",
             "randt-filter",
             "randt-imu",
             "randt-lab",
             "randt-mapper",
             "randt-odometry",
+            "randt-python",
             "randt-radar",
             "randt-recorder",
             "randt-stage",
@@ -100,6 +105,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("nix", &["randt-radar", "randt-stage"]),
     ("plotters", &["randt-evaluation"]),
     ("png", &["randt", "randt-radar", "randt-readers"]),
+    ("pyo3", &["randt-python"]),
     ("ratatui", &["randt"]),
     ("rusqlite", &["randt-readers"]),
     (

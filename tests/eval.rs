@@ -127,7 +127,7 @@ fn what_is_no_trajectory_ends_with_1_and_is_named() {
     );
     for (estimate, truth, words) in [
         ("absent.tum", "good.tum", "absent.tum: No such file"),
-        ("good.tum", ".", ".: Is a directory"),
+        ("good.tum", ".", "trajectory.tum: No such file"),
         ("empty.tum", "good.tum", "empty.tum: no poses"),
         (
             "cut.tum",

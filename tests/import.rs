@@ -80,7 +80,7 @@ fn what_is_no_recording_is_refused_and_leaves_nothing() {
     for (input, words) in [
         (
             "note.txt",
-            "note.txt: begins with a shopping list; expected an Oxford",
+            "note.txt: begins with a shopping list; expected a folder of polar images",
         ),
         (
             "empty",

@@ -181,9 +181,10 @@ pub fn names(folder: &Path) -> Vec<String> {
 }
 
 /// What a run writes.
-pub const OUTPUTS: [&str; 8] = [
+pub const OUTPUTS: [&str; 9] = [
     "keyframes.tum",
     "map.pgm",
+    "map.png",
     "map.yaml",
     "odometry.csv",
     "odometry.tum",

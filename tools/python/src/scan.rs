@@ -34,7 +34,7 @@ impl Scan {
         let intensity: Vec<f32> = bytemuck::pod_collect_to_vec(intensity);
         let beam: Vec<u16> = bytemuck::pod_collect_to_vec(beam);
         let (beams, returns) = (azimuth_rad.len(), range_m.len());
-        if beams < 3 || beams > MAX_BEAMS || beam_stamp_ns.len() != beams {
+        if !(3..=MAX_BEAMS).contains(&beams) || beam_stamp_ns.len() != beams {
             return Err(value_error(format!(
                 "{beams} azimuths and {} stamps: a sweep has 3 to {MAX_BEAMS} beams",
                 beam_stamp_ns.len()

@@ -326,11 +326,9 @@ mod tests {
         );
         assert_eq!((at(0.0, -1.97), at(14.9, -1.97)), (OCCUPIED, OCCUPIED));
         assert_eq!(count(PATH), (8 * 50 + 3) * 3);
-        // 2 m, which is at most a fifth of 20 m, and its letters.
-        let of_bar = pixels
-            .chunks(width_px)
-            .map(|row| row.iter().filter(|it| **it == INK).count());
-        assert_eq!(of_bar.max(), Some(200));
+        // 2 m, the longest round length of at most a fifth of 20 m.
+        let bars = pixels.chunk_by(|a, b| a == b).filter(|run| run[0] == INK);
+        assert_eq!(bars.map(<[u8]>::len).max(), Some(2 * 50));
         assert!(count(APART) > 150 * 3, "{}", count(APART));
         // The largest component alone has nothing beside it.
         let (alone_px, _) = decoded(&map_png(&grid, &Trajectory::stamped(), 0).unwrap());

@@ -4,6 +4,7 @@
 use super::data_sets::*;
 use super::support::*;
 use crate::{Event, Options, open};
+use randt_geometry::elementary::{cos, sin};
 
 /// One azimuth as a message; all numbers as bytes in network order, or as numbers.
 fn fft(turn: i64, azimuth: usize, as_bytes: bool) -> Vec<u8> {
@@ -158,10 +159,7 @@ fn navtechs_clouds_are_mirrored() {
                     f64::from(scan.head.sweep.beams()[usize::from(item.beam)].azimuth_rad);
                 let range = f64::from(item.range_m);
                 let rounded = |value: f64| (value * 1000.0).round() as i64;
-                points.push((
-                    rounded(range * azimuth.cos()),
-                    rounded(range * azimuth.sin()),
-                ));
+                points.push((rounded(range * cos(azimuth)), rounded(range * sin(azimuth))));
             }
         }
         points.sort_unstable();

@@ -109,7 +109,10 @@ impl Survey {
                 Event::Truth(_) => survey.truths += 1,
             }
         }
-        let usual_ns = quantile(&mut spacings.iter().map(|ns| *ns as f64).collect(), 0.5);
+        let usual_ns = quantile(
+            &mut spacings.iter().map(|ns| *ns as f64).collect::<Vec<_>>(),
+            0.5,
+        );
         survey.sweep_hz = usual_ns.filter(|ns| *ns > 0.0).map(|ns| 1e9 / ns);
         for spacing_ns in &spacings {
             let is_gap = usual_ns.is_some_and(|usual| *spacing_ns as f64 > 2.0 * usual);
@@ -124,7 +127,10 @@ impl Survey {
         survey.range_median_m = quantile(&mut ranges, 0.5);
         survey.reach_m = quantile(&mut ranges, 0.95);
         survey.intensity_median = quantile(&mut intensities, 0.5);
-        let usual_ns = quantile(&mut imu_spacings.iter().map(|ns| *ns as f64).collect(), 0.5);
+        let usual_ns = quantile(
+            &mut imu_spacings.iter().map(|ns| *ns as f64).collect::<Vec<_>>(),
+            0.5,
+        );
         survey.imu_hz = usual_ns.filter(|ns| *ns > 0.0).map(|ns| 1e9 / ns);
         for spacing_ns in imu_spacings {
             survey.imu_gaps += u64::from(spacing_ns > IMU_GAP_NS);
@@ -236,7 +242,7 @@ fn sketch(scan: &Message<RadarScan>, after_ns: i64) -> Sketch {
 }
 
 /// The value at a fraction of a list.
-fn quantile(values: &mut Vec<f64>, fraction: f64) -> Option<f64> {
+fn quantile(values: &mut [f64], fraction: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values
         .get((values.len() as f64 * fraction) as usize)

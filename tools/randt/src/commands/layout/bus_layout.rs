@@ -2,7 +2,7 @@
 
 use anyhow::Context;
 use randt_log::{Kind, StoredLayout, Struct, describe};
-use randt_messages::{BUS_TOPICS, BusTopic, Topic, TopicVisitor, visit_bus_topics};
+use randt_messages::{BUS_TOPICS, BusTopic, Layout, Topic, TopicVisitor, visit_bus_topics};
 use std::fmt::Write as _;
 use std::sync::Arc;
 
@@ -62,7 +62,12 @@ impl TopicVisitor for BusLayout {
 
     fn visit<T: Topic>(&mut self) -> anyhow::Result<()> {
         let text = describe::<T>();
-        let parsed = StoredLayout::parse(&text).with_context(|| format!("{}: layout", T::NAME))?;
+        let mut parsed =
+            StoredLayout::parse(&text).with_context(|| format!("{}: layout", T::NAME))?;
+        // A ROS 2 definition names the message, not what it begins with.
+        if let Kind::Struct(head) = &mut parsed.head {
+            Arc::make_mut(head).name = T::Head::NAME.to_owned();
+        }
         let topic = BUS_TOPICS.iter().find(|topic| topic.name == T::NAME);
         let topic = *topic.with_context(|| format!("{}: not on the bus", T::NAME))?;
         let _ = writeln!(self.text, "{text}");

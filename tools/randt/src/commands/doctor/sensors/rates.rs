@@ -79,6 +79,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use randt_geometry::elementary::sin;
 
     /// Five seconds of a robot that stands or turns to and fro, with noise, and changed.
     fn seen(turn_rad_s: f64, change: impl Fn(usize, &mut ImuSample)) -> Seen<ImuSample> {
@@ -91,7 +92,7 @@ mod tests {
         for number in 0..1250 {
             let at_s = number as f64 * 0.004;
             let mut sample = ImuSample {
-                rate_rad_s: [noise(), noise(), noise() + turn_rad_s * (2.0 * at_s).sin()],
+                rate_rad_s: [noise(), noise(), noise() + turn_rad_s * sin(2.0 * at_s)],
                 acceleration_m_s2: [noise(), noise(), 9.8 + noise()],
                 ..ImuSample::default()
             };
