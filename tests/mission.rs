@@ -5,7 +5,7 @@ mod robot;
 
 use crate::support::journal::keyframes;
 use crate::support::pipeline::{Pipeline, log, until};
-use crate::support::{ended, names, randt, report};
+use crate::support::{OUTPUTS, ended, names, randt, report};
 use robot::{Robot, name_in};
 use serde_json::Value;
 use std::fs;
@@ -233,7 +233,7 @@ fn a_missions_report_is_what_its_log_gives() {
         "{all:?}"
     );
     is_as_computed(&robot.current().join("report"), &robot.run());
-    assert_eq!(names(&robot.current().join("report")).len(), 8);
+    assert_eq!(names(&robot.current().join("report")), OUTPUTS);
 
     // Without odometry's state and the report it is made of the logs alone, by the command that
     // exports it.

@@ -238,7 +238,7 @@ fn who_comes_late_gets_everything_and_again_after_a_kill() {
         .collect();
     assert!(shown.len() > 8, "{shown:?}");
     let topics: Vec<String> = early.heard.lock().unwrap().topics.clone();
-    assert_eq!(topics.len(), 7);
+    assert_eq!(topics.len(), 9);
     until("the whole path", || early.on_topic("view/path").len() > 1);
 
     // A server that knows nothing of the drive: the mapper has sent it the map.

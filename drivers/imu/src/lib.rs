@@ -6,7 +6,7 @@
 //! axes and stamps in the one clock. Not responsible for attitude, bias or filtering: odometry
 //! does that.
 //!
-//! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`], [`line`]) are
+//! [`Imu`] is the whole driver without a process. The codecs ([`mip`], [`xsens`], [`mod@line`]) are
 //! pure and go both ways, because the emulators speak with them. This was never run with a device.
 //! It is tested against emulators, and the Phidgets' part with the vendor's own library.
 
