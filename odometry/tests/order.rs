@@ -1,7 +1,7 @@
 //! The result does not depend on how scans, IMU samples and twists interleave, nor on which waits
 //! for the other.
 
-use crate::support::{Input, Outcome, config, inputs, shift};
+use crate::support::{Input, Outcome, config_that_bridges_no_gap as config, inputs, shift};
 use proptest::prelude::*;
 use randt_messages::{ImuSample, ImuUse, Message, RadarPoints, Twist};
 use randt_odometry::Odometry;

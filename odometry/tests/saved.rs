@@ -1,6 +1,8 @@
 //! Odometry may be killed after any input: restored, it goes on to the same bits.
 
-use crate::support::{Input, Outcome, config, index_of, inputs, shift_scan};
+use crate::support::{
+    Input, Outcome, config_that_bridges_no_gap as config, index_of, inputs, shift_scan,
+};
 use proptest::prelude::*;
 use randt_odometry::{Error, Odometry};
 use std::sync::LazyLock;

@@ -105,6 +105,7 @@ fn the_images_hold_what_was_published() {
 
     let options = Options {
         power_min: POWER_MIN,
+        bin_size_m: Some(0.0438),
         ..Options::default()
     };
     let mut source = open(folder.path(), &options).unwrap();
