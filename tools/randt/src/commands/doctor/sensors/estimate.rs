@@ -15,8 +15,18 @@ const SCANS_MIN: u64 = 10;
 /// A turn in which a gyro that lies differs from the radar, rad: 60 degrees.
 const TURNED_MIN_RAD: f64 = 1.05;
 /// Shares of the radar's turns, thousandths, that a sound gyro shows where stamps come tens of
-/// milliseconds off, as in the first seconds of a driver on a busy machine.
+/// milliseconds off.
 const NEARLY_RIGHT: std::ops::Range<i64> = 700..1_300;
+
+/// Whether a sound gyro shows this where stamps are off, as in the first seconds of a driver on a
+/// busy machine: then it is doubtful, not bad.
+fn may_be_of_stamps(fault: GyroFault) -> bool {
+    match fault {
+        GyroFault::Scaled(permille) => NEARLY_RIGHT.contains(&permille),
+        GyroFault::Disagrees | GyroFault::Biased(_) | GyroFault::Delayed(_) => true,
+        _ => false,
+    }
+}
 
 /// Filter and odometry, fed with what comes.
 pub struct LiveEstimate {
@@ -94,10 +104,8 @@ fn check(counters: &Counters, motion: &Motion, twists: usize) -> Vec<Finding> {
             ),
         };
         found.push(match counters.gyro_fault {
-            GyroFault::Scaled(permille) if NEARLY_RIGHT.contains(&permille) => {
-                let fix = format!(
-                    "{fix}; or stamps that are off at first: --seconds 30 looks for longer"
-                );
+            fault if may_be_of_stamps(fault) => {
+                let fix = format!("{fix}; stamps settle in a driver's first seconds: --seconds 30");
                 Finding::warn("gyro", text, fix)
             }
             _ => Finding::bad("gyro", text, fix),
