@@ -231,7 +231,7 @@ impl Odometry {
         let last_ns = self.synchronizer.last_end_ns();
         let has_gyro = self.gyro.is_some() && !self.gyro_check.is_refused();
         let samples = if has_gyro { samples } else { 0 };
-        let gap_s = last_ns.map(|last_ns| (end_ns - last_ns) as f64 * 1e-9);
+        let gap_s = last_ns.map(|last_ns| end_ns.saturating_sub(last_ns) as f64 * 1e-9);
         gap_s.is_some_and(|gap_s| gap_s > 0.0 && self.config.bridges_gap(gap_s, samples))
     }
 
