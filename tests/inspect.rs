@@ -80,4 +80,8 @@ fn a_mission_of_several_logs_is_computed_as_one_drive() {
     several.finished(0, SCANS as usize);
     let read = |out: &Path| fs::read(out.join("odometry.tum")).unwrap();
     assert!(read(&one.out) == read(&several.out));
+    // A log of it that cannot be read is no shorter drive in silence.
+    fs::write(mission.join("logs/1.mcap"), b"").unwrap();
+    let without = checked(&mission, &[]);
+    assert_eq!((without.code(), without.counter("logs_unreadable")), (3, 1));
 }

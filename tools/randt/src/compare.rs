@@ -111,7 +111,11 @@ fn difference(
 /// The states that a log, or a folder of logs, holds, in order.
 pub fn published(log: &Path) -> anyhow::Result<Vec<OdometryState>> {
     let mut states = Vec::new();
-    for file in log_files(log)? {
+    let logs = log_files(log)?;
+    for why in &logs.unreadable {
+        warn(&format!("left out: {why}"));
+    }
+    for file in logs.files {
         let mut reader = LogReader::open(&file).with_context(|| {
             format!(
                 "{}: only a log of a live run has poses to compare with",

@@ -27,7 +27,7 @@ mod tests;
 
 pub use error::Error;
 pub use input::{BinSize, Counter, Extrinsics, InputInfo, InputTopic, Source};
-pub use log_folder::log_files;
+pub use log_folder::{LogFiles, log_files};
 pub use open::open;
 pub use options::{Options, Rotation, StampMeaning};
 pub use randt_messages::Event;

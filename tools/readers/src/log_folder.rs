@@ -10,32 +10,52 @@ use std::path::{Path, PathBuf};
 /// A mission's folder of logs.
 const MISSION_LOGS: &str = "logs";
 
-/// The logs that a path stands for, in the order of time: a file itself; those of a folder, or of a
-/// mission, whose recorder may have been stopped before it could name the last one.
-pub fn log_files(path: &Path) -> Result<Vec<PathBuf>, Error> {
+/// The logs that a path stands for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LogFiles {
+    /// In the order of time.
+    pub files: Vec<PathBuf>,
+    /// Those that cannot be read, and why: what they hold is missing.
+    pub unreadable: Vec<String>,
+}
+
+/// The logs that a path stands for: a file itself; those of a folder, or of a mission, whose
+/// recorder may have been stopped before it could name the last one.
+pub fn log_files(path: &Path) -> Result<LogFiles, Error> {
     if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
+        return Ok(LogFiles {
+            files: vec![path.to_owned()],
+            ..LogFiles::default()
+        });
     }
     let logs = path.join(MISSION_LOGS);
     let folder = if logs.is_dir() { logs.as_path() } else { path };
-    let mut files = Vec::new();
+    let (mut files, mut unreadable) = (Vec::new(), Vec::new());
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let path = entry.map_err(Error::io(folder))?.path();
         let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
         if !(name.ends_with(".mcap") || name.ends_with(".mcap.active")) || !path.is_file() {
             continue;
         }
-        let Ok(mut reader) = LogReader::open(&path) else {
-            continue;
-        };
-        if let Some(first) = reader.next_entry()?
-            && first.channel.is_ours()
-        {
-            files.push((first.time_ns, path));
+        match first_time_ns(&path) {
+            Ok(first_ns) => files.extend(first_ns.map(|first_ns| (first_ns, path))),
+            Err(why) => unreadable.push(why.to_string()),
         }
     }
     files.sort();
-    Ok(files.into_iter().map(|(_, path)| path).collect())
+    unreadable.sort();
+    Ok(LogFiles {
+        files: files.into_iter().map(|(_, path)| path).collect(),
+        unreadable,
+    })
+}
+
+/// When the first message of a log of ours was recorded; `None` of another's.
+fn first_time_ns(path: &Path) -> Result<Option<i64>, randt_log::Error> {
+    let mut reader = LogReader::open(path)?;
+    let first = reader.next_entry()?;
+    let ours = first.filter(|first| first.channel.is_ours());
+    Ok(ours.map(|first| first.time_ns))
 }
 
 /// Logs that are read one after the other.
@@ -49,7 +69,8 @@ pub(crate) struct LogFolder {
 
 impl LogFolder {
     /// Opens the first of these files; `None` where there is none.
-    pub fn open(files: Vec<PathBuf>, radar_required: bool) -> Result<Option<Self>, Error> {
+    pub fn open(logs: LogFiles, radar_required: bool) -> Result<Option<Self>, Error> {
+        let LogFiles { files, unreadable } = logs;
         let mut scans = Some(0);
         let mut topics: Vec<InputTopic> = Vec::new();
         for file in &files {
@@ -72,13 +93,17 @@ impl LogFolder {
             LogSource::open(&first, true)?;
         }
         let present = LogSource::open(&first, false)?;
+        let mut counters = Counters::default();
+        for why in unreadable {
+            counters.count_loss("logs_unreadable", 1, || why);
+        }
         let mut info = present.info().clone();
         (info.scans, info.topics) = (scans, topics);
         Ok(Some(Self {
             info,
             present,
             rest,
-            counters: Counters::default(),
+            counters,
         }))
     }
 }

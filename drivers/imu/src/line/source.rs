@@ -42,6 +42,8 @@ pub(crate) struct LineSource {
     active_ns: i64,
     session: Session,
     reconnects: u64,
+    /// Reads that found the serial port's buffer full: what did not fit is missing.
+    overruns: u64,
     twists: Vec<TwistReading>,
     buffer: Vec<u8>,
 }
@@ -81,6 +83,7 @@ impl LineSource {
             active_ns: 0,
             session: Session::default(),
             reconnects: 0,
+            overruns: 0,
             twists: Vec::new(),
             buffer: vec![0; KERNEL_BUFFER],
         }
@@ -146,6 +149,8 @@ impl LineSource {
         match piece {
             Piece::Stream(count) => {
                 self.session.bytes += count as u64;
+                // One byte is the kernel's own.
+                self.overruns += u64::from(count + 1 >= KERNEL_BUFFER);
                 let bytes = self.buffer.get(..count).unwrap_or_default();
                 self.decoder.stream(bytes, &mut sink);
             }
@@ -254,6 +259,9 @@ impl ReadingSource for LineSource {
 
     fn counts(&self) -> Vec<Count> {
         let mut counts = self.decoder.counts();
+        if matches!(self.wire, Wire::Serial { .. }) {
+            counts.push(Count::loss("overruns", self.overruns));
+        }
         let refused = self.wire.refused();
         counts.extend(refused.map(|refused| Count::event("datagrams_of_another_sender", refused)));
         counts

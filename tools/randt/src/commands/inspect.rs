@@ -8,7 +8,7 @@ mod survey;
 use crate::exit::Outcome;
 use crate::input::InputOptions;
 use crate::job;
-use crate::output::{print_value, write_whole};
+use crate::output::{print_value, warn, write_whole};
 use crate::units::count;
 use anyhow::ensure;
 use doubts::doubts;
@@ -16,7 +16,7 @@ use randt_config::SelectionArguments;
 use randt_readers::{InputInfo, Options, Source};
 use serde::Serialize;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use survey::Survey;
 
 /// Arguments of `randt inspect`.
@@ -102,10 +102,15 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     });
     let picture = match survey.sketches.is_empty() {
         true => None,
-        false => {
-            write_whole(&file, picture::draw(&survey, needs_size).as_bytes())?;
-            Some(file.display().to_string())
-        }
+        false => match write_whole(&file, picture::draw(&survey, needs_size).as_bytes()) {
+            Ok(()) => Some(file.display().to_string()),
+            // Nobody asked for it: what is in the input is said all the same.
+            Err(error) if arguments.picture.is_none() => {
+                warn(&format!("no picture: {error:#}"));
+                None
+            }
+            Err(error) => return Err(error),
+        },
     };
     let found = Inspection {
         input: arguments.input.display().to_string(),
@@ -152,24 +157,24 @@ fn counters(source: &dyn Source) -> Vec<CounterRow> {
 
 /// The command that computes the input, with what the user has said here.
 fn command(arguments: &Arguments, info: &InputInfo, survey: &Survey, needs_size: bool) -> String {
-    let quoted = |path: &Path| {
-        let text = path.display().to_string();
-        match text
-            .chars()
-            .all(|c| c.is_ascii_alphanumeric() || "/._-+=,@".contains(c))
-        {
-            true => text,
-            false => format!("'{}'", text.replace('\'', r"'\''")),
-        }
+    let quoted = |text: String| match text
+        .chars()
+        .all(|c| c.is_ascii_alphanumeric() || "/._-+=,@".contains(c))
+    {
+        true => text,
+        false => format!("'{}'", text.replace('\'', r"'\''")),
     };
-    let mut command = format!("randt run {} --out RESULTS", quoted(&arguments.input));
+    let mut command = format!(
+        "randt run {} --out RESULTS",
+        quoted(arguments.input.display().to_string())
+    );
     let chosen = arguments.selection.as_arguments();
     if !chosen.iter().any(|option| option.starts_with("--profile")) && info.configuration.is_none()
     {
         command += survey.profile();
     }
-    for option in chosen.iter().chain(&arguments.options.given()) {
-        command += &format!(" {option}");
+    for option in chosen.into_iter().chain(arguments.options.given()) {
+        command += &format!(" {}", quoted(option));
     }
     if needs_size {
         command += " --set sensor.range_resolution_m=WIDTH_OF_A_BIN_IN_M";

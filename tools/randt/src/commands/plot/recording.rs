@@ -64,7 +64,11 @@ impl Recording {
             truth: Trajectory::stamped(),
             ..Self::default()
         };
-        for file in log_files(path)? {
+        let logs = log_files(path)?;
+        for why in &logs.unreadable {
+            warn(&format!("left out: {why}"));
+        }
+        for file in logs.files {
             recording.take_file(&file)?;
         }
         let times = || recording.topics.values().flatten().copied();
