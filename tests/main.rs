@@ -55,6 +55,7 @@ mod power_cut;
 mod recorder;
 mod replay;
 mod resources;
+mod ros1;
 mod same_bits;
 mod same_bits_live;
 mod sensors;

@@ -12,6 +12,7 @@ mod occupancy_grid;
 mod odometry;
 mod path;
 mod pen;
+mod pose_array;
 mod transform;
 
 pub use cloud::{CLOUD, cloud, directions};
@@ -23,6 +24,7 @@ pub use occupancy_grid::{Cells, OCCUPANCY_GRID, occupancy_grid};
 pub use odometry::{ODOMETRY, POSE, odometry, pose_stamped};
 pub use path::{PATH, path};
 pub use pen::{Style, time};
+pub use pose_array::{POSE_ARRAY, pose_array};
 pub use transform::{TRANSFORMS, Transform, transforms};
 
 use randt_geometry::Quaternion;

@@ -9,6 +9,7 @@ pub(crate) const TRUTH: RGBColor = RGBColor(24, 24, 27);
 pub(crate) const ESTIMATE: RGBColor = RGBColor(224, 72, 38);
 pub(crate) const LOOP: RGBColor = RGBColor(31, 111, 178);
 pub(crate) const LIVE: RGBColor = RGBColor(226, 158, 60);
+pub(crate) const APART: RGBColor = RGBColor(116, 78, 190);
 
 /// What a line or a band of a chart is drawn in: by what it means, so that all charts speak alike.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

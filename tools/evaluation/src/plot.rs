@@ -3,12 +3,12 @@
 use crate::Error;
 use crate::axis::Axis;
 use crate::chart::{Drawn, Root};
-use crate::colours::{ESTIMATE, GRID, INK, LIVE, LOOP, MAP, TRUTH};
+use crate::colours::{APART, ESTIMATE, GRID, INK, LIVE, LOOP, MAP, TRUTH};
 use crate::view::{BOTTOM, EDGE, LEFT, RIGHT, TOP, View, WIDTH, is_drawable};
 use plotters::prelude::*;
 use std::collections::BTreeSet;
 
-/// What is drawn; everything in one frame, m. What is not finite is left out.
+/// What is drawn; everything but what is apart in one frame, m. What is not finite is left out.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Plot<'a> {
     /// Heading of the picture.
@@ -23,6 +23,9 @@ pub struct Plot<'a> {
     pub map: &'a [[f64; 2]],
     /// Loops that were closed, from pose to pose.
     pub loops: &'a [[[f64; 2]; 2]],
+    /// The lines of each component that no loop joins to the rest. Where it lies is not known: it
+    /// is drawn to the right of everything else.
+    pub apart: &'a [Vec<Vec<[f64; 2]>>],
 }
 
 /// Edge of a map pixel. Points on one pixel are drawn once and neighbours as one, so that the file
@@ -76,6 +79,9 @@ fn draw(plot: &Plot<'_>, view: &View, root: &Root<'_>) -> Drawn {
     }
     for frame in plot.estimate {
         line(&mut chart, frame, ESTIMATE.stroke_width(2))?;
+    }
+    for part in &view.apart {
+        line(&mut chart, part, APART.stroke_width(2))?;
     }
     for frame in plot.estimate {
         let mut points = frame.iter().filter(|point| is_drawable(point));
@@ -137,6 +143,7 @@ fn legend(plot: &Plot<'_>, root: &Root<'_>) -> Drawn {
         ("truth", TRUTH, 5, plot.truth.is_empty()),
         ("loops", LOOP, 2, plot.loops.is_empty()),
         ("returns", MAP, 7, plot.map.is_empty()),
+        ("not joined", APART, 3, plot.apart.is_empty()),
     ];
     let label = ("sans-serif", 19).into_font().color(&INK);
     let mut x = left;

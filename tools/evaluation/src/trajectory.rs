@@ -114,6 +114,13 @@ impl Trajectory {
         &self.poses
     }
 
+    /// The poses of one frame.
+    pub fn of_frame(&self, frame: u64) -> Self {
+        let mut poses = self.poses.clone();
+        poses.retain(|pose| pose.frame == frame);
+        Self { poses, ..*self }
+    }
+
     /// Whether the poses have stamps.
     pub fn is_stamped(&self) -> bool {
         self.stamped

@@ -25,6 +25,10 @@ const MAP_MARGIN_MIN_M: f64 = 12.0;
 /// Room around what is drawn, as a share of it, and at least this many metres.
 const MARGIN: f64 = 0.05;
 const MARGIN_MIN_M: f64 = 0.5;
+/// Between the rest and a component that is apart, and between two of these, as a share of the
+/// rest's longer side, and at least this many metres.
+const APART: f64 = 0.04;
+const APART_MIN_M: f64 = 2.0;
 /// Grid lines along the longer side, about.
 const GRID_LINES: f64 = 10.0;
 
@@ -41,6 +45,8 @@ pub(crate) struct View {
     pub step_m: f64,
     /// Decimals that the step needs.
     pub decimals: usize,
+    /// The lines of components that are apart, where they are drawn.
+    pub apart: Vec<Vec<[f64; 2]>>,
 }
 
 impl View {
@@ -56,6 +62,8 @@ impl View {
         for point in plot.map.iter().filter(|point| near.holds(**point)) {
             all.add(*point);
         }
+        let apart = all.place_apart(plot.apart);
+        apart.iter().flatten().for_each(|p| all.add(*p));
         let all = all.grown((all.longer() * MARGIN).max(MARGIN_MIN_M));
 
         let drawing_width = f64::from(WIDTH - EDGE - LEFT - RIGHT);
@@ -73,6 +81,7 @@ impl View {
             height: TOP + BOTTOM + EDGE + drawing_height as u32,
             step_m,
             decimals,
+            apart,
         }
     }
 
@@ -140,6 +149,26 @@ impl Extent {
         self.size()[0].max(self.size()[1])
     }
 
+    /// Moves components to the right of this, one below the other from its top on.
+    fn place_apart(&self, components: &[Vec<Vec<[f64; 2]>>]) -> Vec<Vec<[f64; 2]>> {
+        let gap_m = (self.longer() * APART).max(APART_MIN_M);
+        let mut top_m = self.most[1];
+        let mut placed = Vec::new();
+        for lines in components {
+            let mut extent = Self::default();
+            lines.iter().flatten().for_each(|p| extent.add(*p));
+            let extent = extent.or_origin();
+            let by_m = [
+                self.most[0] + gap_m - extent.least[0],
+                top_m - extent.most[1],
+            ];
+            let moved = |p: &[f64; 2]| [p[0] + by_m[0], p[1] + by_m[1]];
+            placed.extend(lines.iter().map(|line| line.iter().map(moved).collect()));
+            top_m -= extent.size()[1] + gap_m;
+        }
+        placed
+    }
+
     fn middle(&self) -> [f64; 2] {
         [
             0.5 * (self.most[0] + self.least[0]),
@@ -177,6 +206,22 @@ mod tests {
             let lines = view.lines(&view.x_m).len().max(view.lines(&view.y_m).len());
             assert!((3..=12).contains(&lines), "{lines} lines, {view:?}");
         }
+    }
+
+    #[test]
+    fn components_apart_lie_beside_the_rest_and_below_one_another() {
+        let line = |size: f64| vec![vec![[-size, 0.0], [size, size]]];
+        let view = View::from_plot(&Plot {
+            estimate: &[vec![[0.0, 0.0], [30.0, 20.0]]],
+            apart: &[line(4.0), line(3.0)],
+            ..Plot::default()
+        });
+        let placed = [
+            vec![[32.0, 16.0], [40.0, 20.0]],
+            vec![[32.0, 11.0], [38.0, 14.0]],
+        ];
+        assert_eq!(view.apart, placed);
+        assert!(view.x_m.end > 40.0);
     }
 
     #[test]

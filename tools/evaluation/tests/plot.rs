@@ -39,6 +39,7 @@ fn the_same_drive_gives_the_same_picture() {
         truth: &truth,
         map: &map,
         loops: &[[[0.0, 0.0], [10.0, 5.0]]],
+        apart: &[vec![vec![[0.0, 0.0], [4.0, 1.0]]]],
     };
     let svg = plot_trajectories(&plot).unwrap();
     assert_eq!(svg, plot_trajectories(&plot).unwrap());
@@ -50,6 +51,7 @@ fn the_same_drive_gives_the_same_picture() {
         "live",
         "truth",
         "loops",
+        "not joined",
         "x, m",
     ] {
         assert!(svg.contains(words), "{words}");
@@ -76,6 +78,7 @@ fn nothing_and_nonsense_can_be_drawn() {
         truth: &points,
         map: &points,
         loops: &[[[f64::NAN, 0.0], [1.0, f64::INFINITY]]],
+        apart: &[vec![points.clone()], Vec::new()],
     };
     let svg = plot_trajectories(&plot).unwrap();
     assert!(svg.contains("&lt;&amp;&gt;"));

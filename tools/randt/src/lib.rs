@@ -6,6 +6,7 @@
 
 pub mod commands;
 pub mod compare;
+pub mod components;
 pub mod date;
 pub mod digest;
 pub mod drive;
@@ -37,5 +38,6 @@ pub mod recorded;
 pub mod recovered_drive;
 pub mod report;
 pub mod results;
+pub mod ros_topics;
 pub mod trust_spans;
 pub mod units;

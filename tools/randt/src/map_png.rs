@@ -1,6 +1,7 @@
 //! `map.png`: the map as a picture for people, with its path and a scale. Components that no loop
 //! has joined stand beside it, because where they lie is not known.
 
+use crate::components::{Components, Line};
 use anyhow::{Context, ensure};
 use randt_evaluation::Trajectory;
 use randt_mapper::occupancy::Picture;
@@ -43,17 +44,9 @@ pub fn map_png(grid: &Picture, trajectory: &Trajectory, component: u64) -> anyho
         px_per_m: enlarged as f64 / grid.resolution_m,
     };
     let map_px = [grid.width * enlarged, grid.height * enlarged];
-    let lines = trajectory.poses().chunk_by(|a, b| a.frame == b.frame);
-    let (joined, apart): (Vec<_>, Vec<_>) = lines
-        .map(|poses| {
-            let positions = poses.iter().map(|pose| pose.position_m());
-            (poses.first().map(|pose| pose.frame), positions.collect())
-        })
-        .partition(|(frame, _): &(_, Vec<_>)| *frame == Some(component));
-    let apart: Vec<Apart> = apart
-        .iter()
-        .map(|(_, positions)| Apart::new(positions, &scale))
-        .collect();
+    let parts = Components::from_trajectory(trajectory, component);
+    let apart = parts.apart.iter().map(|lines| Apart::new(lines, &scale));
+    let apart: Vec<Apart> = apart.collect();
 
     let beside_px = apart.iter().map(|it| it.size_px[0]).max();
     let beside_px = beside_px.map_or(0, |width| width.max(word_px(NOT_JOINED)) + MARGIN_PX);
@@ -75,7 +68,7 @@ pub fn map_png(grid: &Picture, trajectory: &Trajectory, component: u64) -> anyho
     // Rows go down, and the map's y goes up.
     let top_m = grid.origin_m[1] + grid.height as f64 * grid.resolution_m;
     let left_top_m = [grid.origin_m[0], top_m];
-    for (_, positions) in &joined {
+    for positions in &parts.lines {
         canvas.line(positions, &scale, left_top_m, corner, PATH);
     }
     let mut at = [
@@ -87,7 +80,9 @@ pub fn map_png(grid: &Picture, trajectory: &Trajectory, component: u64) -> anyho
         at[1] += 2 * LETTER[1] * DOT_PX;
     }
     for it in &apart {
-        canvas.line(it.positions, &scale, it.left_top_m, at, APART);
+        for positions in it.lines {
+            canvas.line(positions, &scale, it.left_top_m, at, APART);
+        }
         at[1] += it.size_px[1] + MARGIN_PX;
     }
     canvas.scale(
@@ -112,21 +107,21 @@ impl Scale {
 
 /// The path of a component that is not joined, in a frame of its own.
 struct Apart<'a> {
-    positions: &'a [[f64; 2]],
+    lines: &'a [Line],
     left_top_m: [f64; 2],
     size_px: [usize; 2],
 }
 
 impl<'a> Apart<'a> {
-    fn new(positions: &'a [[f64; 2]], scale: &Scale) -> Self {
+    fn new(lines: &'a [Line], scale: &Scale) -> Self {
         let extreme = |axis: usize, better: fn(f64, f64) -> f64| {
-            let values = positions.iter().filter_map(|position| position.get(axis));
+            let values = lines.iter().flatten().filter_map(|at| at.get(axis));
             values.copied().reduce(better).unwrap_or_default()
         };
         let (left, right) = (extreme(0, f64::min), extreme(0, f64::max));
         let (bottom, top) = (extreme(1, f64::min), extreme(1, f64::max));
         Self {
-            positions,
+            lines,
             left_top_m: [left, top],
             size_px: [scale.px(right - left) + 3, scale.px(top - bottom) + 3],
         }

@@ -1,10 +1,11 @@
 //! What a run leaves behind: trajectories, picture, report.
 
+use crate::components::Components;
 use crate::map_png::map_png;
 use crate::odometry_csv::odometry_csv;
 use anyhow::Context;
 use randt_evaluation::{
-    Evaluation, Plot, Trajectory, TrajectoryPose, evaluate, plot_trajectories, truth_on_estimate,
+    Evaluation, Plot, Trajectory, evaluate, plot_trajectories, truth_on_estimate,
 };
 use randt_geometry::Pose2;
 use randt_mapper::{KeyframeIdx, Mapper};
@@ -191,30 +192,34 @@ impl Results {
     }
 
     /// The picture: what stands in the map's largest component is drawn with its returns and
-    /// loops, the others as lines.
+    /// loops, the others as lines apart.
     pub fn picture(
         &self,
         trajectory: &Trajectory,
         title: &str,
         mapper: &Mapper,
     ) -> anyhow::Result<String> {
+        let parts = Components::from_trajectory(trajectory, largest_component(mapper));
         let truth = match self.truth.poses() {
             [] => Vec::new(),
-            _ => truth_on_estimate(trajectory, &self.truth)?,
+            _ => truth_on_estimate(&parts.shown, &self.truth)?,
         };
+        let component = mapper.largest_component();
         let pose = |keyframe: KeyframeIdx| mapper.poses().get(keyframe.0);
         let position = |keyframe| pose(keyframe).map(|pose| [pose.x_m, pose.y_m]);
         let loops: Vec<[[f64; 2]; 2]> = mapper
             .accepted()
+            .filter(|l| mapper.component_of(l.newer) == component)
             .filter_map(|l| Some([position(l.older)?, position(l.newer)?]))
             .collect();
         Ok(plot_trajectories(&Plot {
             title,
-            estimate: &lines(trajectory),
+            estimate: &parts.lines,
             live: &[],
             truth: &truth,
             map: &returns(mapper),
             loops: &loops,
+            apart: &parts.apart,
         })?)
     }
 }
@@ -230,13 +235,6 @@ fn too_wide(name: &str) -> String {
     format!(
         "{name}: the map has more cells than a picture may have; a larger grid.cell_size_m makes fewer"
     )
-}
-
-/// The positions, one line for each frame.
-pub fn lines(trajectory: &Trajectory) -> Vec<Vec<[f64; 2]>> {
-    let lines = trajectory.poses().chunk_by(|a, b| a.frame == b.frame);
-    let line = |poses: &[TrajectoryPose]| poses.iter().map(TrajectoryPose::position_m).collect();
-    lines.map(line).collect()
 }
 
 /// Removes a file, if there is one.

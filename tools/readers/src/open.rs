@@ -70,7 +70,7 @@ fn ros_source(
             found.unwrap_or_else(|| "a folder without radar images or bag files".to_owned());
         return Err(not_recognised(path, found));
     }
-    let source = RosSource::open(recording, unpacked, path, options)?;
+    let source = RosSource::open(Box::new(recording), unpacked, path, options)?;
     Ok(Box::new(InOrder::new(source)))
 }
 

@@ -4,6 +4,7 @@ mod cloud;
 pub(crate) mod compressed;
 pub(crate) mod imu;
 mod laser_scan;
+mod live;
 mod merged;
 pub(crate) mod navtech;
 pub(crate) mod polar;
@@ -18,6 +19,7 @@ mod wire;
 #[cfg(test)]
 pub(crate) use cloud::Point;
 pub(crate) use cloud::{Cloud, UNKNOWN_INTENSITY};
+pub use live::LiveRos;
 pub(crate) use merged::Merged;
 #[cfg(test)]
 pub(crate) use recording::RadarKind;

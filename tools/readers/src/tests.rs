@@ -5,6 +5,7 @@ mod damage;
 mod data_sets;
 mod layouts;
 mod learning;
+mod live;
 mod mounting;
 mod navtech;
 mod oxford;

@@ -62,27 +62,6 @@ impl Merged {
         &self.unreadable
     }
 
-    /// Leaves the messages of other channels out, and reads these in the order of recording.
-    pub fn select(&mut self, wanted: &[usize]) {
-        let channels = self.channels.iter().enumerate();
-        let choice = channels.map(|(index, channel)| match channel.kind {
-            Kind::Transforms | Kind::RadarConfiguration => (true, false),
-            _ => (wanted.contains(&index), wanted.contains(&index)),
-        });
-        self.wanted = choice.collect();
-    }
-
-    /// The first message of each of these channels, as far as there is one.
-    pub fn first_messages(&self, channels: &[usize]) -> Vec<Option<Vec<u8>>> {
-        let mut found = vec![None; channels.len()];
-        for part in &self.parts {
-            if found.iter().any(Option::is_none) {
-                part.find_first(self.open, channels, &mut found);
-            }
-        }
-        found
-    }
-
     /// The part and reader that have the message recorded first; opens parts whose time has come.
     fn earliest(&mut self, counters: &mut Counters) -> Result<Option<(usize, usize)>, Error> {
         loop {
@@ -111,6 +90,26 @@ impl Recording for Merged {
 
     fn static_transforms(&self) -> &[Vec<u8>] {
         &self.transforms
+    }
+
+    /// The wanted ones are read in the order of recording.
+    fn select(&mut self, wanted: &[usize]) {
+        let channels = self.channels.iter().enumerate();
+        let choice = channels.map(|(index, channel)| match channel.kind {
+            Kind::Transforms | Kind::RadarConfiguration => (true, false),
+            _ => (wanted.contains(&index), wanted.contains(&index)),
+        });
+        self.wanted = choice.collect();
+    }
+
+    fn first_messages(&self, channels: &[usize]) -> Vec<Option<Vec<u8>>> {
+        let mut found = vec![None; channels.len()];
+        for part in &self.parts {
+            if found.iter().any(Option::is_none) {
+                part.find_first(self.open, channels, &mut found);
+            }
+        }
+        found
     }
 
     fn close(&mut self, counters: &mut Counters) {

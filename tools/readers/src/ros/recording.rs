@@ -105,4 +105,17 @@ pub(crate) trait Recording {
 
     /// The messages of static transforms, wherever they are in the recording.
     fn static_transforms(&self) -> &[Vec<u8>];
+
+    /// Leaves the messages of other channels out, where that saves time.
+    fn select(&mut self, _wanted: &[usize]) {}
+
+    /// The first message of each of these channels, as far as it is known.
+    fn first_messages(&self, channels: &[usize]) -> Vec<Option<Vec<u8>>> {
+        vec![None; channels.len()]
+    }
+
+    /// Whether more may come where there is no message now.
+    fn is_live(&self) -> bool {
+        false
+    }
 }

@@ -4,7 +4,6 @@ mod decoded;
 mod event;
 mod learn;
 
-use super::Merged;
 use super::decode_transforms;
 use super::navtech::{Configuration, FftTurn};
 use super::recording::{Channel, Kind, RadarKind, Recording};
@@ -26,7 +25,7 @@ use tempfile::TempPath;
 /// A bag of any format that is being read. Its fields are the recording, the topics that matter,
 /// what was learned of them, and what was counted.
 pub(crate) struct RosSource {
-    recording: Merged,
+    recording: Box<dyn Recording>,
     /// Files that were decompressed for it; they go away with it.
     _unpacked: Vec<TempPath>,
     channels: Vec<Channel>,
@@ -57,7 +56,7 @@ pub(crate) struct RosSource {
 impl RosSource {
     /// Chooses the topics, reads the first sweeps and learns from them.
     pub fn open(
-        mut recording: Merged,
+        mut recording: Box<dyn Recording>,
         unpacked: Vec<TempPath>,
         path: &Path,
         options: &Options,
@@ -67,7 +66,7 @@ impl RosSource {
         let channels = recording.channels().to_vec();
         let first = channels.first();
         let encoding = first.map_or(Encoding::Ros1, |channel| channel.encoding);
-        let radar = choose_radar(&recording, options, path, &mut counters);
+        let radar = choose_radar(recording.as_ref(), options, path, &mut counters);
         let radar = match (radar, options.radar_required) {
             (Err(Error::NotDecoded { .. }), false) => None,
             (radar, _) => radar?,
@@ -144,11 +143,20 @@ impl RosSource {
         Ok(source)
     }
 
+    /// Whether there were sweeps to learn from.
+    pub fn has_learned(&self) -> bool {
+        let mut waiting = self.waiting.iter();
+        waiting.any(|(decoded, _)| matches!(decoded, Decoded::Cloud(_) | Decoded::Polar(..)))
+    }
+
     /// The next message of a topic that matters, with when it was recorded; malformed ones are
     /// counted and stepped over.
     fn decode_next(&mut self) -> Result<Option<(Decoded, i64)>, Error> {
         loop {
             let Some(raw) = self.recording.next_message(&mut self.counters)? else {
+                if self.recording.is_live() {
+                    return Ok(None);
+                }
                 self.recording.close(&mut self.counters);
                 let turn = self.navtech.map(|navtech| navtech.encoder_turn);
                 let last = self

@@ -1,7 +1,7 @@
 //! Which topics of a recording are used.
 
+use super::Cloud;
 use super::recording::{Channel, Kind, RadarKind};
-use super::{Cloud, Merged};
 use crate::polar_image::PolarImage;
 use crate::ros::navtech::{BScan, Fft};
 use crate::ros::polar::RosImage;
@@ -26,7 +26,7 @@ type Rank = (u8, bool, u64);
 /// The radar's topic: the one asked for, or the best of those whose first message can be decoded.
 /// Also gives why the first message of none can be.
 pub(super) fn choose_radar(
-    recording: &Merged,
+    recording: &dyn Recording,
     options: &Options,
     path: &Path,
     counters: &mut Counters,

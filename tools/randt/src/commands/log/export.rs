@@ -3,7 +3,6 @@
 mod csv;
 mod foxglove;
 mod layout;
-mod ros;
 mod ros1;
 mod ros2;
 mod tum;

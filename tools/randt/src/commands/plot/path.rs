@@ -3,9 +3,10 @@
 
 use super::Picture;
 use super::recording::{Recording, Sketch};
+use crate::components::Components;
 use crate::final_poses::{Knot, carry_into_map};
-use crate::results::{lines, thinned_returns};
-use randt_evaluation::{Plot, plot_trajectories, truth_on_estimate};
+use crate::results::thinned_returns;
+use randt_evaluation::{Plot, TrajectoryPose, plot_trajectories, truth_on_estimate};
 use randt_geometry::Pose2;
 use randt_messages::OdometryState;
 use std::collections::BTreeMap;
@@ -22,29 +23,37 @@ pub fn draw(recording: &Recording, title: &str) -> anyhow::Result<Picture> {
     knots.sort_by_key(|knot| knot.key);
     let states: Vec<OdometryState> = recording.states.iter().map(|(_, state)| *state).collect();
     let trajectory = carry_into_map(&states, &knots);
+    let largest = largest_component(&keyframes);
+    let parts = Components::from_trajectory(&trajectory, largest.unwrap_or_default());
+    let truth = match trajectory.poses() {
+        [] => truth
+            .poses()
+            .iter()
+            .map(TrajectoryPose::position_m)
+            .collect(),
+        _ if truth.poses().is_empty() => Vec::new(),
+        _ => truth_on_estimate(&parts.shown, truth)?,
+    };
     let loops = recording.graph.loops();
+    let loops = loops.filter(|(_, ends)| ends.iter().all(|node| node.b == parts.component));
     let loops = loops.map(|(_, ends)| ends.map(|node| [node.pose[0], node.pose[1]]));
     let loops: Vec<[[f64; 2]; 2]> = loops.collect();
-    let truth = match trajectory.poses() {
-        [] => lines(truth).concat(),
-        _ if truth.poses().is_empty() => Vec::new(),
-        _ => truth_on_estimate(&trajectory, truth)?,
-    };
     Ok(Ok(plot_trajectories(&Plot {
         title: &match (trajectory.poses(), recording.graph.nodes().next()) {
             ([], _) => format!("{title} (the truth alone)"),
             (_, None) => format!("{title} (odometry, without a map)"),
             _ => title.to_owned(),
         },
-        estimate: &lines(&trajectory),
+        estimate: &parts.lines,
         // Where there is a final path to compare it with.
         live: &match trajectory.poses() {
             [] => Vec::new(),
-            _ => lines(&recording.live),
+            _ => Components::from_trajectory(&recording.live, parts.component).lines,
         },
         truth: &truth,
-        map: &returns(&keyframes),
+        map: &returns(&keyframes, parts.component),
         loops: &loops,
+        apart: &parts.apart,
     })?))
 }
 
@@ -86,15 +95,19 @@ fn keyframes(recording: &Recording) -> Vec<MapKeyframe<'_>> {
     recording.keyframes.iter().filter_map(keyframe).collect()
 }
 
-/// Returns of the largest component, thinned out: components share no frame.
-fn returns(keyframes: &[MapKeyframe<'_>]) -> Vec<[f64; 2]> {
+/// The component of most keyframes.
+fn largest_component(keyframes: &[MapKeyframe<'_>]) -> Option<u64> {
     let mut sizes: BTreeMap<u64, usize> = BTreeMap::new();
     for keyframe in keyframes {
         *sizes.entry(keyframe.component).or_default() += 1;
     }
-    let largest = sizes.iter().max_by_key(|(_, size)| **size);
-    let largest = largest.map(|(component, _)| *component);
-    let chosen = keyframes.iter().filter(|it| Some(it.component) == largest);
+    let largest = sizes.into_iter().max_by_key(|(_, size)| *size);
+    largest.map(|(component, _)| component)
+}
+
+/// Returns of a component, thinned out: components share no frame.
+fn returns(keyframes: &[MapKeyframe<'_>], component: u64) -> Vec<[f64; 2]> {
+    let chosen = keyframes.iter().filter(|it| it.component == component);
     let chosen = chosen.map(|it| (&it.map, it.sketch.points.as_slice()));
     thinned_returns(chosen, 1, |point| *point)
 }

@@ -3,7 +3,7 @@
 use super::RosSource;
 use super::decoded::Decoded;
 use crate::ros::decode_transforms;
-use crate::ros::recording::{Kind, RadarKind, Recording};
+use crate::ros::recording::{Kind, RadarKind};
 use crate::ros::stamp_check::StampCheck;
 use crate::ros::transform::Tree;
 use crate::ros::wire::Encoding;

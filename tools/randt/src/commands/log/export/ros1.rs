@@ -1,7 +1,7 @@
 //! A ROS 1 bag (format 2.0), with its indices.
 
-use super::ros::{Message, TOPICS, Translator};
 use crate::output::temporary_name;
+use crate::ros_topics::{Message, TOPICS, Translator};
 use crate::units::count;
 use anyhow::Context;
 use randt_log::LogReader;

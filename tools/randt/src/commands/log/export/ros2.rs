@@ -1,7 +1,7 @@
 //! A ROS 2 bag: a folder with an MCAP file of CDR messages, and the metadata that rosbag2 needs.
 
-use super::ros::{Message, TOPICS, Topic, Translator};
 use crate::output::{finish, write_whole};
+use crate::ros_topics::{Message, TOPICS, Topic, Translator};
 use crate::units::count;
 use anyhow::Context;
 use randt_log::{Channel, ChannelId, Compression, LogFile, LogReader, Options, RecordHeader};

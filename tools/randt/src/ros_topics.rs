@@ -4,33 +4,41 @@
 use randt_foxglove_schemas::{Graph, Pace, Tiles};
 use randt_log::{Entry, Robot};
 use randt_messages::{
-    Correction, ImuSampleTopic, MapperCorrection, MapperGraph, MapperGrid, MessageRef,
-    OdometryState, OdometryStateTopic, RadarScan, StageHealthTopic,
+    Correction, Header, ImuSampleTopic, MapperCorrection, MapperGraph, MapperGrid, MessageRef,
+    OdometryState, OdometryStateTopic, RadarPoints, RadarScan, Return, StageHealth,
+    StageHealthTopic, SweepHead,
 };
 use randt_ros_messages::{
-    CLOUD, DIAGNOSTICS, Definition, IMU_SAMPLE, OCCUPANCY_GRID, ODOMETRY, PATH, Style, TRANSFORMS,
-    Transform, cloud, diagnostics, directions, imu_sample, occupancy_grid, odometry, path,
-    transforms,
+    CLOUD, DIAGNOSTICS, Definition, IMU_SAMPLE, OCCUPANCY_GRID, ODOMETRY, PATH, POSE_ARRAY, Style,
+    TRANSFORMS, Transform, cloud, diagnostics, directions, imu_sample, occupancy_grid, odometry,
+    path, pose_array, transforms,
 };
 
 /// One message of ROS.
 #[derive(Debug)]
 pub struct Message {
+    /// One of [`TOPICS`] or [`LIVE_TOPICS`].
     pub topic: &'static str,
+    /// The sensor's.
     pub stamp_ns: i64,
+    /// As ROS serialises it.
     pub bytes: Vec<u8>,
 }
 
 /// A topic of the bags.
 #[derive(Clone, Copy, Debug)]
 pub struct Topic {
+    /// Name.
     pub name: &'static str,
+    /// Type.
     pub kind: Definition,
     /// Whether who subscribes late gets the last message: what is said once, or seldom.
     pub is_latched: bool,
 }
 
 const RETURNS: &str = "/radar/returns";
+/// Live the returns that the filter has left: a robot has those of its radar already.
+const POINTS: &str = "/radar/points";
 const IMU: &str = "/imu/data";
 const STATES: &str = "/odometry";
 const FRAMES: &str = "/tf";
@@ -38,8 +46,10 @@ const MOUNTING: &str = "/tf_static";
 const MAP: &str = "/map";
 const KEYFRAMES: &str = "/path";
 const HEALTH: &str = "/diagnostics";
+/// The path's poses, which in a bag would say the same twice.
+const POSES: &str = "/keyframes";
 
-/// All of them.
+/// Those of a log.
 pub const TOPICS: [Topic; 8] = [
     topic(RETURNS, CLOUD, false),
     topic(IMU, IMU_SAMPLE, false),
@@ -49,6 +59,18 @@ pub const TOPICS: [Topic; 8] = [
     topic(MAP, OCCUPANCY_GRID, true),
     topic(KEYFRAMES, PATH, true),
     topic(HEALTH, DIAGNOSTICS, false),
+];
+
+/// Those of a running pipeline: what others would call the same is below `/randt`.
+pub const LIVE_TOPICS: [(Topic, &str); 8] = [
+    (topic(POINTS, CLOUD, false), "/randt/radar/points"),
+    (topic(STATES, ODOMETRY, false), "/randt/odometry"),
+    (topic(FRAMES, TRANSFORMS, false), "/tf"),
+    (topic(MOUNTING, TRANSFORMS, true), "/tf_static"),
+    (topic(MAP, OCCUPANCY_GRID, true), "/randt/map"),
+    (topic(KEYFRAMES, PATH, true), "/randt/path"),
+    (topic(POSES, POSE_ARRAY, true), "/randt/keyframes"),
+    (topic(HEALTH, DIAGNOSTICS, false), "/diagnostics"),
 ];
 
 const fn topic(name: &'static str, kind: Definition, is_latched: bool) -> Topic {
@@ -83,6 +105,7 @@ pub struct Translator {
 }
 
 impl Translator {
+    /// Nothing has come yet. `robot`: where the sensors sit.
     pub fn new(style: Style, robot: Robot) -> Self {
         let pace = Pace::new(PERIOD_NS, BYTES_PER_SECOND);
         Self {
@@ -100,13 +123,18 @@ impl Translator {
 
     /// What a message becomes; the mounting stands before all else.
     pub fn translate(&mut self, entry: &Entry<'_>) -> Result<Vec<Message>, randt_log::Error> {
-        let mut messages = self.translate_one(entry)?;
+        let messages = self.translate_one(entry)?;
+        Ok(self.with_mounting(messages))
+    }
+
+    /// The mounting, if it has not been given out, and then these.
+    pub fn with_mounting(&mut self, mut messages: Vec<Message>) -> Vec<Message> {
         if let Some(stamp_ns) = messages.first().map(|first| first.stamp_ns)
             && let Some(robot) = self.robot.take()
         {
             messages.insert(0, self.mounting(&robot, stamp_ns));
         }
-        Ok(messages)
+        messages
     }
 
     /// The log is over: what was held back for its size is written as it is at last.
@@ -123,38 +151,76 @@ impl Translator {
 
     fn translate_one(&mut self, entry: &Entry<'_>) -> Result<Vec<Message>, randt_log::Error> {
         if let Some(scan) = entry.decode::<RadarScan>()? {
-            return Ok(vec![self.cloud(scan.as_ref())]);
+            let scan = scan.as_ref();
+            return Ok(vec![self.cloud(
+                RETURNS,
+                scan.head.header,
+                &scan.head.sweep,
+                scan.items,
+            )]);
         }
         if let Some(sample) = entry.decode::<ImuSampleTopic>()? {
             let bytes = imu_sample(self.style, &sample.head);
             return Ok(vec![message(IMU, sample.head.header.stamp_ns, bytes)]);
         }
         if let Some(health) = entry.decode::<StageHealthTopic>()? {
-            let bytes = diagnostics(self.style, &health.head);
-            return Ok(vec![message(HEALTH, health.head.header.stamp_ns, bytes)]);
+            return Ok(vec![self.health(&health.head)]);
         }
         if let Some(correction) = entry.decode::<MapperCorrection>()? {
-            self.correction = Some(*correction.head);
+            self.take_correction(&correction.head);
         } else if let Some(page) = entry.decode::<MapperGraph>()? {
-            let before = self.graph.version();
-            if self.graph.take(page.as_ref()) && before != self.graph.version() {
-                self.graph_pace.change();
-            }
+            self.take_graph(page.as_ref());
         } else if let Some(tile) = entry.decode::<MapperGrid>()? {
-            self.tiles.take(tile);
-            self.grid_pace.change();
+            self.take_tile(tile);
         }
-        match entry.decode::<OdometryStateTopic>()? {
-            // A stage that came back sends its last states again.
-            Some(state) if self.last_state.is_none_or(|last| state.head.id > last) => {
-                self.last_state = Some(state.head.id);
-                self.stamp_ns = state.head.header.stamp_ns;
-                let mut messages = self.state(&state.head);
-                messages.extend(self.drawings(entry.time_ns));
-                Ok(messages)
-            }
-            _ => Ok(Vec::new()),
+        let state = entry.decode::<OdometryStateTopic>()?;
+        Ok(state.map_or_else(Vec::new, |state| {
+            self.take_state(&state.head, entry.time_ns)
+        }))
+    }
+
+    /// Takes where the mapper places odometry's frame.
+    pub fn take_correction(&mut self, correction: &Correction) {
+        self.correction = Some(*correction);
+    }
+
+    /// Takes a page of the graph.
+    pub fn take_graph(&mut self, page: MessageRef<'_, MapperGraph>) {
+        let before = self.graph.version();
+        if self.graph.take(page) && before != self.graph.version() {
+            self.graph_pace.change();
         }
+    }
+
+    /// Takes a tile of the grid.
+    pub fn take_tile(&mut self, tile: randt_messages::Message<MapperGrid>) {
+        self.tiles.take(tile);
+        self.grid_pace.change();
+    }
+
+    /// A state, once, with path and map where they are due at the instant at which it came.
+    pub fn take_state(&mut self, state: &OdometryState, now_ns: i64) -> Vec<Message> {
+        // A stage that came back sends its last states again.
+        if self.last_state.is_some_and(|last| state.id <= last) {
+            return Vec::new();
+        }
+        self.last_state = Some(state.id);
+        self.stamp_ns = state.header.stamp_ns;
+        let mut messages = self.state(state);
+        messages.extend(self.drawings(now_ns));
+        messages
+    }
+
+    /// How a stage is.
+    pub fn health(&self, health: &StageHealth) -> Message {
+        let bytes = diagnostics(self.style, health);
+        message(HEALTH, health.header.stamp_ns, bytes)
+    }
+
+    /// What the filter has left of a sweep.
+    pub fn points(&self, points: MessageRef<'_, RadarPoints>) -> Message {
+        let head = points.head;
+        self.cloud(POINTS, head.header, &head.sweep, points.items)
     }
 
     /// Where the sensors sit; unknown mountings are none.
@@ -168,17 +234,22 @@ impl Translator {
         )
     }
 
-    fn cloud(&self, scan: MessageRef<'_, RadarScan>) -> Message {
-        let header = scan.head.header;
-        let directions = directions(&scan.head.sweep);
-        let points = scan.items.iter().filter_map(|point| {
+    fn cloud(
+        &self,
+        topic: &'static str,
+        header: Header,
+        sweep: &SweepHead,
+        returns: &[Return],
+    ) -> Message {
+        let directions = directions(sweep);
+        let points = returns.iter().filter_map(|point| {
             let (sine, cosine) = directions.get(usize::from(point.beam))?;
             let range_m = f64::from(point.range_m);
             let [x_m, y_m] = [cosine, sine].map(|direction| (range_m * direction) as f32);
             Some([x_m, y_m, point.intensity])
         });
         let bytes = cloud(self.style, header.sequence, header.stamp_ns, points);
-        message(RETURNS, header.stamp_ns, bytes)
+        message(topic, header.stamp_ns, bytes)
     }
 
     fn state(&self, state: &OdometryState) -> Vec<Message> {
@@ -210,12 +281,20 @@ impl Translator {
     }
 
     /// The keyframes of the component of the map that the newest one belongs to.
-    fn path(&self) -> Option<Message> {
-        let component = self.graph.nodes().next_back()?.b;
+    fn path(&self) -> Vec<Message> {
+        let newest = self.graph.nodes().next_back();
+        let Some(component) = newest.map(|node| node.b) else {
+            return Vec::new();
+        };
         let nodes = self.graph.nodes().filter(|node| node.b == component);
         let poses: Vec<_> = nodes.map(|node| (node.stamp_ns, node.pose)).collect();
-        let bytes = path(self.style, self.stamp_ns, &poses);
-        Some(message(KEYFRAMES, self.stamp_ns, bytes))
+        let path = path(self.style, self.stamp_ns, &poses);
+        let poses = poses.iter().map(|(_, pose)| *pose);
+        let poses = pose_array(self.style, self.stamp_ns, poses);
+        vec![
+            message(KEYFRAMES, self.stamp_ns, path),
+            message(POSES, self.stamp_ns, poses),
+        ]
     }
 
     fn map(&self) -> Option<Message> {

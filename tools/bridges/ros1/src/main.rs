@@ -1,0 +1,110 @@
+//! `randt-ros1`: topics of ROS 1 to the pipeline's, and the pipeline's to ROS 1's, as a process.
+
+mod frame;
+mod inward;
+mod node;
+mod outward;
+
+use clap::Parser;
+use inward::Inward;
+use node::Node;
+use outward::{Outward, announcements};
+use randt::input::InputOptions;
+use randt_config::Config;
+use randt_geometry::Quaternion;
+use randt_log::Robot;
+use randt_messages::SensorKind;
+use randt_stage::{StageArguments, Waitable, WakeReason, ended, parse};
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// How often a node that has ended is looked after.
+const TEND: Duration = Duration::from_millis(250);
+
+/// Among ROS 1's nodes: takes sweeps, IMU samples and twists from its topics, and gives poses,
+/// frames, path, grid, filtered sweeps and health.
+///
+/// Needs rospy of this machine's ROS, such as Debian's python3-rospy with python3-sensor-msgs,
+/// python3-nav-msgs, python3-tf2-msgs and python3-diagnostic-msgs, and finds the master as every
+/// node does (ROS_MASTER_URI, ROS_IP). A master or a node that ends is waited for.
+#[derive(Debug, Parser)]
+#[command(name = "randt-ros1", max_term_width = 100)]
+struct Arguments {
+    /// The Python that has rospy
+    #[arg(long, value_name = "PROGRAM", default_value = "/usr/bin/python3")]
+    python: PathBuf,
+    #[command(flatten)]
+    input: InputOptions,
+    #[command(flatten)]
+    stage: StageArguments,
+}
+
+fn main() -> ExitCode {
+    ended("ros1", run(&parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let config = arguments.stage.selection.load(None)?.config;
+    let options = arguments.input.options();
+    let inputs = [
+        &options.radar_topic,
+        &options.imu_topic,
+        &options.twist_topic,
+    ];
+    let mut topics: Vec<String> = inputs.into_iter().flatten().cloned().collect();
+    let mut stage = arguments.stage.open("ros1")?;
+    stage.expect_sensor(&config.sensor);
+    let selection = &arguments.stage.selection;
+    stage.follow_configuration(selection, &config, &["robot", "sensor"], None);
+    let mut inward = match topics.is_empty() {
+        // Drivers publish the same topics.
+        true => None,
+        false => Some(Inward::open(&mut stage, options)?),
+    };
+    topics.extend(inward.is_some().then(|| "/tf_static".to_owned()));
+    let mut outward = Outward::open(&mut stage, mounting(&config))?;
+    // Of two nodes of one name the master ends the older one.
+    let name = format!("{}_ros1", stage.domain().prefix());
+    let mut node = Node::new(arguments.python.clone(), &name, topics, announcements());
+    stage.running()?;
+    loop {
+        node.tend();
+        let mut refused = None;
+        for frame in node.received() {
+            if let Some(inward) = &mut inward
+                && let Err(error) = inward.take(frame)
+            {
+                refused = Some(format!("{error:#}"));
+            }
+        }
+        outward.send(&mut node, stage.clock().now_ns())?;
+        let (lost, first) = inward.as_ref().map_or((0, None), Inward::lost);
+        let unsent = (node.unsent > 0).then(|| format!("{} messages not sent", node.unsent));
+        let status = refused.or(node.problem.clone()).or(first).or(unsent);
+        stage.set_status(&status.unwrap_or_default(), lost + node.unsent);
+        let differs = inward.as_ref().and_then(|it| it.mounting(&config.robot));
+        stage.set_remark(&differs.unwrap_or_default());
+
+        let descriptor = node.descriptor()?;
+        let mut on: Vec<&dyn Waitable> = outward.waitables().to_vec();
+        on.extend(descriptor.iter().map(|it| it as &dyn Waitable));
+        if stage.wait(&on, Some(TEND))? == WakeReason::Stop {
+            break;
+        }
+    }
+    node.stop();
+    Ok(stage.close()?)
+}
+
+/// Where the sensors sit, as ROS gets it.
+fn mounting(config: &Config) -> Robot {
+    let it = &config.robot;
+    let imu = Quaternion::from_roll_pitch_yaw(it.imu_roll_rad, it.imu_pitch_rad, it.imu_yaw_rad);
+    Robot {
+        sensor: SensorKind::Unknown,
+        radar: Some([it.radar_x_m, it.radar_y_m, it.radar_yaw_rad]),
+        imu: Some(imu.to_array()),
+    }
+}
