@@ -68,7 +68,13 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
 const USERS: &[(&str, &[&str])] = &[
     (
         "anyhow",
-        &["randt", "randt-examples", "randt-lab", "randt-python"],
+        &[
+            "randt",
+            "randt-examples",
+            "randt-lab",
+            "randt-python",
+            "randt-ros1",
+        ],
     ),
     ("base64", &["randt-view"]),
     ("bzip2", &["randt-readers"]),
@@ -86,6 +92,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-python",
             "randt-radar",
             "randt-recorder",
+            "randt-ros1",
             "randt-stage",
             "randt-view",
         ],
@@ -116,6 +123,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-imu",
             "randt-radar",
             "randt-recorder",
+            "randt-ros1",
             "randt-stage",
         ],
     ),
