@@ -111,9 +111,9 @@ impl Drop for Ros {
         for child in 0..self.children.len() {
             self.end(child);
         }
-        // roscore's own children, which a killed one leaves.
-        let name = format!("{}", self.port);
-        let _ = Command::new("pkill").args(["-9", "-f", &name]).status();
+        // roscore's own children, which a killed one leaves: their logs are in its folder.
+        let mut kill = Command::new("pkill");
+        let _ = kill.args(["-9", "-f"]).arg(self.folder.path()).status();
     }
 }
 
