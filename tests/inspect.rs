@@ -1,7 +1,7 @@
 //! `randt inspect` as a user calls it, and a drive in several logs.
 
 use crate::support::corrupt_inputs::checked;
-use crate::support::drive;
+use crate::support::{drive, ended, randt};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -84,4 +84,11 @@ fn a_mission_of_several_logs_is_computed_as_one_drive() {
     fs::write(mission.join("logs/1.mcap"), b"").unwrap();
     let without = checked(&mission, &[]);
     assert_eq!((without.code(), without.counter("logs_unreadable")), (3, 1));
+    let mut plot = randt(&["plot"]);
+    plot.arg(&mission)
+        .arg("--out")
+        .arg(folder.path().join("plots"));
+    let plot = ended(plot);
+    assert_eq!(plot.code, Some(3), "{}", plot.stderr);
+    assert!(plot.stderr_contains("1.mcap"), "{}", plot.stderr);
 }

@@ -3,6 +3,7 @@
 use crate::support::pipeline::{Pipeline, until};
 use crate::support::stages::program;
 use crate::support::{Ended, ended, randt, recording, report, run, tum};
+use serde_json::Value;
 use std::fs::{self, File};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
@@ -115,6 +116,16 @@ impl Drop for Ros {
         let mut kill = Command::new("pkill");
         let _ = kill.args(["-9", "-f"]).arg(self.folder.path()).status();
     }
+}
+
+/// What `randt top` says of the stage.
+fn health(pipeline: &Pipeline) -> Value {
+    let top = pipeline.randt(&["top", "--once", "--json"]);
+    good(&top);
+    let top: Value = serde_json::from_str(&top.stdout).unwrap();
+    let stages = top["stages"].as_array().unwrap();
+    let found = stages.iter().find(|stage| stage["name"] == "ros1");
+    found.unwrap().clone()
 }
 
 fn good(ended: &Ended) {
@@ -253,6 +264,27 @@ fn whatever_ends_is_heard_of_again() {
         assert!(back < BACK_MAX + Duration::from_secs(1), "{back:?}");
     }
 
+    // A node that stands holds nothing up.
+    let of_bridge = ["-P", &ros.children[bridge].id().to_string()].map(str::to_owned);
+    let signal = |signal: &str| {
+        let mut pkill = Command::new("pkill");
+        assert!(
+            pkill
+                .arg(signal)
+                .args(&of_bridge)
+                .status()
+                .unwrap()
+                .success()
+        );
+    };
+    signal("-STOP");
+    std::thread::sleep(Duration::from_secs(3));
+    let health = health(&pipeline);
+    assert_eq!(health["state"], "running", "{health}");
+    signal("-CONT");
+    let before = ros.rows("first");
+    until("health after the stop", || ros.rows("first") > before + 1);
+
     // The master, which forgets all nodes.
     ros.end(0);
     let port = format!("{}", ros.port);
@@ -263,4 +295,30 @@ fn whatever_ends_is_heard_of_again() {
     ros.start_core();
     listen(&mut ros, "second");
     assert!(ros.children[bridge].try_wait().unwrap().is_none());
+}
+
+#[test]
+fn what_does_not_come_and_what_is_no_radar_is_named() {
+    let Some(mut ros) = Ros::start() else {
+        return;
+    };
+    let mut pipeline = Pipeline::new("named");
+    pipeline.stage("filter");
+    ros.bridge(
+        &pipeline,
+        &["--radar-topic", "/radar", "--imu-topic", "/imu"],
+    );
+    let message = |pipeline: &Pipeline| health(pipeline)["message"].to_string();
+    let silent = "no message on /radar for more than 2 s";
+    until("the silent topic", || message(&pipeline).contains(silent));
+    for (name, topic, type_name) in [
+        ("imu", "/imu", "sensor_msgs/Imu"),
+        ("radar", "/radar", "std_msgs/String"),
+    ] {
+        let publish = ros.command("/usr/bin/rostopic", &["pub", "-r", "5", topic, type_name]);
+        ros.spawn(name, publish);
+    }
+    let other = "/radar is std_msgs/String";
+    until("the other type", || message(&pipeline).contains(other));
+    assert!(health(&pipeline)["lost"].as_u64().unwrap() > 0);
 }

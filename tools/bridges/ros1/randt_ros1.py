@@ -3,8 +3,9 @@ these go to the standard output, and messages from the standard input to topics 
 when its master does, and is started anew.
 
 A frame, both ways, little-endian: the length of what follows (u32), flags (u8: 1 latched, 2 an
-announcement of a topic whose messages are to come), topic and type (each a length, u8, and UTF-8), nanoseconds (i64: when it came, or its stamp), and
-the message as ROS 1 serialises it.
+announcement of a topic whose messages are to come, or of the node itself), topic and type (each a
+length, u8, and UTF-8), nanoseconds (i64: when it came, or its stamp), and the message as ROS 1
+serialises it.
 """
 
 import os
@@ -13,6 +14,7 @@ import struct
 import sys
 import threading
 import time
+import traceback
 
 import rosgraph
 import rospy
@@ -31,9 +33,9 @@ lock = threading.Lock()
 is_ready = threading.Event()
 
 
-def send(topic, type_name, arrival_ns, data):
+def send(flags, topic, type_name, arrival_ns, data):
     """Writes a frame; where nobody reads any more the node ends."""
-    head = struct.pack("<B", 0)
+    head = struct.pack("<B", flags)
     for text in (topic.encode(), type_name.encode()):
         head += struct.pack("<B", len(text)) + text
     head += struct.pack("<q", arrival_ns)
@@ -52,7 +54,7 @@ def forward(topic):
         header = message._connection_header
         # What this node publishes comes back to it.
         if header.get("callerid") != NAME:
-            send(topic, header["type"], time.time_ns(), message._buff)
+            send(0, topic, header["type"], time.time_ns(), message._buff)
 
     rospy.Subscriber(topic, rospy.AnyMsg, callback, buff_size=BUFFER_BYTES, tcp_nodelay=True)
 
@@ -97,6 +99,12 @@ def publish(stream):
         waiting.clear()
 
 
+def end(failure):
+    """Half a node is none: it says why and is started anew."""
+    traceback.print_exception(failure.exc_type, failure.exc_value, failure.exc_traceback)
+    os._exit(4)
+
+
 def watch():
     """A master that has gone, or was started anew, does not know this node."""
     master, known = rosgraph.Master(NAME), None
@@ -113,6 +121,7 @@ def watch():
 
 def main():
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.excepthook = end
     # Also while it waits for its master.
     threading.Thread(target=publish, args=(sys.stdin.buffer,), daemon=True).start()
     rospy.init_node(NAME[1:], argv=[], disable_signals=True)
@@ -120,6 +129,7 @@ def main():
     threading.Thread(target=watch, daemon=True).start()
     for topic in sys.argv[2:]:
         forward(topic)
+    send(2, "", "", time.time_ns(), b"")
     rospy.spin()
     # Another node has taken the name.
     os._exit(3)

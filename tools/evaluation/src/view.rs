@@ -149,22 +149,27 @@ impl Extent {
         self.size()[0].max(self.size()[1])
     }
 
-    /// Moves components to the right of this, one below the other from its top on.
+    /// Moves components to the right of this: one below the other from its top on, and in another
+    /// column where they would lie below its bottom.
     fn place_apart(&self, components: &[Vec<Vec<[f64; 2]>>]) -> Vec<Vec<[f64; 2]>> {
         let gap_m = (self.longer() * APART).max(APART_MIN_M);
-        let mut top_m = self.most[1];
+        let [mut left_m, mut top_m] = [self.most[0] + gap_m, self.most[1]];
+        let mut widest_m: f64 = 0.0;
         let mut placed = Vec::new();
         for lines in components {
             let mut extent = Self::default();
             lines.iter().flatten().for_each(|p| extent.add(*p));
             let extent = extent.or_origin();
-            let by_m = [
-                self.most[0] + gap_m - extent.least[0],
-                top_m - extent.most[1],
-            ];
+            let [width_m, height_m] = extent.size();
+            if top_m < self.most[1] && top_m - height_m < self.least[1] {
+                (left_m, top_m) = (left_m + widest_m + gap_m, self.most[1]);
+                widest_m = 0.0;
+            }
+            widest_m = widest_m.max(width_m);
+            let by_m = [left_m - extent.least[0], top_m - extent.most[1]];
             let moved = |p: &[f64; 2]| [p[0] + by_m[0], p[1] + by_m[1]];
             placed.extend(lines.iter().map(|line| line.iter().map(moved).collect()));
-            top_m -= extent.size()[1] + gap_m;
+            top_m -= height_m + gap_m;
         }
         placed
     }
@@ -222,6 +227,26 @@ mod tests {
         ];
         assert_eq!(view.apart, placed);
         assert!(view.x_m.end > 40.0);
+    }
+
+    #[test]
+    fn many_components_apart_do_not_hide_the_rest() {
+        let apart: Vec<_> = (0..80)
+            .map(|_| vec![vec![[0.0, 0.0], [1.0, 1.0]]])
+            .collect();
+        let view = View::from_plot(&Plot {
+            estimate: &[vec![[0.0, 0.0], [30.0, 20.0]]],
+            apart: &apart,
+            ..Plot::default()
+        });
+        let mut extent = Extent::default();
+        view.apart.iter().flatten().for_each(|p| extent.add(*p));
+        // Seven in a column of three metres each, twelve columns.
+        assert_eq!((extent.least[1], extent.most[1]), (1.0, 20.0));
+        assert_eq!(
+            (extent.least[0], extent.most[0]),
+            (32.0, 32.0 + 11.0 * 3.0 + 1.0)
+        );
     }
 
     #[test]

@@ -181,7 +181,11 @@ impl Translator {
 
     /// Takes where the mapper places odometry's frame.
     pub fn take_correction(&mut self, correction: &Correction) {
-        self.correction = Some(*correction);
+        let known = self.correction.replace(*correction);
+        if known.is_some_and(|known| known.graph_version > correction.graph_version) {
+            // Another drive: the map is void.
+            (self.graph, self.tiles) = (Graph::default(), Tiles::default());
+        }
     }
 
     /// Takes a page of the graph.
@@ -200,8 +204,10 @@ impl Translator {
 
     /// A state, once, with path and map where they are due at the instant at which it came.
     pub fn take_state(&mut self, state: &OdometryState, now_ns: i64) -> Vec<Message> {
-        // A stage that came back sends its last states again.
-        if self.last_state.is_some_and(|last| state.id <= last) {
+        // A stage that came back sends its last states again; one without its memory, or of another
+        // drive, counts anew.
+        let is_known = self.last_state.is_some_and(|last| state.id <= last);
+        if is_known && state.header.stamp_ns <= self.stamp_ns {
             return Vec::new();
         }
         self.last_state = Some(state.id);
@@ -309,5 +315,60 @@ fn message(topic: &'static str, stamp_ns: i64, bytes: Vec<u8>) -> Message {
         topic,
         stamp_ns,
         bytes,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use randt_messages::TILE_CELLS;
+
+    fn translator() -> Translator {
+        Translator::new(
+            Style::Ros1,
+            Robot {
+                sensor: randt_messages::SensorKind::Unknown,
+                radar: None,
+                imu: None,
+            },
+        )
+    }
+
+    fn state(id: u64, stamp_s: i64) -> OdometryState {
+        let mut state = OdometryState {
+            id,
+            ..OdometryState::default()
+        };
+        state.header.stamp_ns = stamp_s * 1_000_000_000;
+        state
+    }
+
+    #[test]
+    fn a_state_goes_once_and_those_of_another_drive_go_too() {
+        let mut translator = translator();
+        let mut sent = |id, stamp_s| !translator.take_state(&state(id, stamp_s), 0).is_empty();
+        assert!(sent(7, 10) && sent(8, 11));
+        // Again, by a stage that came back.
+        assert!(!sent(7, 10) && !sent(8, 11));
+        assert!(sent(9, 12));
+        assert!(sent(0, 13) && sent(1, 14) && !sent(1, 14));
+    }
+
+    #[test]
+    fn the_map_of_another_drive_does_not_stay() {
+        let mut translator = translator();
+        let mut tile = randt_messages::Message::<MapperGrid>::default();
+        tile.head.resolution_m = 0.1;
+        tile.items = vec![Default::default(); TILE_CELLS * TILE_CELLS];
+        let correction = |graph_version| Correction {
+            graph_version,
+            ..Correction::default()
+        };
+        translator.take_correction(&correction(5));
+        translator.take_tile(tile);
+        translator.take_correction(&correction(6));
+        assert!(translator.tiles.cells().is_some());
+        translator.take_correction(&correction(1));
+        assert!(translator.tiles.cells().is_none());
     }
 }

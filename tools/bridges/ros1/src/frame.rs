@@ -13,7 +13,7 @@ pub struct Frame {
     pub topic: String,
     /// Package and name, as `nav_msgs/Odometry`.
     pub type_name: String,
-    /// Whether it only says that there will be messages.
+    /// Whether it only says that there will be messages or, without a topic, that the node is there.
     pub is_announcement: bool,
     /// When it came, or its stamp.
     pub time_ns: i64,
@@ -22,7 +22,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Its bytes; texts of over 255 bytes, which no topic has, are cut.
+    /// Its bytes. Names of topics and types have at most 255 bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut rest = vec![u8::from(self.is_latched) | u8::from(self.is_announcement) << 1];
         for text in [&self.topic, &self.type_name] {
@@ -40,7 +40,7 @@ impl Frame {
 
     /// What follows the length; `None` where it is no frame.
     fn parse(bytes: &[u8]) -> Option<Self> {
-        let (flags, rest) = bytes.split_first()?;
+        let (flags, rest) = bytes.split_first().filter(|(flags, _)| **flags < 4)?;
         let (topic, rest) = text(rest)?;
         let (type_name, rest) = text(rest)?;
         let (time_ns, message) = rest.split_first_chunk()?;
@@ -140,8 +140,12 @@ mod tests {
                 bytes[at] ^= 1 << bit;
                 let mut decoder = Decoder::default();
                 decoder.push(&bytes);
-                // A frame, none yet, or an error.
-                let _ = decoder.next_frame();
+                // Another frame, none yet, or an error: no bit is without a meaning.
+                let found = decoder.next_frame();
+                assert!(
+                    found != Ok(Some(frame("/imu", &[1]))),
+                    "bit {bit} of byte {at}"
+                );
             }
         }
         let mut decoder = Decoder::default();

@@ -63,29 +63,27 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         true => None,
         false => Some(Inward::open(&mut stage, options)?),
     };
-    topics.extend(inward.is_some().then(|| "/tf_static".to_owned()));
+    let transforms = ["/tf_static", "/tf"].map(str::to_owned);
+    topics.extend(transforms.into_iter().filter(|_| inward.is_some()));
     let mut outward = Outward::open(&mut stage, mounting(&config))?;
     // Of two nodes of one name the master ends the older one.
     let name = format!("{}_ros1", stage.domain().prefix());
     let mut node = Node::new(arguments.python.clone(), &name, topics, announcements());
     stage.running()?;
     loop {
-        node.tend();
-        let mut refused = None;
+        let now_ns = stage.clock().now_ns();
+        node.tend(now_ns);
         for frame in node.received() {
-            if let Some(inward) = &mut inward
-                && let Err(error) = inward.take(frame)
-            {
-                refused = Some(format!("{error:#}"));
+            if let Some(inward) = &mut inward {
+                inward.take(frame)?;
             }
         }
-        outward.send(&mut node, stage.clock().now_ns())?;
-        let (lost, first) = inward.as_ref().map_or((0, None), Inward::lost);
-        let unsent = (node.unsent > 0).then(|| format!("{} messages not sent", node.unsent));
-        let status = refused.or(node.problem.clone()).or(first).or(unsent);
+        outward.send(&mut node, now_ns)?;
+        let lost = inward.as_ref().map_or(0, Inward::lost);
+        let problem = inward.as_ref().and_then(|it| it.problem(&config.robot));
+        let unsent = (node.unsent > 0).then(|| "the node of ROS does not take all".to_owned());
+        let status = node.problem.clone().or(problem).or(unsent);
         stage.set_status(&status.unwrap_or_default(), lost + node.unsent);
-        let differs = inward.as_ref().and_then(|it| it.mounting(&config.robot));
-        stage.set_remark(&differs.unwrap_or_default());
 
         let descriptor = node.descriptor()?;
         let mut on: Vec<&dyn Waitable> = outward.waitables().to_vec();

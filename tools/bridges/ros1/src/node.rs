@@ -1,6 +1,7 @@
 //! The node of ROS: a process of Python's, started anew whenever it ends.
 
 use crate::frame::{Decoder, Frame};
+use randt_device::Backoff;
 use randt_stage::{Descriptor, Error};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use std::collections::BTreeMap;
@@ -12,8 +13,6 @@ use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
 const SCRIPT: &str = include_str!("../randt_ros1.py");
-/// Between the end of a node and the start of the next one.
-const PAUSE: Duration = Duration::from_millis(500);
 /// A node whose input is closed ends at once; one that does not is killed after this.
 const END_MAX: Duration = Duration::from_secs(1);
 /// Messages that wait for a node that does not take them: a minute of poses and transforms.
@@ -27,16 +26,14 @@ pub struct Node {
     /// Its name and the topics that it subscribes to.
     arguments: Vec<String>,
     running: Option<Running>,
-    next_start: Instant,
+    backoff: Backoff,
     /// The topics that it publishes.
     announced: Vec<Frame>,
     /// What who subscribes late must get, by topic: a new node gets it first.
     latched: BTreeMap<String, Frame>,
     /// Messages that no node took.
     pub unsent: u64,
-    /// Nodes that ended by themselves.
-    pub ended: u64,
-    /// Why there is none.
+    /// Why there is no node among the others; `None` where there is.
     pub problem: Option<String>,
 }
 
@@ -59,24 +56,28 @@ impl Node {
             arguments,
             announced,
             running: None,
-            next_start: Instant::now(),
+            backoff: Backoff::default(),
             latched: BTreeMap::new(),
             unsent: 0,
-            ended: 0,
             problem: None,
         }
     }
 
     /// Starts a node where there is none and it is time.
-    pub fn tend(&mut self) {
-        if self.running.is_some() || Instant::now() < self.next_start {
+    pub fn tend(&mut self, now_ns: i64) {
+        if self.running.is_some() || !self.backoff.is_due(now_ns) {
             return;
         }
-        self.next_start = Instant::now() + PAUSE;
+        // It is there when it says so.
+        self.backoff.failed(now_ns);
         match self.start() {
             Ok(running) => {
                 self.running = Some(running);
-                self.problem = None;
+                let master = std::env::var("ROS_MASTER_URI");
+                let master = master.unwrap_or_else(|_| "http://localhost:11311".to_owned());
+                self.problem = Some(format!(
+                    "no node of ROS yet: is the master at {master} there, and rospy?"
+                ));
                 let announced = self.announced.iter().chain(self.latched.values());
                 for frame in announced.cloned().collect::<Vec<_>>() {
                     self.send(frame);
@@ -130,26 +131,31 @@ impl Node {
             return frames;
         };
         let mut piece = vec![0; PIECE];
-        let why = loop {
+        loop {
             match running.out.read(&mut piece) {
-                Ok(0) => break "it has ended",
+                Ok(0) => break,
                 Ok(count) => running.decoder.push(piece.get(..count).unwrap_or_default()),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return frames,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(_) => break "it cannot be read",
+                Err(_) => break,
             }
             loop {
                 match running.decoder.next_frame() {
+                    Ok(Some(frame)) if frame.is_announcement => {
+                        self.backoff.succeeded();
+                        self.problem = None;
+                    }
                     Ok(Some(frame)) => frames.push(frame),
                     Ok(None) => break,
                     Err(_) => {
-                        self.end("it wrote what is no message");
+                        self.stop();
                         return frames;
                     }
                 }
             }
-        };
-        self.end(why);
+        }
+        // It has ended, or will.
+        self.stop();
         frames
     }
 
@@ -167,14 +173,6 @@ impl Node {
             Ok(()) => {}
             Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => self.unsent += 1,
         }
-    }
-
-    /// Ends the node, and says why.
-    fn end(&mut self, why: &str) {
-        self.stop();
-        self.ended += 1;
-        self.next_start = Instant::now() + PAUSE;
-        self.problem = Some(format!("the node of ROS: {why}"));
     }
 
     /// Ends the node.

@@ -57,8 +57,16 @@ impl LiveRos {
     /// IMU or a velocity are left out.
     pub fn push(&mut self, topic: &str, type_name: &str, arrival_ns: i64, bytes: Vec<u8>) {
         let kind = Kind::from_topic(topic, type_name);
+        if self.is_misnamed(topic, kind) {
+            let first = || format!("{topic} is {type_name}, which is not what it is named for");
+            self.counters
+                .count_loss("messages_of_another_type", 1, first);
+            return;
+        }
         match kind {
-            Kind::Other | Kind::Transforms => return,
+            Kind::Other => return,
+            // They are read for what never changes.
+            Kind::Transforms if self.source.is_some() => return,
             Kind::StaticTransforms => return self.learn_transform(bytes),
             _ => {}
         }
@@ -115,6 +123,14 @@ impl LiveRos {
             Some(source) => source.next_event(),
             None => Ok(None),
         }
+    }
+
+    /// Whether an option names a topic for what its type does not hold.
+    fn is_misnamed(&self, topic: &str, kind: Kind) -> bool {
+        let named = |option: &Option<String>| option.as_deref() == Some(topic);
+        named(&self.options.radar_topic) && !matches!(kind, Kind::Radar(_))
+            || named(&self.options.imu_topic) && kind != Kind::Imu
+            || named(&self.options.twist_topic) && !matches!(kind, Kind::Twist(_))
     }
 
     /// The options without topics of which nothing has come: they are learned when they come.

@@ -116,8 +116,11 @@ fn what_cannot_be_decoded_is_counted() {
         assert!(live.next_event().unwrap().is_none());
     }
     live.push("/tf_static", "tf2_msgs/TFMessage", 0, vec![255; 9]);
+    // What is named for a radar and is none.
+    live.push(RADAR, "sensor_msgs/CompressedImage", 0, vec![1; 9]);
     let counters = live.counters();
     let count = |name: &str| counters.iter().find(|it| it.name == name).unwrap().count;
     assert!(count("sweeps_malformed") >= 8);
     assert_eq!(count("transforms_malformed"), 1);
+    assert_eq!(count("messages_of_another_type"), 1);
 }

@@ -65,9 +65,7 @@ impl Recording {
             ..Self::default()
         };
         let logs = log_files(path)?;
-        for why in &logs.unreadable {
-            warn(&format!("left out: {why}"));
-        }
+        recording.damage.extend(logs.unreadable);
         for file in logs.files {
             recording.take_file(&file)?;
         }
