@@ -315,7 +315,10 @@ fn what_does_not_come_and_what_is_no_radar_is_named() {
         ("imu", "/imu", "sensor_msgs/Imu"),
         ("radar", "/radar", "std_msgs/String"),
     ] {
-        let publish = ros.command("/usr/bin/rostopic", &["pub", "-r", "5", topic, type_name]);
+        let publish = ros.command(
+            "/usr/bin/rostopic",
+            &["pub", "-r", "5", topic, type_name, "{}"],
+        );
         ros.spawn(name, publish);
     }
     let other = "/radar is std_msgs/String";
