@@ -101,6 +101,7 @@ mod tests {
             bias_rad_s: value,
             sigma_rad_s: Vector3::repeat(sigma),
             gravity_m_s2: Vector3::zeros(),
+            spread_m_s2: 0.0,
         }
     }
 

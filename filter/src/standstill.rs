@@ -37,6 +37,9 @@ pub struct StandstillBias {
     pub sigma_rad_s: Vector3<f64>,
     /// Mean specific force in the body, m/s^2: gravity alone.
     pub gravity_m_s2: Vector3<f64>,
+    /// Standard deviation of the specific force, root of the axes' sum, m/s^2: noise, and the
+    /// vibration of a robot that drives slowly and evenly after all.
+    pub spread_m_s2: f64,
 }
 
 /// Finds standstill in a window that slides block by block, at any sampling rate, in fixed memory.
@@ -231,6 +234,7 @@ impl Standstill {
             bias_rad_s: samples.rate.mean,
             sigma_rad_s: (means.variance() / means.count).map(|v| (v + floor).sqrt()),
             gravity_m_s2: samples.acceleration.mean,
+            spread_m_s2: samples.acceleration.deviation(),
         })
     }
 

@@ -2,16 +2,17 @@
 //! and biases, which the radar's speed corrects as long as there is one.
 
 mod inertial_state;
+mod unaided;
 
 use inertial_state::{
-    ACCELERATION_BIAS, ACCELERATION_NOISE, GRAVITY_M_S2, InertialState, RATE_BIAS, SPEED, VERTICAL,
-    WAY, is_gravity, single,
+    ACCELERATION_NOISE, InertialState, RATE_BIAS, SPEED, WAY, is_gravity, single,
 };
 use nalgebra::{Vector2, Vector3};
 use randt_config::Odometry;
 use randt_filter::StandstillBias;
 use randt_geometry::Pose2;
 use randt_persist::persist;
+use unaided::{Unaided, Verdict};
 
 /// How well a still window shows the vertical, as a slope, and that the robot stands, m/s: it may
 /// be the end of a slow stop.
@@ -22,6 +23,12 @@ const STILL_SPEED_SIGMA_M_S: f64 = 0.03;
 const WHEEL_SIGMA_M_S: [f64; 2] = [0.1, 0.05];
 /// What differs by more standard deviations is no standstill but an even acceleration.
 const GATE_SIGMAS: f64 = 3.0;
+/// A robot that stands is as quiet as when it stood before, but for this factor on the spread of
+/// its acceleration: a window of 250 samples shows it to 3 %.
+const QUIET_MAX: f64 = 1.5;
+/// ... and that grows by no more than this factor from window to window: the last one of a stop
+/// has some of the motion.
+const QUIET_RISE: f64 = 1.1;
 /// Speed that a robot has not gained while it stands, m/s.
 const DEPARTED_M_S: f64 = 0.05;
 /// Longest time between two scans whose way is compared, ns.
@@ -87,6 +94,7 @@ persist!(AtScan {
 #[derive(Clone, Debug)]
 pub struct InertialSpeed {
     state: InertialState,
+    unaided: Unaided,
     /// Stamp of the last sample, ns; `None` before the first one that shows gravity.
     last_ns: Option<i64>,
     /// All changes of the speed, without corrections, m/s.
@@ -94,6 +102,10 @@ pub struct InertialSpeed {
     /// Whether the last window was still, and the integral at the last one that was, m/s.
     is_still: bool,
     stood_m_s: Option<f64>,
+    /// Spread of the acceleration in the last still window that the radar showed too, m/s^2, and
+    /// whether windows are as quiet while the robot drives.
+    still_spread_m_s2: Option<f64>,
+    drives_quietly: bool,
     at_scan: Option<AtScan>,
     /// Mean square of the forward innovations in their standard deviations, and for how long they
     /// were compared, s.
@@ -102,18 +114,24 @@ pub struct InertialSpeed {
     /// The last [`OFF_SCANS`] comparisons, the newest one the lowest bit: 1 where radar and IMU
     /// did not agree.
     off: u32,
+    /// Whether what the radar last said over a span was taken back.
+    is_taken_back: bool,
 }
 
 persist!(InertialSpeed {
     state,
+    unaided,
     last_ns,
     integral_m_s,
     is_still,
     stood_m_s,
+    still_spread_m_s2,
+    drives_quietly,
     at_scan,
     nis,
     compared_s,
     off,
+    is_taken_back,
 });
 
 impl InertialSpeed {
@@ -121,14 +139,18 @@ impl InertialSpeed {
     pub fn new(odometry: &Odometry) -> Self {
         Self {
             state: InertialState::new(odometry),
+            unaided: Unaided::new(odometry),
             last_ns: None,
             integral_m_s: Vector2::zeros(),
             is_still: false,
             stood_m_s: None,
+            still_spread_m_s2: None,
+            drives_quietly: false,
             at_scan: None,
             nis: 0.0,
             compared_s: 0.0,
             off: 0,
+            is_taken_back: false,
         }
     }
 
@@ -136,7 +158,8 @@ impl InertialSpeed {
     pub fn restart(&mut self) {
         (self.last_ns, self.at_scan, self.stood_m_s) = (None, None, None);
         (self.is_still, self.compared_s, self.nis) = (false, 0.0, 0.0);
-        self.off = 0;
+        (self.off, self.is_taken_back) = (0, false);
+        self.unaided.stop();
     }
 
     /// Takes a sample in the robot's frame; of the rate only that about z is without its bias.
@@ -145,6 +168,7 @@ impl InertialSpeed {
             Some(last_ns) => {
                 let dt_ns = stamp_ns.saturating_sub(last_ns);
                 self.integral_m_s += self.state.integrate(dt_ns, rate_rad_s, force_m_s2);
+                self.unaided.integrate(dt_ns, rate_rad_s, force_m_s2);
             }
             None if is_gravity(force_m_s2) => {
                 self.state.start(force_m_s2);
@@ -155,8 +179,8 @@ impl InertialSpeed {
         self.last_ns = Some(stamp_ns);
     }
 
-    /// A window without motion shows the vertical, the gyro's bias and that the robot stands. An
-    /// even acceleration looks the same, but not where the vertical is known.
+    /// A window without motion shows the vertical, the gyro's bias and that the robot stands. Where
+    /// the radar does not show that too, it has to be as quiet as the last one that it did.
     pub fn observe_still(&mut self, still: &StandstillBias) {
         if !is_gravity(still.gravity_m_s2) {
             // What is taken out would not be gravity: it never proves true.
@@ -166,24 +190,33 @@ impl InertialSpeed {
         if self.last_ns.is_none() {
             return;
         }
-        let state = &mut self.state;
-        let shown = still.gravity_m_s2.normalize().xy();
-        let off = shown - state.up.xy() - state.acceleration_bias_m_s2 / GRAVITY_M_S2;
-        let by_slope = [0, 1]
-            .map(|axis| single(VERTICAL + axis) + single(ACCELERATION_BIAS + axis) / GRAVITY_M_S2);
-        let measured = [
-            (by_slope[0], off.x, STILL_VERTICAL_SIGMA),
-            (by_slope[1], off.y, STILL_VERTICAL_SIGMA),
-            (single(SPEED), -state.speed_m_s.x, STILL_SPEED_SIGMA_M_S),
-        ];
-        let scale_2 = self.nis.max(1.0);
-        self.is_still = measured.iter().all(|(by, innovation, sigma)| {
-            let variance = (state.variance(by) + sigma * sigma) * scale_2;
-            innovation * innovation <= GATE_SIGMAS * GATE_SIGMAS * variance
-        });
+        let is_fixed = self
+            .at_scan
+            .is_some_and(|last| last.odom_from_base.is_some());
+        let is_quiet = self
+            .still_spread_m_s2
+            .is_some_and(|spread_m_s2| still.spread_m_s2 <= QUIET_MAX * spread_m_s2);
+        self.is_still =
+            self.fits(still) && (is_fixed || is_quiet || self.still_spread_m_s2.is_none());
+        match (self.is_still, is_fixed) {
+            (true, true) => {
+                let known_m_s2 = self.still_spread_m_s2.unwrap_or(f64::INFINITY);
+                let raised_m_s2 = known_m_s2 * QUIET_RISE;
+                self.still_spread_m_s2 = Some(still.spread_m_s2.min(raised_m_s2));
+            }
+            // Driving evenly is as quiet as standing: it does not tell.
+            (false, true) if is_quiet => self.drives_quietly = true,
+            (false, false) if is_quiet && !self.drives_quietly => {
+                self.state.start(still.gravity_m_s2);
+                self.is_still = true;
+            }
+            _ => {}
+        }
         if !self.is_still {
             return;
         }
+        let state = &mut self.state;
+        let (by_slope, off) = state.shown_slope(still);
         for axis in 0..2 {
             state.update(&by_slope[axis], off[axis], STILL_VERTICAL_SIGMA);
             let moving_m_s = -state.speed_m_s[axis];
@@ -192,11 +225,29 @@ impl InertialSpeed {
             state.update(&single(RATE_BIAS + axis), bias_off, still.sigma_rad_s[axis]);
         }
         self.stood_m_s = Some(self.integral_m_s.x);
+        self.unaided.stop();
+    }
+
+    /// Whether a still window fits what is known: an even acceleration looks the same, but not
+    /// where the vertical is known.
+    fn fits(&self, still: &StandstillBias) -> bool {
+        let state = &self.state;
+        let (by_slope, off) = state.shown_slope(still);
+        let measured = [
+            (by_slope[0], off.x, STILL_VERTICAL_SIGMA),
+            (by_slope[1], off.y, STILL_VERTICAL_SIGMA),
+            (single(SPEED), -state.speed_m_s.x, STILL_SPEED_SIGMA_M_S),
+        ];
+        let scale_2 = self.nis.max(1.0);
+        measured.iter().all(|(by, innovation, sigma)| {
+            let variance = (state.variance(by) + sigma * sigma) * scale_2;
+            innovation * innovation <= GATE_SIGMAS * GATE_SIGMAS * variance
+        })
     }
 
     /// Whether radar and IMU do not agree on how fast the robot is.
     pub fn disagrees(&self) -> bool {
-        self.off.count_ones() >= OFF_MIN
+        self.is_taken_back || self.off.count_ones() >= OFF_MIN
     }
 
     /// By how much the forward speed has changed since the last scan, m/s, also where the speed
@@ -217,6 +268,7 @@ impl InertialSpeed {
             let innovation = speed_m_s - self.state.speed_m_s[axis];
             self.state.update(&single(SPEED + axis), innovation, sigma);
         }
+        self.unaided.stop();
     }
 
     /// The window has motion.
@@ -251,6 +303,9 @@ impl InertialSpeed {
         } else {
             self.state.begin_way();
         }
+        if self.compared_s >= COMPARED_MIN_S {
+            self.hold_against_unaided(stamp_ns, fix);
+        }
         self.at_scan = Some(AtScan {
             stamp_ns,
             integral_m_s: self.integral_m_s,
@@ -278,6 +333,23 @@ impl InertialSpeed {
             state.update(&by, innovation, sigma_m);
         }
         state.way_m -= way_m;
+    }
+
+    /// Takes back what the radar said over a span where the IMU alone does not agree.
+    fn hold_against_unaided(&mut self, stamp_ns: i64, fix: Option<&RadarFix>) {
+        let nis = self.nis.max(1.0);
+        if fix.is_some() && !self.unaided.is_running() {
+            // What was taken back was before the radar lost the way.
+            self.is_taken_back = false;
+        }
+        match self.unaided.observe_scan(stamp_ns, fix, &self.state, nis) {
+            Some(Verdict::Agrees) => self.is_taken_back = false,
+            Some(Verdict::Differs(unaided)) => {
+                self.state = unaided;
+                self.is_taken_back = true;
+            }
+            None => {}
+        }
     }
 
     /// Variances of the speed, (m/s)^2, by what it differs by if that is more.

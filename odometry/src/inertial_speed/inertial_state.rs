@@ -2,6 +2,7 @@
 
 use nalgebra::{SMatrix, SVector, Vector2, Vector3};
 use randt_config::Odometry;
+use randt_filter::StandstillBias;
 use randt_persist::persist;
 
 /// Speed along the robot's axes (x, y), the vertical's x and y, bias of the rates (x, y) and of
@@ -200,6 +201,16 @@ impl InertialState {
     /// Variance of a sum of states.
     pub fn variance(&self, by: &SVector<f64, STATES>) -> f64 {
         by.dot(&(self.covariance * by))
+    }
+
+    /// The vertical that a still window shows, by x and y: the states' shares in it, and how far it
+    /// is off what they say.
+    pub fn shown_slope(&self, still: &StandstillBias) -> ([SVector<f64, STATES>; 2], Vector2<f64>) {
+        let shown = still.gravity_m_s2.normalize().xy();
+        let off = shown - self.up.xy() - self.acceleration_bias_m_s2 / GRAVITY_M_S2;
+        let by = [0, 1]
+            .map(|axis| single(VERTICAL + axis) + single(ACCELERATION_BIAS + axis) / GRAVITY_M_S2);
+        (by, off)
     }
 
     /// The way begins anew, at a scan that may be as far off as one is.

@@ -1,8 +1,10 @@
-use super::*;
+use super::{inertial_state::GRAVITY_M_S2, *};
 
 const STEP_NS: i64 = 4_000_000;
 const STEP_S: f64 = 0.004;
 const SCAN: i64 = 50;
+/// Spread of the acceleration of a robot that stands.
+const QUIET_M_S2: f64 = 0.035;
 
 /// A robot on a slope whose IMU has biases; the radar sees where it is.
 struct Robot {
@@ -64,7 +66,25 @@ impl Robot {
             bias_rad_s: Vector3::new(0.0, self.rate_bias_rad_s, 0.0),
             sigma_rad_s: Vector3::repeat(1e-4),
             gravity_m_s2: self.gravity(),
+            spread_m_s2: QUIET_M_S2,
         }
+    }
+
+    /// Two windows of half a second without motion, as a standstill shows them, or a slow and even
+    /// drive that shakes by so much.
+    fn observe_still(&mut self, spread_m_s2: f64) {
+        for _ in 0..2 {
+            self.drive(0.6, 0.0, false);
+            self.filter.observe_still(&StandstillBias {
+                spread_m_s2,
+                ..self.stand_still()
+            });
+        }
+    }
+
+    /// What it says of the forward speed is off by so much, m/s.
+    fn off_m_s(&self) -> f64 {
+        self.filter.speed().unwrap().value_m_s[0] - self.speed_m_s
     }
 }
 
@@ -163,6 +183,64 @@ fn a_standstill_is_a_speed_of_zero_unless_the_robot_drives() {
     assert!(!robot.filter.stands());
     let speed = robot.filter.speed().unwrap();
     assert!((speed.value_m_s[0] - 0.8).abs() < 0.05, "{speed:?}");
+}
+
+#[test]
+fn what_shakes_more_than_a_standstill_is_none_where_the_radar_does_not_see_it() {
+    let mut robot = Robot::new();
+    robot.drive(20.0, 0.0, true);
+    robot.filter.observe_still(&robot.stand_still());
+    robot.drive(2.0, 0.18, true);
+    // Slowly and evenly on, out of sight, until 0.36 m/s may be 0 for all that the filter knows.
+    robot.drive(15.0, 0.0, false);
+    robot.observe_still(3.0 * QUIET_M_S2);
+    assert!(!robot.filter.stands());
+    assert!(robot.off_m_s().abs() < 0.15, "{}", robot.off_m_s());
+}
+
+#[test]
+fn a_standstill_as_quiet_as_before_corrects_a_filter_that_is_sure_and_wrong() {
+    let gone_wrong = |drives_quietly: bool| {
+        let mut robot = Robot::new();
+        robot.drive(20.0, 0.0, true);
+        robot.filter.observe_still(&robot.stand_still());
+        robot.drive(4.0, 0.2, true);
+        if drives_quietly {
+            robot.filter.observe_still(&robot.stand_still());
+        }
+        // It brakes by more than the accelerometer shows.
+        robot.drive(2.0, 0.0, false);
+        robot.speed_m_s = 0.0;
+        robot.observe_still(QUIET_M_S2);
+        robot
+    };
+    let robot = gone_wrong(false);
+    assert!(robot.filter.stands());
+    assert!(robot.off_m_s().abs() < 0.01, "{}", robot.off_m_s());
+    // Where driving is as quiet, it does not tell.
+    let robot = gone_wrong(true);
+    assert!(!robot.filter.stands());
+    assert!(robot.off_m_s() > 0.7, "{}", robot.off_m_s());
+}
+
+#[test]
+fn what_the_radar_says_over_a_span_is_taken_back_where_the_imu_alone_differs() {
+    let mut robot = Robot::new();
+    robot.drive(4.0, 0.2, true);
+    robot.drive(20.0, 0.0, true);
+    // What drives along pulls by 4 cm a scan, less than one scan shows.
+    let mut scans = 0;
+    while !robot.filter.disagrees() {
+        robot.drive(0.2, 0.0, true);
+        robot.x_m -= 0.04;
+        scans += 1;
+        assert!(scans < 30, "nothing found");
+    }
+    assert!(robot.off_m_s().abs() < 0.07, "{}", robot.off_m_s());
+    // The radar is believed again once both agree.
+    robot.drive(4.0, 0.0, true);
+    assert!(!robot.filter.disagrees());
+    assert!(robot.off_m_s().abs() < 0.03, "{}", robot.off_m_s());
 }
 
 #[test]

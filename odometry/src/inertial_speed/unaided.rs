@@ -1,0 +1,112 @@
+//! The IMU alone, held against the radar over a span: ground that keeps its place ahead of the
+//! robot pulls scan by scan by less than shows, and over a second or two by more.
+
+use super::{
+    RadarFix,
+    inertial_state::{InertialState, WAY, single},
+};
+use nalgebra::Vector3;
+use randt_config::Odometry;
+use randt_geometry::Pose2;
+use randt_persist::persist;
+
+/// The longest span, ns: what the IMU does not know adds up, and what is wrong shows by then.
+const SPAN_NS: i64 = 2_000_000_000;
+/// Ways that differ by more standard deviations do not agree.
+const DIFFER_SIGMAS: f64 = 3.0;
+
+/// What a span has shown.
+pub enum Verdict {
+    /// Radar and IMU had the same way.
+    Agrees,
+    /// They had not: what the IMU alone makes of the span.
+    Differs(InertialState),
+}
+
+/// A filter as it was when radar and IMU last agreed, moved on by the IMU alone.
+#[derive(Clone, Debug)]
+pub struct Unaided {
+    state: InertialState,
+    /// Stamp and pose in `odom` of the scan at which the span began.
+    begin: Option<(i64, Pose2)>,
+    /// Whether the way agreed at the last scan that the radar fixed.
+    agrees: bool,
+}
+
+persist!(Unaided {
+    state,
+    begin,
+    agrees
+});
+
+impl Unaided {
+    /// Without a span.
+    pub fn new(odometry: &Odometry) -> Self {
+        Self {
+            state: InertialState::new(odometry),
+            begin: None,
+            agrees: true,
+        }
+    }
+
+    /// The next scan that the radar fixes begins a span.
+    pub fn stop(&mut self) {
+        self.begin = None;
+    }
+
+    /// Whether a span has begun.
+    pub fn is_running(&self) -> bool {
+        self.begin.is_some()
+    }
+
+    /// Integrates a sample.
+    pub fn integrate(&mut self, dt_ns: i64, rate_rad_s: Vector3<f64>, force_m_s2: Vector3<f64>) {
+        if self.begin.is_some() {
+            self.state.integrate(dt_ns, rate_rad_s, force_m_s2);
+        }
+    }
+
+    /// A scan ends here, up to which `aided` used what the radar said; variances are `scale` times
+    /// what the filter says. A verdict where the span ends: after its time, or because the radar
+    /// does not fix the way any more.
+    pub fn observe_scan(
+        &mut self,
+        stamp_ns: i64,
+        fix: Option<&RadarFix>,
+        aided: &InertialState,
+        scale: f64,
+    ) -> Option<Verdict> {
+        let Some((begin_ns, odom_from_begin)) = self.begin else {
+            self.begin(stamp_ns, fix, Some(aided));
+            return None;
+        };
+        if let Some(fix) = fix {
+            self.state.propagate();
+            let way_m = -fix.pose.between(&odom_from_begin).translation().x;
+            let innovation = way_m - self.state.way_m.x;
+            let [sigma_m, _] = fix.sigma_m;
+            let variance = self.state.variance(&single(WAY)) * scale + sigma_m * sigma_m;
+            self.agrees = innovation * innovation <= DIFFER_SIGMAS * DIFFER_SIGMAS * variance;
+        }
+        if fix.is_some() && stamp_ns.saturating_sub(begin_ns) < SPAN_NS {
+            return None;
+        }
+        if self.agrees {
+            self.begin(stamp_ns, fix, Some(aided));
+            return Some(Verdict::Agrees);
+        }
+        self.begin(stamp_ns, fix, None);
+        Some(Verdict::Differs(self.state.clone()))
+    }
+
+    /// Begins a span where the radar fixes a scan, from the filter that used it or, without one, as
+    /// it went on alone.
+    fn begin(&mut self, stamp_ns: i64, fix: Option<&RadarFix>, aided: Option<&InertialState>) {
+        self.begin = fix.map(|fix| (stamp_ns, fix.pose));
+        if let Some(aided) = aided {
+            self.state = aided.clone();
+        }
+        self.state.begin_way();
+        self.agrees = true;
+    }
+}
