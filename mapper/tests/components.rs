@@ -46,8 +46,8 @@ fn end_off_m(mapper: &Mapper, drive: &Drive) -> f64 {
     off.translation().norm()
 }
 
-/// Drives with two blackouts: the robot goes on in the dark for 3 s, or for 40 s, after which it may
-/// be anywhere.
+/// Drives with two blackouts: the robot goes on in the dark for 3 s, or for 40 s, after which it
+/// may be anywhere.
 fn merge(drives: &[(&str, u64, f64)]) {
     for &(name, seed, dark_s) in drives {
         let world = World::named(name).unwrap();

@@ -2,17 +2,19 @@
 //! and biases, which the radar's speed corrects as long as there is one.
 
 mod inertial_state;
+mod quietness;
 mod unaided;
 
 use inertial_state::{
     ACCELERATION_NOISE, InertialState, RATE_BIAS, SPEED, WAY, is_gravity, single,
 };
 use nalgebra::{Vector2, Vector3};
+use quietness::Quietness;
 use randt_config::Odometry;
 use randt_filter::StandstillBias;
 use randt_geometry::Pose2;
 use randt_persist::persist;
-use unaided::{Unaided, Verdict};
+use unaided::Unaided;
 
 /// How well a still window shows the vertical, as a slope, and that the robot stands, m/s: it may
 /// be the end of a slow stop.
@@ -23,12 +25,6 @@ const STILL_SPEED_SIGMA_M_S: f64 = 0.03;
 const WHEEL_SIGMA_M_S: [f64; 2] = [0.1, 0.05];
 /// What differs by more standard deviations is no standstill but an even acceleration.
 const GATE_SIGMAS: f64 = 3.0;
-/// A robot that stands is as quiet as when it stood before, but for this factor on the spread of
-/// its acceleration: a window of 250 samples shows it to 3 %.
-const QUIET_MAX: f64 = 1.5;
-/// ... and that grows by no more than this factor from window to window: the last one of a stop
-/// has some of the motion.
-const QUIET_RISE: f64 = 1.1;
 /// Speed that a robot has not gained while it stands, m/s.
 const DEPARTED_M_S: f64 = 0.05;
 /// Longest time between two scans whose way is compared, ns.
@@ -102,10 +98,7 @@ pub struct InertialSpeed {
     /// Whether the last window was still, and the integral at the last one that was, m/s.
     is_still: bool,
     stood_m_s: Option<f64>,
-    /// Spread of the acceleration in the last still window that the radar showed too, m/s^2, and
-    /// whether windows are as quiet while the robot drives.
-    still_spread_m_s2: Option<f64>,
-    drives_quietly: bool,
+    quietness: Quietness,
     at_scan: Option<AtScan>,
     /// Mean square of the forward innovations in their standard deviations, and for how long they
     /// were compared, s.
@@ -114,8 +107,6 @@ pub struct InertialSpeed {
     /// The last [`OFF_SCANS`] comparisons, the newest one the lowest bit: 1 where radar and IMU
     /// did not agree.
     off: u32,
-    /// Whether what the radar last said over a span was taken back.
-    is_taken_back: bool,
 }
 
 persist!(InertialSpeed {
@@ -125,13 +116,11 @@ persist!(InertialSpeed {
     integral_m_s,
     is_still,
     stood_m_s,
-    still_spread_m_s2,
-    drives_quietly,
+    quietness,
     at_scan,
     nis,
     compared_s,
     off,
-    is_taken_back,
 });
 
 impl InertialSpeed {
@@ -144,13 +133,11 @@ impl InertialSpeed {
             integral_m_s: Vector2::zeros(),
             is_still: false,
             stood_m_s: None,
-            still_spread_m_s2: None,
-            drives_quietly: false,
+            quietness: Quietness::default(),
             at_scan: None,
             nis: 0.0,
             compared_s: 0.0,
             off: 0,
-            is_taken_back: false,
         }
     }
 
@@ -158,8 +145,8 @@ impl InertialSpeed {
     pub fn restart(&mut self) {
         (self.last_ns, self.at_scan, self.stood_m_s) = (None, None, None);
         (self.is_still, self.compared_s, self.nis) = (false, 0.0, 0.0);
-        (self.off, self.is_taken_back) = (0, false);
-        self.unaided.stop();
+        self.off = 0;
+        self.unaided.restart();
     }
 
     /// Takes a sample in the robot's frame; of the rate only that about z is without its bias.
@@ -179,8 +166,8 @@ impl InertialSpeed {
         self.last_ns = Some(stamp_ns);
     }
 
-    /// A window without motion shows the vertical, the gyro's bias and that the robot stands. Where
-    /// the radar does not show that too, it has to be as quiet as the last one that it did.
+    /// A window without motion shows the vertical, the gyro's bias and that the robot stands.
+    /// Where the radar does not show that too, it has to be as quiet as the last one that it did.
     pub fn observe_still(&mut self, still: &StandstillBias) {
         if !is_gravity(still.gravity_m_s2) {
             // What is taken out would not be gravity: it never proves true.
@@ -193,24 +180,11 @@ impl InertialSpeed {
         let is_fixed = self
             .at_scan
             .is_some_and(|last| last.odom_from_base.is_some());
-        let is_quiet = self
-            .still_spread_m_s2
-            .is_some_and(|spread_m_s2| still.spread_m_s2 <= QUIET_MAX * spread_m_s2);
-        self.is_still =
-            self.fits(still) && (is_fixed || is_quiet || self.still_spread_m_s2.is_none());
-        match (self.is_still, is_fixed) {
-            (true, true) => {
-                let known_m_s2 = self.still_spread_m_s2.unwrap_or(f64::INFINITY);
-                let raised_m_s2 = known_m_s2 * QUIET_RISE;
-                self.still_spread_m_s2 = Some(still.spread_m_s2.min(raised_m_s2));
-            }
-            // Driving evenly is as quiet as standing: it does not tell.
-            (false, true) if is_quiet => self.drives_quietly = true,
-            (false, false) if is_quiet && !self.drives_quietly => {
-                self.state.start(still.gravity_m_s2);
-                self.is_still = true;
-            }
-            _ => {}
+        let fits = self.fits(still);
+        self.is_still = self.quietness.admits(still.spread_m_s2, fits, is_fixed);
+        if self.is_still && !fits {
+            // The filter was sure of what is wrong.
+            self.state.start(still.gravity_m_s2);
         }
         if !self.is_still {
             return;
@@ -247,7 +221,7 @@ impl InertialSpeed {
 
     /// Whether radar and IMU do not agree on how fast the robot is.
     pub fn disagrees(&self) -> bool {
-        self.is_taken_back || self.off.count_ones() >= OFF_MIN
+        self.unaided.differs() || self.off.count_ones() >= OFF_MIN
     }
 
     /// By how much the forward speed has changed since the last scan, m/s, also where the speed
@@ -304,7 +278,11 @@ impl InertialSpeed {
             self.state.begin_way();
         }
         if self.compared_s >= COMPARED_MIN_S {
-            self.hold_against_unaided(stamp_ns, fix);
+            let scale = self.nis.max(1.0);
+            // What the radar said over a span is taken back where the IMU alone does not agree.
+            if let Some(unaided) = self.unaided.observe_scan(stamp_ns, fix, &self.state, scale) {
+                self.state = unaided;
+            }
         }
         self.at_scan = Some(AtScan {
             stamp_ns,
@@ -333,23 +311,6 @@ impl InertialSpeed {
             state.update(&by, innovation, sigma_m);
         }
         state.way_m -= way_m;
-    }
-
-    /// Takes back what the radar said over a span where the IMU alone does not agree.
-    fn hold_against_unaided(&mut self, stamp_ns: i64, fix: Option<&RadarFix>) {
-        let nis = self.nis.max(1.0);
-        if fix.is_some() && !self.unaided.is_running() {
-            // What was taken back was before the radar lost the way.
-            self.is_taken_back = false;
-        }
-        match self.unaided.observe_scan(stamp_ns, fix, &self.state, nis) {
-            Some(Verdict::Agrees) => self.is_taken_back = false,
-            Some(Verdict::Differs(unaided)) => {
-                self.state = unaided;
-                self.is_taken_back = true;
-            }
-            None => {}
-        }
     }
 
     /// Variances of the speed, (m/s)^2, by what it differs by if that is more.

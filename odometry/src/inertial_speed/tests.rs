@@ -71,7 +71,7 @@ impl Robot {
     }
 
     /// Two windows of half a second without motion, as a standstill shows them, or a slow and even
-    /// drive that shakes by so much.
+    /// drive that shakes by that much.
     fn observe_still(&mut self, spread_m_s2: f64) {
         for _ in 0..2 {
             self.drive(0.6, 0.0, false);
@@ -82,7 +82,7 @@ impl Robot {
         }
     }
 
-    /// What it says of the forward speed is off by so much, m/s.
+    /// How far what it says of the forward speed is off, m/s.
     fn off_m_s(&self) -> f64 {
         self.filter.speed().unwrap().value_m_s[0] - self.speed_m_s
     }

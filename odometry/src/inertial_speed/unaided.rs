@@ -15,14 +15,6 @@ const SPAN_NS: i64 = 2_000_000_000;
 /// Ways that differ by more standard deviations do not agree.
 const DIFFER_SIGMAS: f64 = 3.0;
 
-/// What a span has shown.
-pub enum Verdict {
-    /// Radar and IMU had the same way.
-    Agrees,
-    /// They had not: what the IMU alone makes of the span.
-    Differs(InertialState),
-}
-
 /// A filter as it was when radar and IMU last agreed, moved on by the IMU alone.
 #[derive(Clone, Debug)]
 pub struct Unaided {
@@ -31,12 +23,15 @@ pub struct Unaided {
     begin: Option<(i64, Pose2)>,
     /// Whether the way agreed at the last scan that the radar fixed.
     agrees: bool,
+    /// Whether it did not over the last span.
+    differed: bool,
 }
 
 persist!(Unaided {
     state,
     begin,
-    agrees
+    agrees,
+    differed
 });
 
 impl Unaided {
@@ -46,7 +41,14 @@ impl Unaided {
             state: InertialState::new(odometry),
             begin: None,
             agrees: true,
+            differed: false,
         }
+    }
+
+    /// Nothing has been said.
+    pub fn restart(&mut self) {
+        self.stop();
+        self.differed = false;
     }
 
     /// The next scan that the radar fixes begins a span.
@@ -54,9 +56,9 @@ impl Unaided {
         self.begin = None;
     }
 
-    /// Whether a span has begun.
-    pub fn is_running(&self) -> bool {
-        self.begin.is_some()
+    /// Whether radar and IMU did not have the same way over the last span.
+    pub fn differs(&self) -> bool {
+        self.differed
     }
 
     /// Integrates a sample.
@@ -67,17 +69,19 @@ impl Unaided {
     }
 
     /// A scan ends here, up to which `aided` used what the radar said; variances are `scale` times
-    /// what the filter says. A verdict where the span ends: after its time, or because the radar
-    /// does not fix the way any more.
+    /// what the filter says. Where the span ends, after its time or because the radar does not fix
+    /// the way any more, and the two ways do not agree: what the IMU alone makes of it.
     pub fn observe_scan(
         &mut self,
         stamp_ns: i64,
         fix: Option<&RadarFix>,
         aided: &InertialState,
         scale: f64,
-    ) -> Option<Verdict> {
+    ) -> Option<InertialState> {
         let Some((begin_ns, odom_from_begin)) = self.begin else {
             self.begin(stamp_ns, fix, Some(aided));
+            // What differed was before the radar lost the way.
+            self.differed &= fix.is_none();
             return None;
         };
         if let Some(fix) = fix {
@@ -93,14 +97,16 @@ impl Unaided {
         }
         if self.agrees {
             self.begin(stamp_ns, fix, Some(aided));
-            return Some(Verdict::Agrees);
+            self.differed = false;
+            return None;
         }
         self.begin(stamp_ns, fix, None);
-        Some(Verdict::Differs(self.state.clone()))
+        self.differed = true;
+        Some(self.state.clone())
     }
 
-    /// Begins a span where the radar fixes a scan, from the filter that used it or, without one, as
-    /// it went on alone.
+    /// Begins a span where the radar fixes a scan, from the filter that used it or, without one,
+    /// as it went on alone.
     fn begin(&mut self, stamp_ns: i64, fix: Option<&RadarFix>, aided: Option<&InertialState>) {
         self.begin = fix.map(|fix| (stamp_ns, fix.pose));
         if let Some(aided) = aided {

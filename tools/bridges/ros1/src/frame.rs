@@ -13,7 +13,8 @@ pub struct Frame {
     pub topic: String,
     /// Package and name, as `nav_msgs/Odometry`.
     pub type_name: String,
-    /// Whether it only says that there will be messages or, without a topic, that the node is there.
+    /// Whether it only says that there will be messages or, without a topic, that the node is
+    /// there.
     pub is_announcement: bool,
     /// When it came, or its stamp.
     pub time_ns: i64,
