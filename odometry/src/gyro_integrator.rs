@@ -225,9 +225,9 @@ impl GyroIntegrator {
             self.yaw_bias_variance += self.bias_walk * self.bias_walk * dt_s;
         }
         let still = self.standstill.push(stamp_ns, rate, acceleration);
-        if let Some(still) = &still {
+        let shown = still.filter(|still| self.inertial_speed.observe_still(still));
+        if let Some(still) = &shown {
             self.bias.observe(still);
-            self.inertial_speed.observe_still(still);
         } else if self.standstill.still_since_ns().is_none() {
             self.inertial_speed.observe_motion();
         }
@@ -259,7 +259,7 @@ impl GyroIntegrator {
             rate_rad_s,
             tilt,
         });
-        if let Some(still) = still {
+        if let Some(still) = shown {
             self.standstill_bias = Some((still.bias_rad_s.z, still.sigma_rad_s.z));
         }
     }

@@ -167,15 +167,16 @@ impl InertialSpeed {
     }
 
     /// A window without motion shows the vertical, the gyro's bias and that the robot stands.
-    /// Where the radar does not show that too, it has to be as quiet as the last one that it did.
-    pub fn observe_still(&mut self, still: &StandstillBias) {
+    /// Where the radar does not show that too, it has to be as quiet as the last one that it did;
+    /// gives whether it is.
+    pub fn observe_still(&mut self, still: &StandstillBias) -> bool {
         if !is_gravity(still.gravity_m_s2) {
             // What is taken out would not be gravity: it never proves true.
             self.restart();
-            return;
+            return true;
         }
         if self.last_ns.is_none() {
-            return;
+            return true;
         }
         let is_fixed = self
             .at_scan
@@ -187,7 +188,7 @@ impl InertialSpeed {
             self.state.start(still.gravity_m_s2);
         }
         if !self.is_still {
-            return;
+            return is_fixed;
         }
         let state = &mut self.state;
         let (by_slope, off) = state.shown_slope(still);
@@ -200,6 +201,7 @@ impl InertialSpeed {
         }
         self.stood_m_s = Some(self.integral_m_s.x);
         self.unaided.stop();
+        true
     }
 
     /// Whether a still window fits what is known: an even acceleration looks the same, but not

@@ -71,15 +71,18 @@ impl Robot {
     }
 
     /// Two windows of half a second without motion, as a standstill shows them, or a slow and even
-    /// drive that shakes by that much.
-    fn observe_still(&mut self, spread_m_s2: f64) {
+    /// drive that shakes by that much; gives whether the last one is believed.
+    fn observe_still(&mut self, spread_m_s2: f64) -> bool {
+        let mut is_believed = false;
         for _ in 0..2 {
             self.drive(0.6, 0.0, false);
-            self.filter.observe_still(&StandstillBias {
+            let still = StandstillBias {
                 spread_m_s2,
                 ..self.stand_still()
-            });
+            };
+            is_believed = self.filter.observe_still(&still);
         }
+        is_believed
     }
 
     /// How far what it says of the forward speed is off, m/s.
@@ -193,7 +196,8 @@ fn what_shakes_more_than_a_standstill_is_none_where_the_radar_does_not_see_it() 
     robot.drive(2.0, 0.18, true);
     // Slowly and evenly on, out of sight, until 0.36 m/s may be 0 for all that the filter knows.
     robot.drive(15.0, 0.0, false);
-    robot.observe_still(3.0 * QUIET_M_S2);
+    // Its rates are no bias of the gyro either.
+    assert!(!robot.observe_still(3.0 * QUIET_M_S2));
     assert!(!robot.filter.stands());
     assert!(robot.off_m_s().abs() < 0.15, "{}", robot.off_m_s());
 }
@@ -211,7 +215,7 @@ fn a_standstill_as_quiet_as_before_corrects_a_filter_that_is_sure_and_wrong() {
         // It brakes by more than the accelerometer shows.
         robot.drive(2.0, 0.0, false);
         robot.speed_m_s = 0.0;
-        robot.observe_still(QUIET_M_S2);
+        assert_eq!(robot.observe_still(QUIET_M_S2), !drives_quietly);
         robot
     };
     let robot = gone_wrong(false);

@@ -70,7 +70,7 @@ impl Unaided {
 
     /// A scan ends here, up to which `aided` used what the radar said; variances are `scale` times
     /// what the filter says. Where the span ends, after its time or because the radar does not fix
-    /// the way any more, and the two ways do not agree: what the IMU alone makes of it.
+    /// the way any more, and the two ways do not agree: the filter as the IMU alone has it.
     pub fn observe_scan(
         &mut self,
         stamp_ns: i64,
