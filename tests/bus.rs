@@ -2,7 +2,7 @@
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::up::up;
-use crate::support::{ended, ended_within, python, randt, tum};
+use crate::support::{Row, ended, ended_within, python, randt, tum};
 use randt_stage::{Entry, Registry};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -60,16 +60,53 @@ fn the_header_and_the_module_have_the_sizes_and_offsets_that_they_state() {
     assert_ne!(ended(compile).code, Some(0));
 }
 
+/// The example in C, compiled and linked as its own words say.
+fn follow_in_c(folder: &Path) -> Command {
+    fs::write(folder.join("randt_bus.h"), printed("--c")).unwrap();
+    let libraries = Path::new(env!("CARGO_BIN_EXE_randt")).with_file_name("deps");
+    let library = libraries.join("librandt_bus.so");
+    assert!(
+        library.is_file(),
+        "cargo test --workspace --no-run makes it"
+    );
+    let program = folder.join("follow_pose");
+    let mut compile = Command::new("cc");
+    compile.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-I"]);
+    compile.arg(folder).arg(examples().join("follow_pose.c"));
+    compile
+        .arg("-L")
+        .arg(&libraries)
+        .args(["-lrandt_bus", "-lm"]);
+    let compiled = ended({
+        compile.arg("-o").arg(&program);
+        compile
+    });
+    assert_eq!(compiled.code, Some(0), "{}", compiled.stderr);
+    let mut follow = Command::new(program);
+    follow.env("LD_LIBRARY_PATH", libraries);
+    follow
+}
+
 #[test]
-fn a_python_program_prints_the_pose_that_the_drive_has() {
-    let Some(mut follow) = python::program(&examples().join("follow_pose.py")) else {
-        return;
-    };
+fn programs_in_c_rust_and_python_print_the_pose_that_the_drive_has() {
     let folder = tempfile::tempdir().unwrap();
     let log = log(folder.path(), 40);
-    fs::write(folder.path().join("randt_bus.py"), printed("--python")).unwrap();
-    follow.env("PYTHONPATH", folder.path());
     let pipeline = Pipeline::new("bus");
+    let scans = SCANS.to_string();
+    let mut in_c = follow_in_c(folder.path());
+    in_c.arg(pipeline.domain().prefix());
+    in_c.arg(pipeline.domain().run()).arg(&scans);
+    let mut in_rust = Command::new(crate::support::stages::beside("follow_pose"));
+    pipeline.enter(&mut in_rust);
+    in_rust.args(["--scans", &scans]);
+    let mut programs = vec![("C", in_c), ("Rust", in_rust)];
+    if let Some(mut in_python) = python::program(&examples().join("follow_pose.py")) {
+        fs::write(folder.path().join("randt_bus.py"), printed("--python")).unwrap();
+        in_python.env("PYTHONPATH", folder.path());
+        pipeline.enter(&mut in_python);
+        in_python.args(["--scans", &scans]);
+        programs.push(("Python", in_python));
+    }
     let out = folder.path().join("up");
     let mut up = up(pipeline.domain(), &log, &out);
     up.stdout(Stdio::null()).stderr(Stdio::null());
@@ -81,14 +118,33 @@ fn a_python_program_prints_the_pose_that_the_drive_has() {
     until("stages", || {
         all().iter().filter(|stage| computes(stage)).count() == 2
     });
-    pipeline.enter(&mut follow);
-    follow.args(["--scans", &SCANS.to_string()]);
-    let ended = ended_within(follow, TIME_MAX);
-    assert_eq!(ended.code, Some(0), "{}", ended.stderr);
+    let programs = programs.into_iter().map(|(language, program)| {
+        let follow = std::thread::spawn(move || ended_within(program, TIME_MAX));
+        (language, follow)
+    });
+    let programs: Vec<_> = programs.collect();
+    let printed = programs.into_iter().map(|(language, follow)| {
+        let ended = follow.join().unwrap();
+        assert_eq!(ended.code, Some(0), "{language}: {}", ended.stderr);
+        (language, ended.stdout)
+    });
+    let printed: Vec<_> = printed.collect();
     assert!(up.wait().unwrap().success());
     let expected = tum(&out.join("odometry.tum"));
-    let mut lines = ended.stdout.lines();
-    assert_eq!(lines.next(), Some("stamp_ns,frame,x_m,y_m,yaw_rad,trust"));
+    for (language, printed) in printed {
+        check(language, &printed, &expected);
+    }
+}
+
+/// Holds what an example has printed against the drive's poses.
+fn check(language: &str, printed: &str, expected: &[Row]) {
+    let mut lines = printed.lines();
+    let heading = lines.next();
+    assert_eq!(
+        heading,
+        Some("stamp_ns,frame,x_m,y_m,yaw_rad,trust"),
+        "{language}"
+    );
     let mut count = 0;
     for line in lines {
         let fields: Vec<&str> = line.split(',').collect();
@@ -97,15 +153,17 @@ fn a_python_program_prints_the_pose_that_the_drive_has() {
         let row = expected.iter().find(|row| row.stamp_ns == stamp_ns);
         let pose = row
             .map(|row| row.pose)
-            .unwrap_or_else(|| panic!("{line}: no such scan"));
+            .unwrap_or_else(|| panic!("{language}: {line}: no such scan"));
         // No loop has been closed yet: the first frame is the map's.
         let expected = [pose.x_m, pose.y_m, pose.yaw_rad];
         let off = (2..)
             .zip(expected)
             .map(|(field, expected)| (number(field) - expected).abs());
-        assert!(off.fold(0.0, f64::max) < 1e-3, "{line}: {pose:?}");
-        assert!(["good", "degraded", "lost"].contains(&fields[5]), "{line}");
+        let off = off.fold(0.0, f64::max);
+        assert!(off < 1e-3, "{language}: {line}: {pose:?}");
+        let trust = fields[5];
+        assert!(["good", "degraded", "lost"].contains(&trust), "{line}");
         count += 1;
     }
-    assert_eq!(count, SCANS);
+    assert_eq!(count, SCANS, "{language}");
 }

@@ -61,7 +61,7 @@ fn every_command_of_the_operators_page_works() {
     let programs = collect(folder.path(), "programs", &[]);
     let newer = collect(folder.path(), "newer", &["randt-filter", "randt-odometry"]);
     fs::create_dir_all(image.file("root/new")).unwrap();
-    for (programs, version) in [(&programs, "0.1.0"), (&newer, "0.1.1")] {
+    for (programs, version) in [(&programs, "0.2.0"), (&newer, "0.2.1")] {
         let package = build(programs, version, &folder.path().join(version));
         fs::copy(
             package,

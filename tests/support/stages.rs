@@ -32,16 +32,20 @@ pub struct Running {
     errors: PathBuf,
 }
 
-/// The program of a stage, which stands beside `randt`, or that one for `play`.
+/// The program of a stage, or `randt` for `play`.
 pub fn program(name: &str) -> PathBuf {
-    let randt = Path::new(env!("CARGO_BIN_EXE_randt"));
-    let path = match name {
-        "play" => randt.to_owned(),
-        _ => randt.with_file_name(format!("randt-{name}")),
-    };
+    match name {
+        "play" => Path::new(env!("CARGO_BIN_EXE_randt")).to_owned(),
+        _ => beside(&format!("randt-{name}")),
+    }
+}
+
+/// A program that stands beside `randt`.
+pub fn beside(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_BIN_EXE_randt")).with_file_name(name);
     assert!(
         path.is_file(),
-        "{}: not there; cargo build --workspace makes all stages",
+        "{}: not there; cargo build --workspace makes it",
         path.display()
     );
     path

@@ -7,6 +7,9 @@ use randt_messages::{
 };
 use std::io::Cursor;
 
+/// Who writes the logs of these tests.
+const WRITER: &str = concat!("randt-log ", env!("CARGO_PKG_VERSION"));
+
 /// Codes by their names, as they were.
 pub struct MoodBefore;
 impl MoodBefore {
@@ -118,7 +121,9 @@ fn a_renamed_field_a_moved_bit_and_renumbered_codes_are_read() {
         let said: Vec<String> = reader.translated().collect();
         assert_eq!(
             said,
-            ["then.mcap: test/drive/v1 was written by another build (randt-log 0.1.0)"]
+            [format!(
+                "then.mcap: test/drive/v1 was written by another build ({WRITER})"
+            )]
         );
     }
 }
@@ -254,6 +259,6 @@ struct Return, 12 bytes
         let read = entry.decode::<RadarScan>().unwrap().unwrap();
         assert!(read == expected, "{:?}", read.head.sweep.sensor);
         let said: Vec<String> = reader.translated().collect();
-        assert!(said[0].ends_with("(randt-log 0.1.0)"), "{said:?}");
+        assert!(said[0].ends_with(&format!("({WRITER})")), "{said:?}");
     }
 }

@@ -85,6 +85,17 @@ impl Observer {
         }
         Ok(())
     }
+
+    /// Sleeps until a message of a topic comes, at most for a time. Signals keep the handlers that
+    /// they have.
+    pub fn wait<T: Topic>(
+        &self,
+        subscriber: &Subscriber<T>,
+        timeout: Duration,
+    ) -> Result<(), Error> {
+        self.bus.exhausted.check()?;
+        subscriber.sleep(timeout)
+    }
 }
 
 /// Whether the end of this process was requested (SIGTERM or Ctrl-C) since the last call. For

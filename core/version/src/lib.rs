@@ -9,5 +9,5 @@
 /// without git `unknown`.
 pub const COMMIT: &str = env!("RANDT_COMMIT");
 
-/// Version and commit, such as `0.1.0 (30a8848)`.
+/// Version and commit, such as `0.2.0 (30a8848)`.
 pub const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("RANDT_COMMIT"), ")");

@@ -3,13 +3,14 @@
 use super::bus::{Bus, Service};
 use super::{BusResource, PortCounters, wire::Wire};
 use crate::Error;
-use iceoryx2::port::listener::Listener;
+use iceoryx2::port::listener::{Listener, ListenerWaitError};
 use iceoryx2::port::subscriber::Subscriber as Port;
 use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
 use randt_messages::{MessageRef, Topic};
 use std::marker::PhantomData;
 use std::rc::Rc;
+use std::time::Duration;
 
 /// Reads one topic, in order, and counts what it missed.
 #[derive(Debug)]
@@ -95,6 +96,15 @@ impl<T: Topic> Subscriber<T> {
     pub(crate) fn drain(&self) {
         // A failure does not matter: the messages themselves are read whatever the notices say.
         let _ = self.listener.try_wait(|_| {});
+    }
+
+    /// Sleeps until a notice or a signal comes, and takes the notice.
+    pub(crate) fn sleep(&self, timeout: Duration) -> Result<(), Error> {
+        match self.listener.timed_wait(|_| {}, timeout) {
+            // A signal: its handler has run, and the caller goes on.
+            Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+            Err(cause) => Err(Error::bus(format!("{}: waiting", T::NAME), cause)),
+        }
     }
 
     fn count(&mut self, received: &Received<T>) {

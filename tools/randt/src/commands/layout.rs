@@ -16,7 +16,7 @@ pub struct Arguments {
     /// A Python module: numpy types, topics, and a class that reads the bus
     #[arg(long)]
     python: bool,
-    /// A C header: structs, their sizes checked, and the topics' names
+    /// A C header: structs, their sizes checked, the topics' names, and librandt_bus
     #[arg(long)]
     c: bool,
     /// A Rust module: `repr(C)` structs, their sizes checked, and the topics' names

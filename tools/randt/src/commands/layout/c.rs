@@ -4,6 +4,9 @@ use super::bus_layout::{BusLayout, snake_case};
 use randt_log::{Kind, Number, Struct};
 use std::fmt::Write as _;
 
+/// What `librandt_bus` has (tools/c).
+const FUNCTIONS: &str = include_str!("functions.h");
+
 /// The header's text.
 pub fn header(layout: &BusLayout) -> String {
     let mut out = format!(
@@ -28,7 +31,7 @@ pub fn header(layout: &BusLayout) -> String {
             let _ = writeln!(out, "typedef {} RANDT_{constant}_ITEM;", name(item));
         }
     }
-    out.push_str("\n#endif\n");
+    let _ = write!(out, "\n{FUNCTIONS}\n#endif\n");
     out
 }
 
