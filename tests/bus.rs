@@ -1,6 +1,7 @@
 //! Programs of other languages on the bus, by what `randt layout` prints for them.
 
 use crate::support::pipeline::{Pipeline, log, until};
+use crate::support::stages::beside;
 use crate::support::up::up;
 use crate::support::{Row, ended, ended_within, python, randt, tum};
 use randt_stage::{Entry, Registry};
@@ -63,19 +64,15 @@ fn the_header_and_the_module_have_the_sizes_and_offsets_that_they_state() {
 /// The example in C, compiled and linked as its own words say.
 fn follow_in_c(folder: &Path) -> Command {
     fs::write(folder.join("randt_bus.h"), printed("--c")).unwrap();
-    let libraries = Path::new(env!("CARGO_BIN_EXE_randt")).with_file_name("deps");
-    let library = libraries.join("librandt_bus.so");
-    assert!(
-        library.is_file(),
-        "cargo test --workspace --no-run makes it"
-    );
+    let library = beside("deps/librandt_bus.so");
+    let libraries = library.parent().unwrap();
     let program = folder.join("follow_pose");
     let mut compile = Command::new("cc");
     compile.args(["-std=c11", "-Wall", "-Wextra", "-Werror", "-I"]);
     compile.arg(folder).arg(examples().join("follow_pose.c"));
     compile
         .arg("-L")
-        .arg(&libraries)
+        .arg(libraries)
         .args(["-lrandt_bus", "-lm"]);
     let compiled = ended({
         compile.arg("-o").arg(&program);
@@ -94,9 +91,9 @@ fn programs_in_c_rust_and_python_print_the_pose_that_the_drive_has() {
     let pipeline = Pipeline::new("bus");
     let scans = SCANS.to_string();
     let mut in_c = follow_in_c(folder.path());
-    in_c.arg(pipeline.domain().prefix());
-    in_c.arg(pipeline.domain().run()).arg(&scans);
-    let mut in_rust = Command::new(crate::support::stages::beside("follow_pose"));
+    in_c.arg(&scans).arg(pipeline.domain().prefix());
+    in_c.arg(pipeline.domain().run());
+    let mut in_rust = Command::new(beside("follow_pose"));
     pipeline.enter(&mut in_rust);
     in_rust.args(["--scans", &scans]);
     let mut programs = vec![("C", in_c), ("Rust", in_rust)];

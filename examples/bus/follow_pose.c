@@ -2,7 +2,7 @@
 
        randt layout --c > randt_bus.h
        cc -std=c11 follow_pose.c -lrandt_bus -lm -o follow_pose
-       ./follow_pose [PREFIX [RUN [SCANS]]]
+       ./follow_pose [SCANS [PREFIX [RUN]]]
 
    librandt_bus.so: target/debug after cargo build --workspace, /usr/lib/randt of the package. */
 #include <math.h>
@@ -27,9 +27,9 @@ static void transform(const double a[3], const double b[3], double out[3]) {
 }
 
 int main(int count, char **arguments) {
-    const char *prefix = count > 1 ? arguments[1] : NULL;
-    const char *run = count > 2 ? arguments[2] : NULL;
-    long scans = count > 3 ? atol(arguments[3]) : -1;
+    long scans = count > 1 ? atol(arguments[1]) : -1;
+    const char *prefix = count > 2 ? arguments[2] : NULL;
+    const char *run = count > 3 ? arguments[3] : NULL;
 
     struct randt_bus *bus = randt_bus_open(prefix, run);
     if (!bus)

@@ -89,6 +89,8 @@ fn a_package_has_what_debian_asks_for() {
         "/usr/lib/sysctl.d/60-randt.conf",
         "/usr/lib/modules-load.d/randt.conf",
         "/usr/lib/udev/rules.d/60-randt.rules",
+        "/usr/lib/randt/librandt_bus.so",
+        "/usr/share/doc/randt/examples/bus/follow_pose.c",
         "/usr/share/doc/randt/copyright",
         "/usr/share/doc/randt/changelog.gz",
         "/usr/share/doc/randt/third-party.txt.gz",

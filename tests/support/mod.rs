@@ -22,6 +22,7 @@ pub mod l_shaped_world;
 pub mod large;
 pub mod observer;
 pub mod package;
+pub mod pages;
 pub mod phidgets;
 pub mod pipeline;
 pub mod programs;

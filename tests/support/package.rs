@@ -28,15 +28,13 @@ pub fn program(name: &str) -> PathBuf {
 pub fn collect(folder: &Path, name: &str, others: &[&str]) -> PathBuf {
     let to = folder.join(name);
     fs::create_dir(&to).unwrap();
-    for name in PROGRAMS.lines() {
+    let programs = PROGRAMS.lines().map(|name| (name, program(name)));
+    let library = ("librandt_bus.so", stages::beside("deps/librandt_bus.so"));
+    for (name, built) in programs.chain([library]) {
         let path = to.join(name);
         // Without what only a debugger reads: a machine of a test lies in memory.
         let mut strip = Command::new("strip");
-        strip
-            .arg("--strip-debug")
-            .arg("-o")
-            .arg(&path)
-            .arg(program(name));
+        strip.arg("--strip-debug").arg("-o").arg(&path).arg(built);
         assert_eq!(ended(strip).code, Some(0), "{name}");
         fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).unwrap();
         if others.contains(&name) {
