@@ -36,7 +36,7 @@ fn shown() -> BTreeMap<String, String> {
     let mut found = BTreeMap::new();
     for (name, text) in pages::all(&root()) {
         for block in pages::blocks(&text) {
-            if block.language != "" {
+            if !block.language.is_empty() {
                 continue;
             }
             for line in block.text.lines() {

@@ -89,6 +89,19 @@ pub const COMMANDS: &[(&str, Runner)] = &[
         ),
     ),
     ("./follow_pose", File(PAGE_PROGRAMMER, "./follow_pose 10")),
+    // commands.md
+    (
+        "docker build -t randt .",
+        Nobody("images of others cannot be fetched here"),
+    ),
+    (
+        "docker run --rm -v \"$PWD:/data\" randt run DRIVE.bag --out results",
+        Nobody("images of others cannot be fetched here"),
+    ),
+    (
+        "docker run --rm --network host --shm-size 256m -v \"$PWD:/data\" randt up --robot robot.toml --out live",
+        Nobody("images of others cannot be fetched here"),
+    ),
     // calibrate.md
     (
         "randt calibrate time LOG.mcap",
