@@ -152,18 +152,21 @@ pub const COMMANDS: &[(&str, Runner)] = &[
     (
         "randt log export FILE --to csv | tum | ros1 | ros2 | foxglove",
         Here(
-            "for to in csv tum ros1 ros2 foxglove; do randt log export FILE --to $to --out $to || exit; done",
+            "for to in csv tum ros1 ros2 foxglove; do randt log export FILE --to $to || exit; done",
         ),
     ),
     (
         "randt log export FILE --foxglove",
-        Here("randt log export FILE --foxglove --out viewers"),
+        Here("rm FILE.foxglove.mcap && randt log export FILE --foxglove"),
     ),
     (
         "randt plot FILE --out DIR",
         Here("randt plot FILE --out pictures"),
     ),
-    ("randt run FILE", Here("randt run FILE --out again")),
+    (
+        "randt run FILE --out DIR",
+        Here("randt run FILE --out again"),
+    ),
     // pipeline.md
     (
         "randt-mapper --journal map.journal &",

@@ -1,5 +1,8 @@
 """Tests of the Python package; run in an empty folder with the package on PYTHONPATH."""
 
+import contextlib
+import io
+import re
 import subprocess
 import sys
 import unittest
@@ -94,6 +97,15 @@ class Package(unittest.TestCase):
             randt.Scan(np.arange(4), np.arange(4), [1.0, 1.0], [1.0, 1.0], [2, 1], 0.05)
         with self.assertRaisesRegex(RuntimeError, "nowhere.bag"):
             randt.run("nowhere.bag", "nothing")
+
+    def test_what_the_documents_show_runs(self):
+        page = Path(__file__).parents[3] / "docs/python.md"
+        blocks = re.findall(r"^```python\n(.*?)^```", page.read_text(), re.S | re.M)
+        self.assertEqual(len(blocks), 1)
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            exec(blocks[0].replace("drive.bag", DRIVE), {})
+        self.assertGreater(printed.getvalue().count("good"), SCANS // 2)
 
     def test_evaluation_and_the_bus_module(self):
         randt.run(DRIVE, "again", options=["--no-loops"])
