@@ -132,3 +132,54 @@ fn pose_graphs_have_the_same_optimum_and_the_same_false_loops() {
         assert_eq!(figures(Some(old)), here);
     }
 }
+
+/// Programs of an ARM board, emulated. They are made so, in ten minutes of CPU:
+///
+/// ```text
+/// rustup target add aarch64-unknown-linux-gnu
+/// apt-get install gcc-aarch64-linux-gnu qemu-user
+/// CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc \
+/// CC_aarch64_unknown_linux_gnu=aarch64-linux-gnu-gcc \
+/// cargo build --target aarch64-unknown-linux-gnu
+/// RANDT_TEST_ARM=target/aarch64-unknown-linux-gnu/debug/randt \
+/// cargo test --workspace --test programs machines:: -- --ignored
+/// ```
+#[test]
+#[ignore = "needs programs for aarch64 in RANDT_TEST_ARM; a minute"]
+fn an_arm_board_has_the_same_bits() {
+    let program = std::env::var("RANDT_TEST_ARM").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut inputs = vec![at("a.mcap")];
+    let mut simulate = randt(None);
+    simulate.args(["simulate", "building", "--scans", "300", "--out"]);
+    printed({
+        simulate.arg(&inputs[0]);
+        simulate
+    });
+    inputs.extend(recording("bags/room_loops.bag"));
+    inputs.extend(recording("radar/oxford"));
+    for input in inputs {
+        let mut here = randt(None);
+        let mut board = Command::new("qemu-aarch64");
+        board.args(["-L", "/usr/aarch64-linux-gnu", &program]);
+        for (name, command) in [("here", &mut here), ("board", &mut board)] {
+            let _ = fs::remove_dir_all(at(name));
+            command.arg("run").arg(&input).arg("--out").arg(at(name));
+        }
+        printed(here);
+        printed(board);
+        for file in [
+            "odometry.csv",
+            "odometry.tum",
+            "trajectory.tum",
+            "keyframes.tum",
+            "map.pgm",
+        ] {
+            let [here, board] =
+                ["here", "board"].map(|name| fs::read(at(name).join(file)).unwrap());
+            assert!(here == board, "{}: {file} differs", input.display());
+        }
+        println!("{}: the same bits", input.display());
+    }
+}
