@@ -267,6 +267,14 @@ fn scans_with_nothing_or_one_beam_in_them_are_lived_through() {
     });
     ran.finished(0, SCANS);
     assert_eq!(ran.frames(), 1);
+    // Where every second one is empty there is nothing that a pose could follow from.
+    let ran = corrupted(|events| {
+        (0..SCANS)
+            .step_by(2)
+            .for_each(|number| empty(scan(events, number)));
+    });
+    assert_eq!(ran.code(), 3, "{}", ran.ended.stdout);
+    assert!(ran.counter("scans_not_fitting") > SCANS as u64 / 2);
     // Nothing but empty scans is no good drive.
     let ran = corrupted(|events| (0..SCANS).for_each(|number| empty(scan(events, number))));
     assert!([1, 3].contains(&ran.code()), "{}", ran.ended.stderr);

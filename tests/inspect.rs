@@ -46,6 +46,20 @@ fn an_inspection_names_what_is_there_what_is_odd_and_the_command() {
     assert_eq!(svg.matches("scan after").count(), 3);
     assert_eq!(found["doubts"], Value::Array(vec![]));
 
+    // Every second beam of a radar that is no iSDR-C: the command has what it differs by.
+    let mut coarse = drive::events(SCANS);
+    for event in &mut coarse {
+        if let randt_readers::Event::Scan(scan) = event {
+            scan.head.sweep.azimuth_step_rad *= 0.5;
+        }
+    }
+    drive::write(&coarse, &folder.path().join("coarse.mcap"));
+    let command = inspect(folder.path(), "coarse.mcap")["command"].to_string();
+    assert!(
+        command.contains(" --set sensor.azimuth_step_rad=0.01428"),
+        "{command}"
+    );
+
     // Four sweeps are missing, and the IMU hangs upside down.
     let mut number = 0;
     events.retain_mut(|event| {
@@ -80,10 +94,16 @@ fn a_mission_of_several_logs_is_computed_as_one_drive() {
     several.finished(0, SCANS as usize);
     let read = |out: &Path| fs::read(out.join("odometry.tum")).unwrap();
     assert!(read(&one.out) == read(&several.out));
-    // A log of it that cannot be read is no shorter drive in silence.
-    fs::write(mission.join("logs/1.mcap"), b"").unwrap();
-    let without = checked(&mission, &[]);
-    assert_eq!((without.code(), without.counter("logs_unreadable")), (3, 1));
+    // A log of it that cannot be read, or of which damage leaves nothing, is no shorter drive in
+    // silence.
+    let mut damaged = fs::read(mission.join("logs/1.mcap")).unwrap();
+    let chunk = damaged.len() / 2;
+    damaged[chunk] ^= 8;
+    for bytes in [damaged, Vec::new()] {
+        fs::write(mission.join("logs/1.mcap"), bytes).unwrap();
+        let without = checked(&mission, &[]);
+        assert_eq!((without.code(), without.counter("logs_unreadable")), (3, 1));
+    }
     let mut plot = randt(&["plot"]);
     plot.arg(&mission)
         .arg("--out")

@@ -6,7 +6,7 @@ use crate::results::Results;
 use indicatif::ProgressBar;
 use randt_config::{Config, Loaded};
 use randt_filter::check_sweep;
-use randt_messages::{ImuUse, OdometryState};
+use randt_messages::{ImuUse, OdometryState, Trust, TrustReason};
 use randt_readers::{Event, Extrinsics, Source};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -63,8 +63,16 @@ impl Done {
             ),
         }
         let states = &self.results.states;
+        let unfit = states.iter().filter(|state| does_not_fit(state)).count() as u64;
+        if 2 * unfit > scans {
+            let first = format!(
+                "of {scans} scans: what the radar sees is not what the map, the gyro and the stamps say (--no-imu shows whether it is the gyro)"
+            );
+            counters.add_lost("scans_not_fitting", unfit, first);
+        }
         let is_used = |state: &OdometryState| state.imu_use != ImuUse::None as u32;
-        if self.use_imu && self.imu_samples > 0 && !states.iter().any(is_used) {
+        let is_refused = self.pipeline.counters().scans_gyro_refused > 0;
+        if self.use_imu && self.imu_samples > 0 && !is_refused && !states.iter().any(is_used) {
             let first = format!("{} samples cover 0 of {scans} scans", self.imu_samples);
             counters.add_lost("imu_covers_no_scan", 1, first);
         }
@@ -78,6 +86,12 @@ impl Done {
     pub fn finish(&mut self) {
         self.pipeline.finish(&mut self.results);
     }
+}
+
+/// Whether a scan has no pose of its own.
+fn does_not_fit(state: &OdometryState) -> bool {
+    let reasons = TrustReason::Unsupported as u32 | TrustReason::Fit as u32;
+    state.trust() != Trust::Good && state.trust_reasons & reasons != 0
 }
 
 /// Lets Ctrl-C, SIGTERM and a closed terminal (SIGHUP) end the work cleanly. A second handler in

@@ -3,6 +3,7 @@
 
 mod image_folder;
 mod imu_file;
+mod imu_mounting;
 mod layout;
 
 pub(crate) use image_folder::ImageFolder;

@@ -39,7 +39,7 @@ pub fn log_files(path: &Path) -> Result<LogFiles, Error> {
         }
         match first_time_ns(&path) {
             Ok(first_ns) => files.extend(first_ns.map(|first_ns| (first_ns, path))),
-            Err(why) => unreadable.push(why.to_string()),
+            Err(why) => unreadable.push(why),
         }
     }
     files.sort();
@@ -50,12 +50,18 @@ pub fn log_files(path: &Path) -> Result<LogFiles, Error> {
     })
 }
 
-/// When the first message of a log of ours was recorded; `None` of another's.
-fn first_time_ns(path: &Path) -> Result<Option<i64>, randt_log::Error> {
-    let mut reader = LogReader::open(path)?;
-    let first = reader.next_entry()?;
+/// When the first message of a log of ours was recorded; `None` of another's and of an empty one. A
+/// log of which damage leaves nothing is none of these.
+fn first_time_ns(path: &Path) -> Result<Option<i64>, String> {
+    let mut reader = LogReader::open(path).map_err(|error| error.to_string())?;
+    let first = reader.next_entry().map_err(|error| error.to_string())?;
+    let is_empty = first.is_none();
     let ours = first.filter(|first| first.channel.is_ours());
-    Ok(ours.map(|first| first.time_ns))
+    let first_ns = ours.map(|first| first.time_ns);
+    match reader.damage() {
+        [damage, ..] if is_empty => Err(damage.first.clone()),
+        _ => Ok(first_ns),
+    }
 }
 
 /// Logs that are read one after the other.

@@ -15,17 +15,29 @@ const SAMPLES_MAX: usize = 8192;
 /// and those before and behind them are in order.
 const STRAYS_MAX: usize = 3;
 
+/// A single sweep that is not between its neighbours would begin a new frame, however little it is
+/// off; of samples, which a network may bring out of order, odometry leaves out what it cannot use.
+const SINGLE_SWEEP_NS: i64 = 0;
+
 /// How many of a queue's events before its last one are strays: outside the time from the one
-/// before them, which may have been given out already, to the last one.
-fn strays(queue: &VecDeque<Event>, given_ns: Option<i64>) -> usize {
+/// before them, which may have been given out already, to the last one. A single one is a stray
+/// also where it is off by less than [`AHEAD_NS`], but more than `single_ns`.
+fn strays(queue: &VecDeque<Event>, given_ns: Option<i64>, single_ns: i64) -> usize {
     let mut stamps = queue.iter().rev().map(Event::stamp_ns);
     let Some(last_ns) = stamps.next() else {
         return 0;
     };
-    let is_near = |stamp_ns: i64| stamp_ns.abs_diff(last_ns) <= AHEAD_NS as u64;
-    let run: Vec<i64> = stamps.clone().take_while(|ns| !is_near(*ns)).collect();
+    let is_far = |stamp_ns: i64, far_ns: i64| stamp_ns.abs_diff(last_ns) > far_ns as u64;
+    let far: Vec<i64> = stamps
+        .clone()
+        .take_while(|ns| is_far(*ns, AHEAD_NS))
+        .collect();
+    let is_single = |ns: &i64| far.is_empty() && is_far(*ns, single_ns);
+    let single = stamps.clone().next().filter(is_single);
+    let run: Vec<i64> = far.iter().copied().chain(single).collect();
     let before_ns = stamps.nth(run.len()).or(given_ns);
-    let Some(before_ns) = before_ns.filter(|ns| is_near(*ns) && *ns <= last_ns) else {
+    let is_before = |ns: &i64| *ns <= last_ns && !is_far(*ns, AHEAD_NS);
+    let Some(before_ns) = before_ns.filter(is_before) else {
         return 0;
     };
     let between = before_ns..=last_ns;
@@ -84,11 +96,14 @@ impl<S: Source> InOrder<S> {
     /// whether it is a stray.
     fn may_have_stray(&self) -> bool {
         let [sweep_ns, sample_ns] = self.given_ns;
-        let streams = [(&self.sweeps, sweep_ns), (&self.samples, sample_ns)];
-        streams.into_iter().any(|(queue, given_ns)| {
+        let streams = [
+            (&self.sweeps, sweep_ns, SINGLE_SWEEP_NS),
+            (&self.samples, sample_ns, AHEAD_NS),
+        ];
+        streams.into_iter().any(|(queue, given_ns, single_ns)| {
             let head_ns = queue.front().map(Event::stamp_ns);
             let behind = given_ns.zip(head_ns);
-            queue.len() == 1 && behind.is_some_and(|(given, head)| given - head > AHEAD_NS)
+            queue.len() == 1 && behind.is_some_and(|(given, head)| given - head > single_ns)
         })
     }
 
@@ -123,8 +138,11 @@ impl<S: Source> InOrder<S> {
     /// Drops strays before the event that came last.
     fn drop_strays(&mut self) {
         let [sweep_ns, sample_ns] = self.given_ns;
-        for (queue, given_ns) in [(&mut self.sweeps, sweep_ns), (&mut self.samples, sample_ns)] {
-            let count = strays(queue, given_ns);
+        for (queue, given_ns, single_ns) in [
+            (&mut self.sweeps, sweep_ns, SINGLE_SWEEP_NS),
+            (&mut self.samples, sample_ns, AHEAD_NS),
+        ] {
+            let count = strays(queue, given_ns, single_ns);
             let last = queue.pop_back();
             for _ in 0..count {
                 let stray_ns = queue.pop_back().map(|event| event.stamp_ns());

@@ -3,6 +3,7 @@
 mod cloud;
 pub(crate) mod compressed;
 pub(crate) mod imu;
+mod imu_topic;
 mod laser_scan;
 mod live;
 mod merged;

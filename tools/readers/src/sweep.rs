@@ -4,6 +4,7 @@ mod build;
 mod learn;
 mod polar;
 mod repair;
+mod sectors;
 
 pub(crate) use build::wrap_f32;
 pub(crate) use learn::Turn;
@@ -11,3 +12,4 @@ pub(crate) use polar::Polar;
 #[cfg(test)]
 pub(crate) use polar::PolarPoint;
 pub(crate) use repair::{find_first_returns, repair};
+pub(crate) use sectors::are_sectors;

@@ -1,6 +1,7 @@
 //! Tests of whole inputs: written by `support`, rewritten, cut, mutated, read back.
 
 mod bags;
+mod choices;
 mod damage;
 mod data_sets;
 mod layouts;

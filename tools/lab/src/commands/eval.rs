@@ -23,8 +23,8 @@ pub struct Arguments {
     /// of a run
     #[arg(value_name = "EST")]
     estimate: String,
-    /// The truth, in the same format, Oxford's radar_odometry.csv, MulRan's global_pose.csv, or a
-    /// log with true poses
+    /// The truth, in the same format, Oxford's radar_odometry.csv, Boreas' radar_poses.csv,
+    /// MulRan's global_pose.csv, or a log with true poses
     #[arg(value_name = "TRUTH")]
     truth: String,
     /// Judge the accepted loops of a run by its report.json

@@ -12,7 +12,7 @@ use crate::output::{print_value, warn, write_whole};
 use crate::units::count;
 use anyhow::ensure;
 use doubts::doubts;
-use randt_config::SelectionArguments;
+use randt_config::{Config, SelectionArguments};
 use randt_readers::{InputInfo, Options, Source};
 use serde::Serialize;
 use std::fmt::Write;
@@ -87,9 +87,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         (arguments.selection).load_recorded(info.sensor.name(), info.configuration.clone())?;
     let bins = info.bin_size.map(|bins| bins.bins);
     // A picture needs some size; the doubts name what is missing.
-    let needs_size = match job::fit_input(loaded, source.as_mut()) {
-        Ok(_) => false,
-        Err(randt_config::Error::BinSizeUnknown { .. }) => true,
+    let (config, needs_size) = match job::fit_input(loaded, source.as_mut()) {
+        Ok(loaded) => (Some(loaded.config), false),
+        Err(randt_config::Error::BinSizeUnknown { .. }) => (None, true),
         Err(error) => return Err(error.into()),
     };
     if needs_size {
@@ -121,7 +121,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         topics: topics(&info),
         radar_mounting: info.extrinsics.radar.map(|pose| pose.to_array()),
         doubts: doubts(&info, &survey, needs_size),
-        command: command(&arguments, &info, &survey, needs_size),
+        command: command(&arguments, &info, &survey, config),
         counters: counters(source.as_ref()),
         picture,
         survey,
@@ -156,7 +156,12 @@ fn counters(source: &dyn Source) -> Vec<CounterRow> {
 }
 
 /// The command that computes the input, with what the user has said here.
-fn command(arguments: &Arguments, info: &InputInfo, survey: &Survey, needs_size: bool) -> String {
+fn command(
+    arguments: &Arguments,
+    info: &InputInfo,
+    survey: &Survey,
+    config: Option<Config>,
+) -> String {
     let quoted = |text: String| match text
         .chars()
         .all(|c| c.is_ascii_alphanumeric() || "/._-+=,@".contains(c))
@@ -176,8 +181,11 @@ fn command(arguments: &Arguments, info: &InputInfo, survey: &Survey, needs_size:
     for option in chosen.into_iter().chain(arguments.options.given()) {
         command += &format!(" {}", quoted(option));
     }
-    if needs_size {
-        command += " --set sensor.range_resolution_m=WIDTH_OF_A_BIN_IN_M";
+    match config {
+        Some(config) => survey.settings(config).for_each(|setting| {
+            command += &format!(" --set {setting}");
+        }),
+        None => command += " --set sensor.range_resolution_m=WIDTH_OF_A_BIN_IN_M",
     }
     command
 }

@@ -83,7 +83,8 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     prepare_folder(&arguments.out)?;
 
     let bar = progress::bar(source.info().scans, "scans");
-    let done = job::run(source.as_mut(), &config, !arguments.no_imu, &bar)?;
+    let done = job::run(source.as_mut(), &config, !arguments.no_imu, &bar);
+    let done = done.map_err(|error| with_choice(error, source.as_ref()))?;
     let input = arguments.input.as_path();
     let use_imu = !arguments.no_imu && done.imu_samples > 0;
     let mut counters = report::reader_counters(input, &source.counters());
@@ -105,6 +106,16 @@ pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
         done.first_misfit
             .map_or_else(|| no_scan(input, source.as_ref()), Into::into)
     })
+}
+
+/// An error with which topic was taken, where there was a choice: another one may fit.
+fn with_choice(error: anyhow::Error, source: &dyn Source) -> anyhow::Error {
+    let counters = source.counters();
+    let choice = counters.iter().find(|c| c.name == "radar_topic_chosen");
+    match choice {
+        Some(choice) => error.context(choice.first.clone()),
+        None => error,
+    }
 }
 
 fn no_scan(input: &Path, source: &dyn Source) -> anyhow::Error {

@@ -1,13 +1,13 @@
 //! A folder of polar images as a log, with its IMU where it has one.
 
 use super::imu_file;
+use super::imu_mounting::imu_mounting;
 use super::layout::{DataSet, Layout, stamp_ns};
 use crate::options::{Options, StampMeaning};
 use crate::polar_image::{PolarImage, RangeBins, build};
 use crate::{
     BinSize, Counter, Error, Event, Extrinsics, InputInfo, InputTopic, Source, counters::Counters,
 };
-use randt_geometry::Quaternion;
 use randt_messages::{ImuSample, SensorKind};
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
@@ -15,8 +15,6 @@ use std::path::{Path, PathBuf};
 
 /// A Navtech's turn, s, where there is one image only.
 const PERIOD_NS: i64 = 250_000_000;
-/// A specific force along z below this, m/s^2, on average, is that of an IMU upside down.
-const UPSIDE_DOWN_M_S2: f64 = -5.0;
 
 /// The images and samples that are left to read, oldest first.
 pub(crate) struct ImageFolder {
@@ -127,7 +125,7 @@ impl ImageFolder {
                 scans: Some(images.len() as u64),
                 extrinsics: Extrinsics {
                     radar: None,
-                    imu: up(&samples),
+                    imu: imu_mounting(layout, &samples),
                 },
                 configuration: None,
                 bin_size,
@@ -186,14 +184,6 @@ impl ImageFolder {
         }
         Ok(None)
     }
-}
-
-/// How the IMU hangs, by gravity; `None` where it stands upright or there is none.
-fn up(samples: &[ImuSample]) -> Option<Quaternion> {
-    let count = samples.len().max(1) as f64;
-    let sum: f64 = samples.iter().map(|s| s.acceleration_m_s2[2]).sum();
-    let is_upside_down = sum / count < UPSIDE_DOWN_M_S2;
-    is_upside_down.then(|| Quaternion::new(0.0, 1.0, 0.0, 0.0))
 }
 
 /// The images of a folder by their names, which are stamps.

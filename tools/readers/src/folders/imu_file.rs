@@ -66,11 +66,11 @@ fn text(path: &Path) -> Result<String, std::io::Error> {
 /// Rows of numbers between commas.
 fn table_rows(path: &Path, data_set: DataSet) -> Result<Vec<Row>, std::io::Error> {
     let text = text(path)?;
-    // Boreas': time, rates about z, y, x, accelerations along z, y, x. MulRan's: time, quaternion,
-    // three angles, rates, accelerations, field.
-    let columns: [usize; 6] = match data_set {
+    // As the header names them; without one Boreas': time, rates about z, y, x, accelerations along
+    // z, y, x. MulRan's: time, quaternion, three angles, rates, accelerations, field.
+    let columns = match data_set {
         DataSet::MulRan => [8, 9, 10, 11, 12, 13],
-        _ => [3, 2, 1, 6, 5, 4],
+        _ => named_columns(&text).unwrap_or([3, 2, 1, 6, 5, 4]),
     };
     let mut rows = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
@@ -88,6 +88,22 @@ fn table_rows(path: &Path, data_set: DataSet) -> Result<Vec<Row>, std::io::Error
         }));
     }
     Ok(rows)
+}
+
+/// The columns of rates and accelerations by the header; `None` where it does not name all.
+fn named_columns(text: &str) -> Option<[usize; 6]> {
+    let header = text.lines().next()?.to_lowercase();
+    let names: Vec<&str> = header.split(',').map(str::trim).collect();
+    let column = |words: [&str; 2], axis: char| {
+        let is_named = |name: &&str| words.iter().any(|word| **name == format!("{word}{axis}"));
+        names.iter().position(is_named)
+    };
+    let mut columns = [0; 6];
+    for (index, axis) in "xyz".chars().enumerate() {
+        *columns.get_mut(index)? = column(["angvel_", "w"], axis)?;
+        *columns.get_mut(index + 3)? = column(["accel", "a"], axis)?;
+    }
+    Some(columns)
 }
 
 fn row(cells: &[&str], columns: [usize; 6]) -> Option<(i64, [f64; 3], [f64; 3])> {

@@ -81,6 +81,7 @@ impl Layout {
                 "applanix/imu_raw.csv",
                 "applanix/imu.csv",
                 "imu/dmu_imu.csv",
+                "applanix/dmu_imu.csv",
             ],
             DataSet::MulRan => &["sensor_data/xsens_imu.csv", "xsens_imu.csv"],
             DataSet::Radiate => &["GPS_IMU_Twist"],

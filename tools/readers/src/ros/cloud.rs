@@ -20,6 +20,8 @@ pub(crate) struct Cloud {
     pub not_finite: u32,
     /// The fields' names, where none of them is an intensity: all points are then as strong.
     pub without_intensity: Option<String>,
+    /// The field that was taken for the intensity because its name has a word for one in it.
+    pub assumed_intensity: Option<String>,
     /// Whether its fields have as many values as the cloud has points, which only Navtech's driver
     /// says: it counts azimuths clockwise as if they were counter-clockwise.
     pub is_navtech: bool,
@@ -37,6 +39,19 @@ const INTENSITY_NAMES: [&str; 9] = [
     "rcs",
     "i",
 ];
+
+/// Words in the names of fields that are an intensity in some unit, best first, and words beside
+/// which they are none.
+const INTENSITY_WORDS: [&str; 7] = [
+    "intensity",
+    "power",
+    "amplitude",
+    "magnitude",
+    "reflectivity",
+    "rcs",
+    "snr",
+];
+const NO_INTENSITY_WORDS: [&str; 4] = ["noise", "var", "cov", "std"];
 
 /// The intensity of returns that have none: above every threshold that sensor.intensity_min can
 /// have.
@@ -128,6 +143,17 @@ fn names(fields: &[NamedField]) -> String {
     }
 }
 
+/// The field whose name has a word for an intensity in it, such as `rcs_db`.
+fn intensity_by_word(fields: &[NamedField]) -> Option<(String, Field)> {
+    INTENSITY_WORDS.into_iter().find_map(|word| {
+        fields.iter().find_map(|(name, field)| {
+            let lower = name.to_lowercase();
+            let is_none = NO_INTENSITY_WORDS.iter().any(|word| lower.contains(word));
+            (lower.contains(word) && !is_none).then_some((name.clone(), (*field)?))
+        })
+    })
+}
+
 impl Cloud {
     /// Decodes a message. `intensity_field` names the field to take for the intensity; without it,
     /// or where it is absent, the field is found by the names that drivers use.
@@ -164,6 +190,11 @@ impl Cloud {
             }
             None => INTENSITY_NAMES.into_iter().find_map(named),
         };
+        let by_word = match intensity {
+            None => intensity_by_word(&fields),
+            Some(_) => None,
+        };
+        let intensity = intensity.or(by_word.as_ref().map(|(_, field)| *field));
         let count = height
             .checked_mul(width)
             .filter(|count| *count <= MAX_POINTS);
@@ -179,6 +210,7 @@ impl Cloud {
             points: Vec::with_capacity(count.min(data.len())),
             not_finite: 0,
             without_intensity: intensity.is_none().then(|| names(&fields)),
+            assumed_intensity: by_word.map(|(name, _)| name),
             is_navtech: values > 1 && values as usize == width,
         };
         for index in 0..count {

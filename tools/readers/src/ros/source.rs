@@ -5,10 +5,11 @@ mod event;
 mod learn;
 
 use super::decode_transforms;
+use super::imu_topic::choose_imu;
 use super::navtech::{Configuration, FftTurn};
 use super::recording::{Channel, Kind, RadarKind, Recording};
 use super::stamp_check::StampCheck;
-use super::topics::{choose_imu, choose_radar, list};
+use super::topics::{choose_radar, list};
 use super::twist::find_twist;
 use super::wire::{Encoding, Malformed};
 use crate::limit::{is_instant, no_instant};
@@ -71,7 +72,7 @@ impl RosSource {
             (Err(Error::NotDecoded { .. }), false) => None,
             (radar, _) => radar?,
         };
-        let imu = choose_imu(&channels, options.imu_topic.as_deref(), path, &mut counters)?;
+        let imu = choose_imu(recording.as_ref(), options, path, &mut counters)?;
         let twist = find_twist(&channels, options.twist_topic.as_deref(), path)?;
         if radar.is_none() && options.radar_required {
             // It may be the damage that hides the radar: read on to name it.

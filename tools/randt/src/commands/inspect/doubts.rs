@@ -8,6 +8,8 @@ use randt_readers::InputInfo;
 const IMU_HZ_MIN: f64 = 50.0;
 /// Mean specific forces between these, m/s^2, are those of an IMU that feels gravity.
 const GRAVITY_M_S2: [f64; 2] = [8.8, 10.8];
+/// No radar for robots has wider range bins, m.
+const BIN_MAX_M: f64 = 2.0;
 /// Turns above this, rad/s, are in degrees: a robot's are below 6.
 const RATE_MAX_RAD_S: f64 = 12.0;
 
@@ -57,6 +59,13 @@ pub fn doubts(info: &InputInfo, survey: &Survey, needs_size: bool) -> Vec<String
         info.without_intensity.is_some(),
         "returns have no intensity: NDT in two dimensions (--intensity-field NAME takes a field)"
             .to_owned(),
+    );
+    doubt(
+        survey.range_resolution_m.is_some_and(|m| m > BIN_MAX_M),
+        format!(
+            "bins of {:.1} m: positions may be in another unit than m",
+            survey.range_resolution_m.unwrap_or_default()
+        ),
     );
     doubt(
         info.extrinsics.radar.is_none() && info.configuration.is_none(),
@@ -112,6 +121,10 @@ pub fn doubts(info: &InputInfo, survey: &Survey, needs_size: bool) -> Vec<String
         format!(
             "gravity is {up:.1} m/s2 along z of base_link: the IMU hangs in another way than its mounting says (robot.imu_roll_rad)"
         ),
+    );
+    doubt(
+        survey.largest_rate_rad_s == 0.0,
+        "the gyro shows no rate at all, not even noise: it measures nothing (--no-imu)".to_owned(),
     );
     doubt(
         survey.largest_rate_rad_s > RATE_MAX_RAD_S,

@@ -2,7 +2,9 @@
 
 use super::check_interrupt;
 use crate::units::count;
-use randt_messages::{ImuSample, Message, RadarScan};
+use randt_config::{Config, Error};
+use randt_filter::check_sweep;
+use randt_messages::{ImuSample, Message, RadarScan, SweepHead};
 use randt_readers::{Event, Source};
 use serde::Serialize;
 
@@ -46,6 +48,9 @@ pub struct Survey {
     pub intensity_median: Option<f64>,
     #[serde(skip)]
     pub range_resolution_m: Option<f64>,
+    /// The first sweep's head.
+    #[serde(skip)]
+    pub first: Option<Box<SweepHead>>,
     pub imu_samples: u64,
     pub imu_hz: Option<f64>,
     /// Longer than 50 ms.
@@ -64,6 +69,9 @@ pub struct Survey {
 
 /// A pause of the IMU longer than this is a gap, ns: 12 samples at 250 Hz.
 const IMU_GAP_NS: i64 = 50_000_000;
+
+/// Keys that an input may differ in; more would be the same ones again.
+const SETTINGS_MAX: usize = 2;
 
 impl Survey {
     /// Reads an input to its end.
@@ -150,6 +158,7 @@ impl Survey {
     fn take_sweep(&mut self, scan: &Message<RadarScan>) {
         let sweep = &scan.head.sweep;
         self.sweeps += 1;
+        self.first.get_or_insert_with(|| Box::new(*sweep));
         self.empty_sweeps += u64::from(scan.items.is_empty());
         self.beams = self.beams.max(sweep.beam_count);
         if let [first, second, ..] = sweep.beams() {
@@ -182,6 +191,25 @@ impl Survey {
             Some(reach_m) if reach_m >= OUTDOOR_M => " --profile outdoor",
             _ => "",
         }
+    }
+
+    /// The keys without which the configured radar is another one than the input's.
+    pub fn settings(&self, mut config: Config) -> impl Iterator<Item = String> {
+        let mut settings = Vec::new();
+        while let Some(sweep) = &self.first
+            && let Err(Error::SensorMismatch { key, found, .. }) = check_sweep(sweep, &config)
+        {
+            match key {
+                "azimuth_step_rad" => config.sensor.azimuth_step_rad = found,
+                "range_resolution_m" => config.sensor.range_resolution_m = found,
+                _ => break,
+            }
+            settings.push(format!("sensor.{key}={found}"));
+            if settings.len() > SETTINGS_MAX {
+                break;
+            }
+        }
+        settings.into_iter()
     }
 
     /// The radar in a line.

@@ -7,7 +7,7 @@ use crate::ros::recording::{Kind, RadarKind};
 use crate::ros::stamp_check::StampCheck;
 use crate::ros::transform::Tree;
 use crate::ros::wire::Encoding;
-use crate::sweep::{Polar, Turn};
+use crate::sweep::{Polar, Turn, are_sectors};
 use crate::{BinSize, Error};
 use randt_geometry::{Pose2, elementary::atan2};
 use randt_messages::SensorKind;
@@ -64,6 +64,9 @@ impl RosSource {
         let without = clouds
             .clone()
             .find_map(|cloud| cloud.without_intensity.clone());
+        let assumed = clouds
+            .clone()
+            .find_map(|cloud| cloud.assumed_intensity.clone());
         let is_navtech = clouds.clone().any(|cloud| cloud.is_navtech);
         let flipped = self.options.mirrored.unwrap_or(is_navtech);
         self.mirrored = mirrored != flipped;
@@ -81,11 +84,22 @@ impl RosSource {
                 format!("no field intensity among {fields}: NDT in two dimensions (--intensity-field NAME takes another)")
             });
         }
+        if let Some(field) = &assumed {
+            self.counters.count_event("intensity_assumed", 1, || {
+                format!("the field {field} is taken for the intensity (--intensity-field NAME takes another)")
+            });
+        }
         self.info.without_intensity = without;
         let kind = self.radar.and_then(|radar| self.channels.get(radar));
         if kind.is_some_and(|channel| channel.kind == Kind::Radar(RadarKind::LaserScan)) {
             self.counters.count_event("laser_scans", 1, || {
                 "an experiment: a LaserScan has one return a beam, a radar many".to_owned()
+            });
+        }
+        if are_sectors(&sweeps) {
+            self.counters.count_loss("messages_are_sectors", 1, || {
+                "each message has another part of a turn: merge them into whole turns first"
+                    .to_owned()
             });
         }
         let turn = Turn::learn(&sweeps, &self.options, &mut self.counters);
