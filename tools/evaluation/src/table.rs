@@ -228,7 +228,7 @@ mod tests {
         for (roll, sign) in [(PI, 1.0), (0.0, -1.0)] {
             let row = |us: i64, east: f64, north: f64, heading: f64| {
                 let heading = sign * heading;
-                format!("{us},{east},{north},{us},0,0,0,{roll},0.02,{heading},0,0,0\n")
+                format!("{us},{east},{north},154.0,0,0,0,{roll},0.02,{heading},0,0,0\n")
             };
             let text = header.to_owned()
                 + &row(1_630_597_331_060_160, 623_422.85, 4_848_820.5, 0.0)

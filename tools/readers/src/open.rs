@@ -63,13 +63,14 @@ fn ros_source(
             unpacked.push(plain);
         }
     }
-    let recording = Merged::new(files, open_bag)?;
+    let mut recording = Merged::new(files, open_bag)?;
     if recording.is_empty() {
         let found = recording.unreadable().first().cloned();
         let found =
             found.unwrap_or_else(|| "a folder without radar images or bag files".to_owned());
         return Err(not_recognised(path, found));
     }
+    recording.note_missing(ros2::missing_files(path));
     let source = RosSource::open(Box::new(recording), unpacked, path, options)?;
     Ok(Box::new(InOrder::new(source)))
 }

@@ -4,6 +4,6 @@ mod bag_files;
 mod database;
 mod mcap;
 
-pub(crate) use bag_files::bag_files;
+pub(crate) use bag_files::{bag_files, missing_files};
 pub(crate) use database::{Database, MAGIC as DATABASE_MAGIC};
 pub(crate) use mcap::{McapBag, count_damage};

@@ -8,6 +8,7 @@ mod layouts;
 mod learning;
 mod live;
 mod mounting;
+mod mutated;
 mod navtech;
 mod oxford;
 mod support;

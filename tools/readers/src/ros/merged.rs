@@ -57,6 +57,11 @@ impl Merged {
         self.parts.is_empty()
     }
 
+    /// Adds files that should be there.
+    pub fn note_missing(&mut self, missing: Vec<String>) {
+        self.unreadable.extend(missing);
+    }
+
     /// Why files are missing.
     pub fn unreadable(&self) -> &[String] {
         &self.unreadable

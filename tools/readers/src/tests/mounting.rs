@@ -147,6 +147,21 @@ fn a_part_of_a_split_bag_that_cannot_be_read_is_counted() {
         missing.loss && missing.first.contains("bag_1.mcap: a file of 0 bytes"),
         "{missing:?}"
     );
+    // One that is not there at all, by what the recorder wrote of its files.
+    std::fs::remove_file(folder.path().join("bag_1.mcap")).unwrap();
+    assert!(read_all(folder.path()).1.counters().is_empty());
+    let list = "info:\n  files: 3\n  relative_file_paths:\n  - bag_0.mcap\n  - bag_1.mcap\n  - bag_2.mcap\n  ros_distro: x\n";
+    std::fs::write(folder.path().join("metadata.yaml"), list).unwrap();
+    let counters = read_all(folder.path()).1.counters();
+    let [missing] = counters.as_slice() else {
+        panic!("{counters:?}");
+    };
+    assert!(
+        missing.loss
+            && missing
+                .first
+                .ends_with("names bag_1.mcap, which is not there")
+    );
 }
 
 #[test]
