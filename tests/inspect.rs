@@ -2,6 +2,11 @@
 
 use crate::support::corrupt_inputs::checked;
 use crate::support::{drive, ended, randt};
+use randt::pipeline::Pipeline;
+use randt_config::Config;
+use randt_mapper::journal;
+use randt_messages::{Keyframe, MessageRef, OdometryState};
+use randt_odometry::Sink;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -111,4 +116,59 @@ fn a_mission_of_several_logs_is_computed_as_one_drive() {
     let plot = ended(plot);
     assert_eq!(plot.code, Some(3), "{}", plot.stderr);
     assert!(plot.stderr_contains("1.mcap"), "{}", plot.stderr);
+}
+
+/// Writes the journal that a mapper would.
+struct Journal(Vec<u8>);
+
+impl Sink for Journal {
+    fn state(&mut self, _: &OdometryState) {}
+    fn keyframe(&mut self, keyframe: MessageRef<'_, Keyframe>) {
+        journal::append_keyframe(keyframe, &mut self.0).unwrap();
+    }
+}
+
+#[test]
+fn a_journal_gives_the_map_of_its_drive() {
+    let folder = tempfile::tempdir().unwrap();
+    let events = drive::events(3 * SCANS);
+    let log = folder.path().join("drive.mcap");
+    drive::write(&events, &log);
+    let mounting = randt_simulator::Robot::default().radar_mounting;
+    let mut config = Config::default();
+    (config.robot.radar_x_m, config.robot.radar_y_m) = (mounting.x_m, mounting.y_m);
+    let mut written = Journal(Vec::new());
+    journal::begin(&config, &mut written.0);
+    let mut pipeline = Pipeline::new(&config, true);
+    events
+        .iter()
+        .for_each(|event| pipeline.push(event, &mut written));
+    pipeline.finish(&mut written);
+    let path = folder.path().join("map.journal");
+    fs::write(&path, &written.0).unwrap();
+
+    let keyframes = pipeline.mapper().keyframes().len();
+    assert!(keyframes >= 5, "{keyframes}");
+    let (whole, of_journal) = (checked(&log, &[]), checked(&path, &[]));
+    let read = |out: &Path| fs::read(out.join("keyframes.tum")).unwrap();
+    assert!(read(&whole.out) == read(&of_journal.out));
+    of_journal.finished(0, keyframes);
+    assert_eq!(
+        of_journal.counter("poses_of_keyframes_only"),
+        keyframes as u64
+    );
+    assert_eq!(of_journal.counter("journal_of_another_configuration"), 0);
+    let other = checked(&path, &["--set", "loops.fit_min=0.9"]);
+    assert_eq!(other.counter("journal_of_another_configuration"), 1);
+    let found = inspect(folder.path(), "map.journal");
+    assert_eq!(found["keyframes"], keyframes);
+
+    // What is damaged is not there, and said.
+    written.0[200..]
+        .iter_mut()
+        .step_by(5000)
+        .for_each(|b| *b ^= 1);
+    fs::write(&path, &written.0).unwrap();
+    let damaged = checked(&path, &[]);
+    assert!([1, 3].contains(&damaged.code()), "{}", damaged.ended.stdout);
 }

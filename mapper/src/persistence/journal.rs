@@ -34,7 +34,7 @@ mod tail;
 pub use contents::{Bytes, Contents, Packed};
 pub use error::Error;
 pub use file::{Compacted, Compaction, JournalFile, Opened, Sync, Synced};
-pub use header::Header;
+pub use header::{Header, MAGIC};
 pub use keyframe::AttachedPose;
 pub use record::{Damage, Kind, Record, Records};
 

@@ -138,8 +138,8 @@ fn read_motions<'a>(
 }
 
 /// Boreas' poses of a sensor: east, north and up, and angles of which the data set's kit makes the
-/// rotation from the sensor as roll pitch yaw, each of them clockwise. Its radar's z points down, so
-/// that its x is at the heading, counter-clockwise from east.
+/// rotation from the sensor as roll pitch yaw, each of them clockwise. Its radar's z points down,
+/// so that its x is at the heading, counter-clockwise from east.
 fn read_boreas<'a>(
     rows: impl Iterator<Item = Row<'a>>,
     [stamp, east, north, up, roll, pitch, heading]: [usize; 7],

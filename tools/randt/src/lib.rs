@@ -20,6 +20,7 @@ pub mod help;
 pub mod identity;
 pub mod input;
 pub mod job;
+pub mod journal_input;
 pub mod judgement;
 pub mod latency;
 pub mod loops;

@@ -50,8 +50,8 @@ pub fn log_files(path: &Path) -> Result<LogFiles, Error> {
     })
 }
 
-/// When the first message of a log of ours was recorded; `None` of another's and of an empty one. A
-/// log of which damage leaves nothing is none of these.
+/// When the first message of a log of ours was recorded; `None` of another's and of an empty one.
+/// A log of which damage leaves nothing is none of these.
 fn first_time_ns(path: &Path) -> Result<Option<i64>, String> {
     let mut reader = LogReader::open(path).map_err(|error| error.to_string())?;
     let first = reader.next_entry().map_err(|error| error.to_string())?;

@@ -11,12 +11,13 @@ const AHEAD_NS: i64 = 1_000_000_000;
 const SWEEPS_MAX: usize = 32;
 const SAMPLES_MAX: usize = 8192;
 
-/// A stamp that is off by more than [`AHEAD_NS`] is a stray where this many or fewer come in a row,
-/// and those before and behind them are in order.
+/// A stamp that is off by more than [`AHEAD_NS`] is a stray where this many or fewer come in a
+/// row, and those before and behind them are in order.
 const STRAYS_MAX: usize = 3;
 
 /// A single sweep that is not between its neighbours would begin a new frame, however little it is
-/// off; of samples, which a network may bring out of order, odometry leaves out what it cannot use.
+/// off; of samples, which a network may bring out of order, odometry leaves out what it cannot
+/// use.
 const SINGLE_SWEEP_NS: i64 = 0;
 
 /// How many of a queue's events before its last one are strays: outside the time from the one

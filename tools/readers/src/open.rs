@@ -70,7 +70,7 @@ fn ros_source(
             found.unwrap_or_else(|| "a folder without radar images or bag files".to_owned());
         return Err(not_recognised(path, found));
     }
-    recording.note_missing(ros2::missing_files(path));
+    recording.add_missing(ros2::missing_files(path));
     let source = RosSource::open(Box::new(recording), unpacked, path, options)?;
     Ok(Box::new(InOrder::new(source)))
 }

@@ -7,7 +7,7 @@ use randt_config::Config;
 use randt_messages::{Keyframe, Topic};
 
 /// First bytes of every journal.
-const MAGIC: [u8; 8] = *b"RANDTMAP";
+pub const MAGIC: [u8; 8] = *b"RANDTMAP";
 /// Of header, records and packing.
 const VERSION: u32 = 1;
 /// Layout that keyframes had before they carried how they were judged: such journals are read, and

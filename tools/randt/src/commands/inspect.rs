@@ -2,12 +2,14 @@
 //! and the command that computes it.
 
 mod doubts;
+mod journal;
 mod picture;
 mod survey;
 
 use crate::exit::Outcome;
 use crate::input::InputOptions;
 use crate::job;
+use crate::journal_input::journal_of;
 use crate::output::{print_value, warn, write_whole};
 use crate::units::count;
 use anyhow::ensure;
@@ -70,7 +72,7 @@ struct TopicRow {
 /// A counter of the reader.
 #[derive(Debug, Serialize)]
 struct CounterRow {
-    name: &'static str,
+    name: String,
     count: u64,
     loss: bool,
     first: String,
@@ -79,6 +81,9 @@ struct CounterRow {
 /// Reads the input through and prints. Ends with "failed" where it holds no sweep.
 pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
     job::catch_interrupts();
+    if let Some(found) = journal_of(&arguments.input) {
+        return journal::run(&arguments.input, &found, arguments.json);
+    }
     let mut options: Options = arguments.options.options();
     options.radar_required = false;
     let mut source = randt_readers::open(&arguments.input, &options)?;
@@ -147,12 +152,21 @@ fn topics(info: &InputInfo) -> Vec<TopicRow> {
 fn counters(source: &dyn Source) -> Vec<CounterRow> {
     let counters = source.counters().into_iter();
     let row = |counter: randt_readers::Counter| CounterRow {
-        name: counter.name,
+        name: counter.name.to_owned(),
         count: counter.count,
         loss: counter.loss,
         first: counter.first,
     };
     counters.map(row).collect()
+}
+
+/// An argument as a shell takes it.
+fn quoted(text: String) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=,@".contains(c);
+    match text.chars().all(is_plain) {
+        true => text,
+        false => format!("'{}'", text.replace('\'', r"'\''")),
+    }
 }
 
 /// The command that computes the input, with what the user has said here.
@@ -162,13 +176,6 @@ fn command(
     survey: &Survey,
     config: Option<Config>,
 ) -> String {
-    let quoted = |text: String| match text
-        .chars()
-        .all(|c| c.is_ascii_alphanumeric() || "/._-+=,@".contains(c))
-    {
-        true => text,
-        false => format!("'{}'", text.replace('\'', r"'\''")),
-    };
     let mut command = format!(
         "randt run {} --out RESULTS",
         quoted(arguments.input.display().to_string())

@@ -1,18 +1,20 @@
 //! `randt run`: a radar log in, a trajectory and a map out.
 
 use crate::{
-    compare,
+    compare, digest,
     exit::Outcome,
     finish_drive::{Drive, Shown, finish_drive},
     input::InputOptions,
     job,
+    journal_input::{JournalInput, journal_of},
     output::prepare_folder,
     pipeline::Pipeline,
     progress, report,
 };
-use anyhow::anyhow;
+use anyhow::{Context, anyhow, ensure};
 use randt_config::SelectionArguments;
 use randt_messages::OdometryState;
+use randt_odometry::Odometry;
 use randt_readers::Source;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -21,7 +23,8 @@ use std::time::Instant;
 #[derive(Debug, Default, clap::Args)]
 pub struct Arguments {
     /// A folder of polar images (Oxford, Boreas, MulRan, RADIATE), a ROS 1 bag, a ROS 2 bag (MCAP,
-    /// db3, or its folder), one of our logs, a folder of them, or a mission
+    /// db3, or its folder), one of our logs, a folder of them, a mission, or a
+    /// map.journal (its keyframes)
     #[arg(value_name = "INPUT")]
     input: PathBuf,
     /// Folder for the trajectories, odometry.csv (every scan's pose with covariance and trust),
@@ -68,6 +71,9 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
 pub fn compute(arguments: Arguments) -> anyhow::Result<Shown> {
     job::catch_interrupts();
     let begin = Instant::now();
+    if let Some(journal) = journal_of(&arguments.input) {
+        return compute_journal(&arguments, &journal, begin);
+    }
     let mut source = randt_readers::open(&arguments.input, &arguments.options.options())?;
     let info = source.info();
     let recorded = info.configuration.clone();
@@ -116,6 +122,41 @@ fn with_choice(error: anyhow::Error, source: &dyn Source) -> anyhow::Error {
         Some(choice) => error.context(choice.first.clone()),
         None => error,
     }
+}
+
+/// The map of a journal's keyframes.
+fn compute_journal(arguments: &Arguments, journal: &Path, begin: Instant) -> anyhow::Result<Shown> {
+    ensure!(
+        !arguments.compare,
+        "{}: a journal has no poses that were published live (--compare)",
+        journal.display()
+    );
+    let mut config = arguments.selection.load_recorded(None, None)?.config;
+    config.loops.enabled &= !arguments.no_loops;
+    let input = JournalInput::read(journal)?;
+    prepare_folder(&arguments.out)?;
+    let (mapper, results, counters) = input.compute(&config);
+    let name = arguments.input.file_name().unwrap_or_default();
+    let drive = Drive {
+        input: report::Input {
+            name: name.to_string_lossy().into_owned(),
+            format: "journal".into(),
+            sha256: digest::of_path(journal)?,
+            imu: false,
+            imu_samples: 0,
+        },
+        pipeline: Pipeline::resume(&config, Odometry::new(&config, false), mapper, true),
+        results,
+        config: &config,
+        counters,
+        published: None,
+    };
+    let timing = |pipeline: &Pipeline, _: &[OdometryState]| {
+        let whole_ns = begin.elapsed().as_nanos() as u64;
+        report::timing(&pipeline.timing, &[], whole_ns)
+    };
+    let shown = finish_drive(drive, timing, &arguments.out)?;
+    shown.with_context(|| format!("{}: holds no keyframe", journal.display()))
 }
 
 fn no_scan(input: &Path, source: &dyn Source) -> anyhow::Error {

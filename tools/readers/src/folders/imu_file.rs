@@ -66,8 +66,8 @@ fn text(path: &Path) -> Result<String, std::io::Error> {
 /// Rows of numbers between commas.
 fn table_rows(path: &Path, data_set: DataSet) -> Result<Vec<Row>, std::io::Error> {
     let text = text(path)?;
-    // As the header names them; without one Boreas': time, rates about z, y, x, accelerations along
-    // z, y, x. MulRan's: time, quaternion, three angles, rates, accelerations, field.
+    // As the header names them; without one Boreas': time, rates about z, y, x, accelerations
+    // along z, y, x. MulRan's: time, quaternion, three angles, rates, accelerations, field.
     let columns = match data_set {
         DataSet::MulRan => [8, 9, 10, 11, 12, 13],
         _ => named_columns(&text).unwrap_or([3, 2, 1, 6, 5, 4]),

@@ -1,8 +1,8 @@
 //! The files of one recording as one, its messages in the order in which they were recorded.
 //!
-//! Recorders overlap where one file ends and the next begins, and programs that rewrite a recording
-//! put one topic behind the other. So files are merged by the time of recording, and a stream that
-//! stands elsewhere in its file gets a reader of its own.
+//! Recorders overlap where one file ends and the next begins, and programs that rewrite a
+//! recording put one topic behind the other. So files are merged by the time of recording, and a
+//! stream that stands elsewhere in its file gets a reader of its own.
 
 mod part;
 
@@ -58,7 +58,7 @@ impl Merged {
     }
 
     /// Adds files that should be there.
-    pub fn note_missing(&mut self, missing: Vec<String>) {
+    pub fn add_missing(&mut self, missing: Vec<String>) {
         self.unreadable.extend(missing);
     }
 

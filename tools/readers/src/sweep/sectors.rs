@@ -3,7 +3,7 @@
 use super::polar::Polar;
 use randt_geometry::elementary::PI;
 
-/// Sectors of a turn that are told apart.
+/// Sectors of a turn.
 const SECTORS: u32 = 8;
 /// Fewer points may lie in one sector by chance.
 const POINTS_MIN: usize = 20;

@@ -140,7 +140,8 @@ fn inputs(root: &Path) -> Vec<(PathBuf, PathBuf)> {
     inputs
 }
 
-/// Some azimuths of Navtech's driver, and messages that are taken for a radar's where there is none.
+/// Some azimuths of Navtech's driver, and messages that are taken for a radar's where there is
+/// none.
 fn navtech_messages() -> Vec<TestMessage> {
     let message = |topic, type_name, bytes| TestMessage {
         topic,
