@@ -1,7 +1,7 @@
 //! `randt inspect` as a user calls it, and a drive in several logs.
 
 use crate::support::corrupt_inputs::checked;
-use crate::support::{drive, ended, randt};
+use crate::support::{drive, ended, randt, recorded};
 use randt::pipeline::Pipeline;
 use randt_config::Config;
 use randt_mapper::journal;
@@ -11,6 +11,7 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
+use std::time::Instant;
 
 const SCANS: u64 = 30;
 
@@ -171,4 +172,32 @@ fn a_journal_gives_the_map_of_its_drive() {
     fs::write(&path, &written.0).unwrap();
     let damaged = checked(&path, &[]);
     assert!([1, 3].contains(&damaged.code()), "{}", damaged.ended.stdout);
+}
+
+/// A mission in seven files: one command computes it, compares it with what was published, and maps
+/// it.
+fn seven_files(scans: u64) {
+    let folder = tempfile::tempdir().unwrap();
+    let mission = folder.path().join("mission");
+    let begin = Instant::now();
+    recorded::write_mission(scans, 7, &mission);
+    println!("{scans} scans written in {:.0?}", begin.elapsed());
+    let begin = Instant::now();
+    let ran = checked(&mission, &["--compare"]);
+    println!("computed in {:.0?}\n{}", begin.elapsed(), ran.ended.stdout);
+    ran.finished(0, scans as usize);
+    assert_eq!(ran.frames(), 1);
+    assert!(ran.ended.stdout.contains("same"), "{}", ran.ended.stdout);
+}
+
+#[test]
+fn a_mission_in_seven_files_is_computed_compared_and_mapped() {
+    seven_files(70);
+}
+
+/// `cargo test --workspace --test programs -- --ignored three_hours --nocapture`
+#[test]
+#[ignore = "twenty minutes and 10 GB of disk"]
+fn three_hours_in_seven_files_are_computed_compared_and_mapped() {
+    seven_files(54_000);
 }

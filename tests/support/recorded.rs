@@ -1,7 +1,6 @@
 //! A log as the recorder writes it, without processes: a simulated drive, computed and written as
 //! it would be published.
 
-use super::drive::events;
 use randt_config::{Config, Selection};
 use randt_filter::ClusterFilter;
 use randt_log::{CONFIG_METADATA, CONFIG_TOML, LogFile, Options, ROBOT_METADATA};
@@ -12,9 +11,10 @@ use randt_messages::{
     Message, MessageRef, OdometryState, OdometryStateTopic, RadarPoints, Topic, health::fixed_text,
 };
 use randt_odometry::{Odometry, Sink};
-use randt_simulator::{Event, Robot};
+use randt_simulator::{Event, Robot, Simulation, World};
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 const MS: i64 = 1_000_000;
 
@@ -41,8 +41,28 @@ impl Sink for Published {
 /// samples 1 ms after they were measured, a state 3 ms after its scan; seven samples at the end of
 /// the third second are not there.
 pub fn write(scans: u64, path: &Path) {
-    let loaded = Config::load(&Selection::default()).unwrap();
-    let config = loaded.config.clone();
+    let hole_ns = 2_972 * MS..3_000 * MS;
+    let (begin_ns, mut log) = record(scans, &[path.to_owned()], hole_ns.clone());
+    let mut drop = Message::<LogDropTopic>::default().head;
+    (drop.begin_ns, drop.end_ns, drop.count) =
+        (begin_ns + hole_ns.start, begin_ns + hole_ns.end, 7);
+    (drop.header.stamp_ns, drop.cause) = (drop.end_ns, DropCause::Slow as u32);
+    drop.topic = fixed_text(ImuSampleTopic::NAME);
+    single::<LogDropTopic>(&mut log, *drop);
+    log.finish().unwrap();
+}
+
+/// That many scans in a mission's logs, one behind the other, and nothing missing.
+pub fn write_mission(scans: u64, files: usize, mission: &Path) {
+    let logs = mission.join("logs");
+    std::fs::create_dir_all(&logs).unwrap();
+    let files: Vec<PathBuf> = (0..files)
+        .map(|file| logs.join(format!("{file}.mcap")))
+        .collect();
+    record(scans, &files, 0..0).1.finish().unwrap();
+}
+
+fn create(path: &Path, toml: &str) -> LogFile {
     let mut log = LogFile::create(path, Options::default()).unwrap();
     let robot = randt_log::Robot {
         sensor: Robot::default().sensor(),
@@ -51,9 +71,20 @@ pub fn write(scans: u64, path: &Path) {
     };
     log.write_metadata(ROBOT_METADATA, robot.to_metadata())
         .unwrap();
-    let toml = BTreeMap::from([(CONFIG_TOML.to_owned(), loaded.to_toml())]);
+    let toml = BTreeMap::from([(CONFIG_TOML.to_owned(), toml.to_owned())]);
     log.write_metadata(CONFIG_METADATA, toml).unwrap();
+    log
+}
 
+/// Gives the first stamp and the last of the logs, which is still open.
+fn record(scans: u64, files: &[PathBuf], hole_ns: Range<i64>) -> (i64, LogFile) {
+    let loaded = Config::load(&Selection::default()).unwrap();
+    let (mut config, toml) = (loaded.config.clone(), loaded.to_toml());
+    let mounting = Robot::default().radar_mounting;
+    (config.robot.radar_x_m, config.robot.radar_y_m) = (mounting.x_m, mounting.y_m);
+    let mut files = files.iter();
+    let per_file = scans.div_ceil(files.len() as u64);
+    let mut log = create(files.next().unwrap(), &toml);
     let mut filter = ClusterFilter::new(&config.filter, &config.sensor);
     let mut odometry = Odometry::new(&config, true);
     let mut mapper = Mapper::new(&config);
@@ -61,11 +92,17 @@ pub fn write(scans: u64, path: &Path) {
     let mut out = Published::default();
     let (mut tiles, mut listed) = (Vec::new(), 0);
     let mut begin_ns = None;
-    for event in events(scans) {
+    let mut written = 0;
+    for event in Simulation::new(&World::building(), Robot::default(), scans, 7) {
         let now_ns = event.stamp_ns();
         let after_ns = now_ns - *begin_ns.get_or_insert(now_ns);
         match event {
             Event::Scan(mut scan) => {
+                if written > 0 && written % per_file == 0 {
+                    let next = create(files.next().unwrap(), &toml);
+                    std::mem::replace(&mut log, next).finish().unwrap();
+                }
+                written += 1;
                 scan.head.header.published_ns = now_ns + 20 * MS;
                 log.write(scan.as_ref()).unwrap();
                 filter.process(scan.as_ref(), &mut points);
@@ -76,7 +113,7 @@ pub fn write(scans: u64, path: &Path) {
             Event::Imu(mut sample) => {
                 sample.header.published_ns = now_ns + MS;
                 odometry.push_imu(&sample, &mut out);
-                if (2_972 * MS..3_000 * MS).contains(&after_ns) {
+                if hole_ns.contains(&after_ns) {
                     continue;
                 }
                 single::<ImuSampleTopic>(&mut log, sample);
@@ -99,13 +136,7 @@ pub fn write(scans: u64, path: &Path) {
             }
         }
     }
-    let end_ns = begin_ns.unwrap() + 3_000 * MS;
-    let mut drop = Message::<LogDropTopic>::default().head;
-    (drop.begin_ns, drop.end_ns, drop.count) = (end_ns - 28 * MS, end_ns, 7);
-    (drop.header.stamp_ns, drop.cause) = (end_ns, DropCause::Slow as u32);
-    drop.topic = fixed_text(ImuSampleTopic::NAME);
-    single::<LogDropTopic>(&mut log, *drop);
-    log.finish().unwrap();
+    (begin_ns.unwrap(), log)
 }
 
 /// Correction, the whole graph and the tiles that changed.
