@@ -290,3 +290,34 @@ fn metres_that_were_wrong_under_good_trust_are_counted() {
         stderr(&output)
     );
 }
+
+#[test]
+fn evo_finds_the_same_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let [truth, estimate] = ["truth.tum", "est.tum"].map(|name| folder.path().join(name));
+    let row = |t: u32, x: f64, y: f64| {
+        let yaw = 0.05 * f64::from(t);
+        let (sin, cos) = sin_cos(0.5 * yaw);
+        format!("{t}.250000000 {x:.9} {y:.9} 0 0 0 {sin:.9} {cos:.9}\n")
+    };
+    let path = |wrong: f64| {
+        let rows = (0..60).map(|t| {
+            let (sin, cos) = sin_cos(0.05 * f64::from(t));
+            row(t, 20.0 * sin + wrong * f64::from(t % 3), 20.0 * (1.0 - cos))
+        });
+        format!("# odom_frame_id 0\n{}", rows.collect::<String>())
+    };
+    fs::write(&truth, path(0.0)).unwrap();
+    fs::write(&estimate, path(0.1)).unwrap();
+    let Some(mut evo) = crate::support::python::script("read_evo.py") else {
+        return;
+    };
+    let evo = evo.arg(&estimate).arg(&truth).output().unwrap();
+    assert!(evo.status.success(), "{}", stderr(&evo));
+    let text = str::from_utf8(&evo.stdout).unwrap();
+    let (poses, theirs) = text.trim().split_once(' ').unwrap();
+    let ours = json(&eval(folder.path(), &["est.tum", "truth.tum", "--json"]));
+    let apart = ours["ate_rmse_m"].as_f64().unwrap() - theirs.parse::<f64>().unwrap();
+    assert_eq!(poses, "60");
+    assert!(apart.abs() < 1e-9, "{text} {}", ours["ate_rmse_m"]);
+}

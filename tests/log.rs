@@ -1,7 +1,7 @@
 //! `randt log`: what it prints of logs, what it finds wrong, and that what it writes reads back.
 
 use crate::support::pipeline::log;
-use crate::support::python::read_ros2;
+use crate::support::python::{read_rerun, read_ros2};
 use crate::support::{Ended, ended, names, randt, run};
 use randt_log::{LogFile, ROBOT_METADATA, Robot};
 use randt_messages::{ImuSample, ImuSampleTopic, Message, RadarScan};
@@ -106,7 +106,8 @@ fn others_read_our_logs_and_bags() {
     let more = ["--to", "csv", "--items", "--out", &out];
     let ended = log_command("export", &kept, &more);
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
-    read_ros2(&[kept], Some(&tables));
+    read_ros2(std::slice::from_ref(&kept), Some(&tables));
+    read_rerun(&[kept]);
 
     let input = folder.path().join("run.mcap");
     crate::support::recorded::write(60, &input);

@@ -3,7 +3,7 @@
 //! again.
 
 use crate::support::pipeline::{Pipeline, log, until};
-use crate::support::python::read_ros2;
+use crate::support::python::{read_rerun, read_ros2};
 use crate::support::{Random, ended, names, randt, remove_folder, run};
 use randt_log::LogReader;
 use randt_messages::{ImuSampleTopic, RadarScan, Topic};
@@ -144,6 +144,7 @@ fn a_run_is_recorded_whole_and_computes_again() {
     let computed = run(&files[0], &folder.path().join("run"), &[]);
     assert_eq!(computed.code, Some(0), "{}", computed.stderr);
     read_ros2(&files, None);
+    read_rerun(&files);
 }
 
 #[test]

@@ -176,6 +176,14 @@ fn what_rosbag_plays_gives_the_trajectory_of_a_run_and_ros_reads_it() {
     std::thread::sleep(Duration::from_secs(2));
     let play = ros.command("/usr/bin/rosbag", &["play", "-q", bag.to_str().unwrap()]);
     let play = ros.spawn("play", play);
+    // Who comes while it plays gets what was said once, at its beginning.
+    std::thread::sleep(Duration::from_secs(2));
+    ros.echo(
+        "mounting",
+        "/tf_static/transforms[0]/child_frame_id",
+        &["-n", "1"],
+    );
+    until("transforms said once", || ros.rows("mounting") == 2);
     assert!(
         ros.children[play].wait().unwrap().success(),
         "{}",

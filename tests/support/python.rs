@@ -11,13 +11,15 @@ const PACKAGES: &[&str] = &[
     "mcap==1.6.0",
     "mcap-ros2-support==0.6.0",
     "rosbags==0.11.9",
+    "evo==1.38.1",
+    "rerun-sdk==0.41.0",
     "mcap-protobuf-support==0.6.0",
     "foxglove-schemas-protobuf==0.4.0",
     "iceoryx2==0.10.0",
     "numpy==2.2.6",
 ];
 const IMPORTS: &str = "import mcap, mcap_protobuf, mcap_ros2, rosbags, foxglove_schemas_protobuf, \
-                       iceoryx2, numpy";
+                       iceoryx2, numpy, evo, rerun";
 
 /// A script of this folder, ready for its arguments; `None` as for [`program`].
 pub fn script(name: &str) -> Option<Command> {
@@ -96,18 +98,28 @@ pub fn read_ros2(files: &[PathBuf], tables: Option<&Path>) {
     }
 }
 
-/// What Lichtblick 1.28 reads ROS 2's messages by.
-const NODE_PACKAGES: [&str; 3] = [
+/// Reads logs by Rerun's importer.
+pub fn read_rerun(files: &[PathBuf]) {
+    if let Some(mut read) = script("read_rerun.py") {
+        run(read.args(files));
+    }
+}
+
+/// What Lichtblick 1.28 and Foxglove read ROS 2's messages by.
+const NODE_PACKAGES: [&str; 6] = [
     "@lichtblick/rosmsg2-serialization@1.0.0",
     "@lichtblick/rosmsg@1.0.0",
     "@lichtblick/cdr@1.0.1",
+    "@foxglove/rosmsg2-serialization@3.1.0",
+    "@foxglove/rosmsg@5.0.5",
+    "@foxglove/cdr@3.5.0",
 ];
 
 /// A script of this folder for `node`; none where there is no npm or no network.
 fn node(name: &str) -> Option<Command> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let packages = root.join("target/node-logs");
-    if !packages.join("node_modules/@lichtblick/cdr").is_dir() {
+    if !packages.join("node_modules/@foxglove/cdr").is_dir() {
         let mut install = Command::new("npm");
         install.args(["install", "--no-audit", "--no-fund", "--silent", "--prefix"]);
         let installed = install.arg(&packages).args(NODE_PACKAGES).output();
