@@ -101,6 +101,11 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         source.set_bin_size(survey::SIZE_ASSUMED_M);
     }
     let survey = Survey::read(source.as_mut())?;
+    let sensor = survey.other_sensor(&arguments.selection, &info, config.as_ref());
+    let config = match sensor {
+        Some(_) => Some(arguments.selection.load_recorded(sensor, None)?.config),
+        None => config,
+    };
     let file = arguments.picture.clone().unwrap_or_else(|| {
         let name = arguments.input.file_name().unwrap_or_default();
         PathBuf::from(format!("{}.scans.svg", name.to_string_lossy()))
@@ -126,7 +131,7 @@ pub fn run(arguments: Arguments) -> anyhow::Result<Outcome> {
         topics: topics(&info),
         radar_mounting: info.extrinsics.radar.map(|pose| pose.to_array()),
         doubts: doubts(&info, &survey, needs_size),
-        command: command(&arguments, &info, &survey, config),
+        command: command(&arguments, &info, &survey, (sensor, config)),
         counters: counters(source.as_ref()),
         picture,
         survey,
@@ -174,7 +179,7 @@ fn command(
     arguments: &Arguments,
     info: &InputInfo,
     survey: &Survey,
-    config: Option<Config>,
+    (sensor, config): (Option<&str>, Option<Config>),
 ) -> String {
     let mut command = format!(
         "randt run {} --out RESULTS",
@@ -184,6 +189,9 @@ fn command(
     if !chosen.iter().any(|option| option.starts_with("--profile")) && info.configuration.is_none()
     {
         command += survey.profile();
+    }
+    if let Some(sensor) = sensor {
+        command += &format!(" --sensor {sensor}");
     }
     for option in chosen.into_iter().chain(arguments.options.given()) {
         command += &format!(" {}", quoted(option));

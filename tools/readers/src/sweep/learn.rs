@@ -18,6 +18,9 @@ const ORDERED: f64 = 0.9;
 /// A difference in range below this is rounding, not a step between bins, m.
 const RANGE_STEP_MIN_M: f64 = 1e-3;
 
+/// Beams of a Navtech's turn.
+const NAVTECH_BEAMS: u32 = 400;
+
 /// Angle between beams at equal angles.
 fn step_rad(count: u32) -> f64 {
     2.0 * PI / f64::from(count)
@@ -45,6 +48,8 @@ pub(crate) struct Turn {
     /// Typical angle between beams where there is no grid; 0 where unknown.
     pub step_rad: f64,
     pub bins: Bins,
+    /// Whether the clouds are known to be of Navtech's driver.
+    pub is_navtech: bool,
 }
 
 impl Turn {
@@ -85,6 +90,7 @@ impl Turn {
             grid,
             step_rad: grid.map_or(typical_rad, step_rad),
             bins: bins(sweeps, &clusters),
+            is_navtech: false,
         }
     }
 
@@ -94,6 +100,8 @@ impl Turn {
         let near = |value: f64, wanted: f64| (value / wanted - 1.0).abs() < 0.05;
         if near(self.step_rad, 1.64 * PI / 180.0) && near(self.bins.resolution_m, 0.0161) {
             SensorKind::IsdrC
+        } else if self.is_navtech && near(self.step_rad, step_rad(NAVTECH_BEAMS)) {
+            SensorKind::NavtechCts
         } else {
             SensorKind::Unknown
         }

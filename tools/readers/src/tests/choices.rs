@@ -4,6 +4,7 @@
 use super::data_sets::{rows, write, write_image};
 use super::support::*;
 use crate::{Event, Options};
+use randt_messages::SensorKind;
 
 const STYLE: Style = Style::CdrLittle;
 
@@ -129,5 +130,47 @@ fn boreas_imus_are_read_by_their_header_and_hang_as_the_data_set_says() {
                 assert!((found - expected).abs() < 1e-9, "{name}: {found}");
             }
         }
+    }
+}
+
+#[test]
+fn a_navtechs_clouds_name_their_radar_and_its_bins() {
+    use randt_geometry::elementary::{PI, sin_cos};
+    // Two returns a beam, on bins of 0.0876 m.
+    let bin_m = 0.0876;
+    let point = |index: usize| {
+        let (sin, cos) = sin_cos((index / 2) as f64 * 2.0 * PI / 400.0);
+        let bin = (60 + index / 2 % 90 + index % 2 * (1 + index / 2 % 4)) as f64;
+        let range_m = (bin + 0.5) * bin_m;
+        let single = |value: f64| f64::from(value as f32);
+        (single(range_m * cos), single(range_m * sin), 90.0)
+    };
+    let points: Vec<_> = (0..800).map(point).collect();
+    for (values, sensor) in [
+        (800, SensorKind::NavtechCts),
+        // Not its driver's.
+        (1, SensorKind::Unknown),
+    ] {
+        let layout = CloudLayout {
+            values,
+            ..CloudLayout::AS_PUBLISHED
+        };
+        let message = |number: i64| {
+            let stamp_ns = 1_700_000_000_000_000_000 + number * 250_000_000;
+            let points = points.clone();
+            TestMessage {
+                topic: "/radar_data/point_cloud",
+                type_name: CLOUD,
+                arrival_ns: stamp_ns,
+                bytes: TestCloud { stamp_ns, points }.serialise(STYLE, &layout),
+            }
+        };
+        let messages: Vec<_> = (1..=9).map(message).collect();
+        let (_folder, path) = file("a.mcap", &mcap_bag(&messages, 400_000));
+        let (_, source) = read_all(&path);
+        assert_eq!(source.info().sensor, sensor);
+        let size_m = source.info().bin_size.and_then(|bins| bins.size_m);
+        assert_eq!(size_m.is_some(), sensor == SensorKind::NavtechCts);
+        assert!(size_m.is_none_or(|size_m| (size_m - bin_m).abs() < 1e-5));
     }
 }

@@ -2,10 +2,10 @@
 
 use super::check_interrupt;
 use crate::units::count;
-use randt_config::{Config, Error};
+use randt_config::{Config, Error, SelectionArguments};
 use randt_filter::check_sweep;
 use randt_messages::{ImuSample, Message, RadarScan, SweepHead};
-use randt_readers::{Event, Source};
+use randt_readers::{Event, InputInfo, Source};
 use serde::Serialize;
 
 /// Stands in for the width of a range bin that nobody knows, for the picture only.
@@ -191,6 +191,25 @@ impl Survey {
             Some(reach_m) if reach_m >= OUTDOOR_M => " --profile outdoor",
             _ => "",
         }
+    }
+
+    /// The sensor whose returns come from as far, where the input names none, nobody has chosen one
+    /// and the one that is taken otherwise sees less far.
+    pub fn other_sensor(
+        &self,
+        selection: &SelectionArguments,
+        info: &InputInfo,
+        config: Option<&Config>,
+    ) -> Option<&'static str> {
+        let is_chosen = info.sensor.name().is_some()
+            || info.configuration.is_some()
+            || selection
+                .as_arguments()
+                .iter()
+                .any(|option| option.starts_with("--sensor"));
+        let reaches_farther =
+            config.is_some_and(|config| self.reach_m > Some(config.sensor.range_max_m));
+        (!is_chosen && reaches_farther).then_some("navtech-cts")
     }
 
     /// The keys without which the configured radar is another one than the input's.

@@ -102,7 +102,19 @@ impl RosSource {
                     .to_owned()
             });
         }
-        let turn = Turn::learn(&sweeps, &self.options, &mut self.counters);
+        let mut turn = Turn::learn(&sweeps, &self.options, &mut self.counters);
+        turn.is_navtech = is_navtech;
+        let size_m = Some(turn.bins.resolution_m).filter(|size_m| *size_m > 0.0);
+        let size_m = size_m.filter(|_| turn.sensor() == SensorKind::NavtechCts);
+        self.info.bin_size = size_m.map(|size_m| {
+            let points = sweeps.iter().flat_map(|sweep| &sweep.points);
+            let reach_m = points.map(|point| point.range_m).fold(0.0, f64::max);
+            BinSize {
+                bins: (reach_m / size_m).ceil() as usize,
+                // Micrometres: coordinates in single precision have no more.
+                size_m: Some((size_m * 1e6).round() * 1e-6),
+            }
+        });
         self.info.sensor = turn.sensor();
         self.turn = Some(turn);
         Ok(())
