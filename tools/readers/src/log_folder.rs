@@ -9,13 +9,15 @@ use std::path::{Path, PathBuf};
 
 /// A mission's folder of logs.
 const MISSION_LOGS: &str = "logs";
+/// Where the recorder says which part of a recording a file is.
+const PART_METADATA: &str = "randt/file";
 
 /// The logs that a path stands for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LogFiles {
     /// In the order of time.
     pub files: Vec<PathBuf>,
-    /// Those that cannot be read, and why: what they hold is missing.
+    /// Those that cannot be read or are not there, and why: what they hold is missing.
     pub unreadable: Vec<String>,
 }
 
@@ -30,19 +32,24 @@ pub fn log_files(path: &Path) -> Result<LogFiles, Error> {
     }
     let logs = path.join(MISSION_LOGS);
     let folder = if logs.is_dir() { logs.as_path() } else { path };
-    let (mut files, mut unreadable) = (Vec::new(), Vec::new());
+    let (mut files, mut unreadable, mut parts) = (Vec::new(), Vec::new(), Vec::new());
     for entry in std::fs::read_dir(folder).map_err(Error::io(folder))? {
         let path = entry.map_err(Error::io(folder))?.path();
         let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
         if !(name.ends_with(".mcap") || name.ends_with(".mcap.active")) || !path.is_file() {
             continue;
         }
-        match first_time_ns(&path) {
-            Ok(first_ns) => files.extend(first_ns.map(|first_ns| (first_ns, path))),
+        match Beginning::read(&path) {
+            Ok(Some(Beginning { first_ns, part })) => {
+                files.push((first_ns, path));
+                parts.extend(part);
+            }
+            Ok(None) => {}
             Err(why) => unreadable.push(why),
         }
     }
     files.sort();
+    unreadable.extend(missing_parts(parts, folder));
     unreadable.sort();
     Ok(LogFiles {
         files: files.into_iter().map(|(_, path)| path).collect(),
@@ -50,18 +57,50 @@ pub fn log_files(path: &Path) -> Result<LogFiles, Error> {
     })
 }
 
-/// When the first message of a log of ours was recorded; `None` of another's and of an empty one.
-/// A log of which damage leaves nothing is none of these.
-fn first_time_ns(path: &Path) -> Result<Option<i64>, String> {
-    let mut reader = LogReader::open(path).map_err(|error| error.to_string())?;
-    let first = reader.next_entry().map_err(|error| error.to_string())?;
-    let is_empty = first.is_none();
-    let ours = first.filter(|first| first.channel.is_ours());
-    let first_ns = ours.map(|first| first.time_ns);
-    match reader.damage() {
-        [damage, ..] if is_empty => Err(damage.first.clone()),
-        _ => Ok(first_ns),
+/// The beginning of a log of ours.
+struct Beginning {
+    /// When its first message was recorded.
+    first_ns: i64,
+    /// Which recording it is of, by when that began, and its number in it.
+    part: Option<(String, u64)>,
+}
+
+impl Beginning {
+    /// `None` of another's log and of an empty one. A log of which damage leaves nothing is none of
+    /// these.
+    fn read(path: &Path) -> Result<Option<Self>, String> {
+        let mut reader = LogReader::open(path).map_err(|error| error.to_string())?;
+        let first = reader.next_entry().map_err(|error| error.to_string())?;
+        let is_empty = first.is_none();
+        let ours = first.filter(|first| first.channel.is_ours());
+        let first_ns = ours.map(|first| first.time_ns);
+        if let ([damage, ..], true) = (reader.damage(), is_empty) {
+            return Err(damage.first.clone());
+        }
+        let part = reader.metadata(PART_METADATA).and_then(|part| {
+            let number = part.get("part")?.parse().ok()?;
+            Some((part.get("begun_ns")?.clone(), number))
+        });
+        Ok(first_ns.map(|first_ns| Self { first_ns, part }))
     }
+}
+
+/// The parts that lack between others of their recording; the oldest may have made room.
+fn missing_parts(mut parts: Vec<(String, u64)>, folder: &Path) -> Vec<String> {
+    parts.sort();
+    let mut missing = Vec::new();
+    for pair in parts.windows(2) {
+        if let [(begun, last), (same, next)] = pair
+            && begun == same
+            && next.saturating_sub(*last) > 1
+        {
+            let folder = folder.display();
+            missing.push(format!(
+                "{folder}: of a recording there are parts {last} and {next}, and none between"
+            ));
+        }
+    }
+    missing
 }
 
 /// Logs that are read one after the other.
@@ -143,5 +182,26 @@ impl Source for LogFolder {
         let mut counters = self.counters.clone();
         counters.add_all(self.present.counters());
         counters.list()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_that_lacks_between_others_is_missing() {
+        let parts = |numbers: &[(&str, u64)]| {
+            let parts = numbers
+                .iter()
+                .map(|(begun, number)| ((*begun).to_owned(), *number));
+            missing_parts(parts.collect(), Path::new("logs"))
+        };
+        assert!(parts(&[]).is_empty());
+        // Two recordings; the oldest part of one made room.
+        assert!(parts(&[("7", 2), ("7", 1), ("9", 0), ("9", 1)]).is_empty());
+        let missing = parts(&[("7", 3), ("7", 0), ("9", 0)]);
+        assert_eq!(missing.len(), 1);
+        assert!(missing[0].contains("parts 0 and 3"), "{missing:?}");
     }
 }
