@@ -108,7 +108,9 @@ fn programs_in_c_rust_and_python_print_the_pose_that_the_drive_has() {
     }
     let out = folder.path().join("up");
     let mut up = up(pipeline.domain(), &log, &out);
-    up.stdout(Stdio::null()).stderr(Stdio::null());
+    let said = folder.path().join("up.txt");
+    up.stdout(Stdio::null())
+        .stderr(fs::File::create(&said).unwrap());
     let mut up = up.spawn().unwrap();
     let computes = |(entry, lives): &(Entry, bool)| {
         *lives && ["odometry", "mapper"].contains(&entry.name.as_str()) && entry.topics.len() > 1
@@ -128,7 +130,9 @@ fn programs_in_c_rust_and_python_print_the_pose_that_the_drive_has() {
         (language, ended.stdout)
     });
     let printed: Vec<_> = printed.collect();
-    assert!(up.wait().unwrap().success());
+    let ended = up.wait().unwrap();
+    let said = fs::read_to_string(said).unwrap();
+    assert!(ended.success(), "{ended}: {said}");
     let expected = tum(&out.join("odometry.tum"));
     for (language, printed) in printed {
         check(language, &printed, &expected);
