@@ -1,7 +1,7 @@
 //! The program `randt` inside Python's process.
 
 use crate::configuration::value_error;
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches};
 use pyo3::{PyResult, Python, pyfunction};
 use randt::commands::{Arguments, layout};
 use randt::exit::status;
@@ -11,7 +11,9 @@ use randt_evaluation::Trajectory;
 #[pyfunction]
 pub fn main(py: Python<'_>, arguments: Vec<String>) -> u8 {
     let line = std::iter::once("randt".to_owned()).chain(arguments);
-    match Arguments::try_parse_from(line) {
+    let command = Arguments::command().version(randt_version::VERSION);
+    let matches = command.try_get_matches_from(line);
+    match matches.and_then(|matches| Arguments::from_arg_matches(&matches)) {
         Ok(arguments) => py.detach(|| status(arguments.command.run())),
         Err(error) => {
             // Help goes to standard output, what is wrong to standard error.

@@ -107,6 +107,11 @@ class Package(unittest.TestCase):
             exec(blocks[0].replace("drive.bag", DRIVE), {})
         self.assertGreater(printed.getvalue().count("good"), SCANS // 2)
 
+    def test_the_program_names_its_version(self):
+        line = [sys.executable, "-m", "randt", "--version"]
+        printed = subprocess.run(line, check=True, capture_output=True, text=True).stdout
+        self.assertRegex(printed, r"^randt \d+\.\d+\.\d+ \(")
+
     def test_evaluation_and_the_bus_module(self):
         randt.run(DRIVE, "again", options=["--no-loops"])
         figures = randt.evaluate("again/odometry.tum", "again/odometry.tum")
