@@ -103,6 +103,15 @@ impl Fault {
     pub fn injection(self, seed: u64) -> Injection {
         let mut random = Random::new(seed, STREAM);
         let onset_s = random.between(ONSET_S[0], ONSET_S[1]);
+        self.injection_at(onset_s, random)
+    }
+
+    /// The same from the drive's begin on.
+    pub fn injection_from_start(self, seed: u64) -> Injection {
+        self.injection_at(0.0, Random::new(seed, STREAM))
+    }
+
+    fn injection_at(self, onset_s: f64, random: Random) -> Injection {
         let always = |change| Injection::new(change, None);
         let lasts = |change, for_s| Injection::new(change, Some([onset_s, onset_s + for_s]));
         let from_then_on = |change| lasts(change, f64::INFINITY);

@@ -10,6 +10,7 @@ mod stretches;
 mod summary;
 mod table;
 mod trust;
+mod twin;
 
 use randt::exit::Outcome;
 

@@ -3,7 +3,8 @@
 use super::figures::Figures;
 use super::map_errors::MapErrors;
 use super::stretches::{HeldScan, Stretches};
-use crate::faults::{Fault, FaultInjector, Span};
+use super::twin::Twin;
+use crate::faults::{Fault, FaultInjector, Injection, Span};
 use nalgebra::Matrix3;
 use randt::drive::Drive;
 use randt::job::{self, Done};
@@ -25,21 +26,25 @@ const FLAGGED_MAX_NS: i64 = 30_000_000_000;
 /// A kidnapping that is flagged within this time opens a new frame of the truth, ns: no window is
 /// judged over it then.
 const SPLICE_FLAGGED_MAX_NS: i64 = 5_000_000_000;
-/// A fault has an effect from this error on, m and rad (1 degree).
-const EFFECT_M: f64 = 0.2;
-const EFFECT_RAD: f64 = 0.017_453;
 /// A step of the truth that no robot drives, m: the truth comes every 20 ms.
 const SPLICE_M: f64 = 0.5;
+
+/// What is wrong with a drive.
+pub(super) struct Faulty {
+    pub fault: Fault,
+    pub injection: Injection,
+}
 
 /// Computes one drive under one fault.
 pub(super) fn measure(
     drive: &Drive,
     config: &Config,
-    fault: Fault,
-    seed: u64,
+    faulty: Faulty,
+    undisturbed: Option<&Twin>,
 ) -> anyhow::Result<Option<Figures>> {
+    let Faulty { fault, injection } = faulty;
     let mut source = Observed {
-        source: FaultInjector::new(drive.source(), fault.injection(seed)),
+        source: FaultInjector::new(drive.source(), injection),
         drive,
         truth: Vec::new(),
         supports: BTreeMap::new(),
@@ -60,7 +65,7 @@ pub(super) fn measure(
         supports,
         ..
     } = source;
-    figures(&done, &truth, &supports, source.span()).map(Some)
+    figures(&done, &truth, &supports, (source.span(), undisturbed)).map(Some)
 }
 
 /// What a source gives after the fault, with what the simulation knows.
@@ -147,7 +152,7 @@ fn figures(
     done: &Done,
     truth: &[TruthPose],
     supports: &BTreeMap<u64, DirectionalSupport>,
-    fault: Option<Span>,
+    (fault, undisturbed): (Option<Span>, Option<&Twin>),
 ) -> anyhow::Result<Figures> {
     let (results, mapper) = (&done.results, done.pipeline.mapper());
     let states = &results.states;
@@ -227,7 +232,9 @@ fn figures(
         map_pairs_inside: map.pairs.inside,
         flagged_s: flagged,
         good_again_s: again,
-        effect_s: effect_ns(states, results.truth(), onset_ns).map(since_onset_s),
+        effect_s: undisturbed
+            .and_then(|twin| twin.effect_ns(states, onset_ns))
+            .map(since_onset_s),
         named_s: done.imu_fault_ns.map(since_onset_s),
         stretches: count(stretches.count),
         stretches_late: count(stretches.late),
@@ -241,26 +248,6 @@ fn figures(
         live_ate_m: live.and_then(|e| e.ate_rmse_m),
         final_ate_m: judgement.evaluation.ate_rmse_m,
     })
-}
-
-/// The first scan whose pose, since an instant, is off by more than an effect is.
-fn effect_ns(states: &[OdometryState], truth: &Trajectory, from_ns: i64) -> Option<i64> {
-    let stamp_ns = |state: &OdometryState| state.header.stamp_ns;
-    let pose = |state: &OdometryState| Transform::from(Pose2::from_array(state.pose));
-    let begin = states.iter().rfind(|state| stamp_ns(state) <= from_ns);
-    let begin = begin.or(states.first())?;
-    let truth_begin = truth_at(truth, stamp_ns(begin))?;
-    let later = states.iter().filter(|state| stamp_ns(state) > from_ns);
-    let mut later = later.filter(|state| state.odom_frame_id == begin.odom_frame_id);
-    let is_off = |state: &&OdometryState| {
-        let driven = pose(begin).between(&pose(state));
-        let true_way = truth_at(truth, stamp_ns(state)).map(|there| truth_begin.between(&there));
-        true_way.is_some_and(|way| {
-            let error = way.between(&driven);
-            error.distance_m() > EFFECT_M || error.angle_rad() > EFFECT_RAD
-        })
-    };
-    later.find(is_off).map(stamp_ns)
 }
 
 fn scan_trust(state: &OdometryState) -> ScanTrust {

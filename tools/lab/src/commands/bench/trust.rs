@@ -1,11 +1,12 @@
 //! `randt-lab bench trust`: worlds x seeds x faults, and what is believed there.
 
 use super::bounds::broken;
-use super::cell::measure;
+use super::cell::{Faulty, measure};
 use super::plan::{self, Request, Trial, plan};
 use super::record::{self, Build, Cell, Record};
 use super::summary::{groups, worse};
 use super::table::table;
+use super::twin::Twin;
 use crate::faults::Fault;
 use anyhow::{Context, bail};
 use randt::drive::Drive;
@@ -42,6 +43,9 @@ pub struct Arguments {
     /// Wheel odometry at 50 Hz, as of `randt simulate`
     #[arg(long, value_name = "scale=S,slip=S,noise=N,fault=F,from=T")]
     wheels: Option<WheelProfile>,
+    /// Faults are there from the drive's begin on, not from some moment on
+    #[arg(long)]
+    from_start: bool,
     /// The short form: two worlds, one seed, half a minute
     #[arg(long, conflicts_with_all = ["worlds", "faults", "seeds", "scans"])]
     quick: bool,
@@ -150,10 +154,14 @@ fn build(arguments: &Arguments) -> anyhow::Result<Build> {
         format!(" wheels scale={scale} slip={slip} noise={noise} fault={fault:?} from={from}")
     });
     let wheels = wheels.unwrap_or_default();
+    let onset = match arguments.from_start {
+        true => " faults from the start",
+        false => "",
+    };
     Ok(Build {
         binary_sha256,
         randt: randt_version::VERSION.to_owned(),
-        settings: arguments.selection.description() + &wheels,
+        settings: arguments.selection.description() + &wheels + onset,
     })
 }
 
@@ -247,8 +255,18 @@ fn compute_one(
     let source = drive.source();
     let loaded = arguments.selection.load(source.info().sensor.name())?;
     let config = job::with_mounting(loaded, &source).config;
+    let has_fault = work.trials.iter().any(|trial| trial.fault != Fault::None);
+    let undisturbed = has_fault.then(|| Twin::of_drive(&drive, &config));
+    let undisturbed = undisturbed.transpose()?;
     for trial in work.trials {
-        let Some(figures) = measure(&drive, &config, trial.fault, trial.seed)? else {
+        let fault = Faulty {
+            fault: trial.fault,
+            injection: match arguments.from_start {
+                true => trial.fault.injection_from_start(trial.seed),
+                false => trial.fault.injection(trial.seed),
+            },
+        };
+        let Some(figures) = measure(&drive, &config, fault, undisturbed.as_ref())? else {
             break;
         };
         finished(Cell {
