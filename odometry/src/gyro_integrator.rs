@@ -20,6 +20,10 @@ const CAPACITY: usize = 2048;
 /// A hole in the samples above this is not bridged by a straight line, ns (0.1 s).
 const HOLE_NS: i64 = 100_000_000;
 
+/// An IMU without a sample for this long before a scan's end carries no speed to it, ns: as long
+/// as a hole.
+const SILENT_NS: i64 = HOLE_NS;
+
 /// What is integrated up to one sample.
 #[derive(Clone, Copy, Debug, Default)]
 struct GyroState {
@@ -362,6 +366,11 @@ impl GyroIntegrator {
 
     /// A scan was estimated: where the radar has it, if it does.
     pub fn observe_scan(&mut self, stamp_ns: i64, fix: Option<&RadarFix>) {
+        let is_silent = |newest_ns| stamp_ns.saturating_sub(newest_ns) > SILENT_NS;
+        if self.newest_ns().is_some_and(is_silent) {
+            // An IMU that says nothing does not contradict the radar.
+            self.inertial_speed.restart();
+        }
         self.inertial_speed.observe_scan(stamp_ns, fix);
     }
 
