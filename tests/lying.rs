@@ -22,13 +22,14 @@ fn judged(drive: &Drive, fault: Fault) -> (SilentlyWrong, Counters) {
     let found = silently_wrong(&results.odometry(), results.truth(), &trust);
     let counters = done.pipeline.counters();
     println!(
-        "{fault}: {:.1} % good, silent {} of {} m wrong of {}, worst 10 s of good ones {:.2} m; {}, {} spikes",
+        "{fault}: {:.1} % good, silent {} of {} m wrong of {}, worst 10 s of good ones {:.2} m; {}, {} ms late, {} spikes",
         100.0 * found.good_share.unwrap(),
         found.silent_m,
         found.wrong_m,
         found.windows,
         found.worst_good_10s_m,
         counters.gyro_fault,
+        counters.gyro_late_ms,
         counters.gyro_spikes,
     );
     (found, counters)
@@ -68,6 +69,15 @@ fn a_gyro_that_lies_is_named_and_not_believed() {
         let (found, counters) = judged(&drive, fault);
         assert!(counters.imu_text().contains("opposite ways"), "{fault}");
         assert!(found.good_share.unwrap() < 0.1, "{fault}");
+    }
+    // Stamps that are wrong are set right, also where they become so.
+    for (fault, late_ms) in [(Fault::ImuLate, 50), (Fault::ClockStep, 300)] {
+        let (found, counters) = judged(&drive, fault);
+        let text = counters.imu_text();
+        assert!(text.contains("odometry.radar_late_s"), "{fault}: {text}");
+        let found_ms = counters.gyro_late_ms;
+        assert!((found_ms - late_ms).abs() < 30, "{fault}: {found_ms} ms");
+        assert!(found.silent_m == 0, "{fault}");
     }
     let (found, counters) = judged(&drive, Fault::NoGravity);
     assert!(

@@ -3,18 +3,20 @@
 
 mod fault;
 mod turns;
+mod yaw_regression;
 
 pub use fault::GyroFault;
+pub use yaw_regression::ScanEvidence;
 
 use crate::{
     gravity_check::GravityCheck, gyro_integrator::Turn, gyro_measurement::GyroMeasurement,
     gyro_rates::GyroRates, sliding_window::WindowScan,
 };
-use nalgebra::Matrix2;
 use randt_messages::Localizability as Seen;
 use randt_persist::persist;
 use std::collections::VecDeque;
 use turns::{TurnPair, Turns};
+use yaw_regression::{GyroStep, WantedTurn, YawRegression};
 
 /// Mean of what that many scans in a row still want to turn, degrees: from the first on the bias
 /// is another one, from the second on it is no bias. Sound drives show at most 0.56, 0.33, 0.21
@@ -53,6 +55,8 @@ const RATE_MAX_RAD_S: f64 = 8.0;
 /// itself that it fits.
 const DOUBT_NS: i64 = 2_000_000_000;
 
+/// A delay of a gyro that was refused which is set right, ms: what is less does no harm.
+const LATE_MIN_MS: i64 = 20;
 /// A rate that was repeated this long before a gyro was refused is why, ns.
 const REPEATED_NS: i64 = 5_000_000_000;
 
@@ -65,6 +69,8 @@ pub enum Verdict {
     Try,
     /// The gyro is wrong.
     Refuse,
+    /// Its stamps are later than they are read, ns.
+    Late(i64),
 }
 
 /// Follows radar and gyro scan by scan.
@@ -77,6 +83,7 @@ pub struct GyroCheck {
     /// What the last scans wanted to turn, the newest last, degrees.
     wanted_deg: VecDeque<f64>,
     turns: Turns,
+    regression: YawRegression,
     /// Heading of the scan before, where the radar saw it.
     last_yaw_rad: Option<f64>,
     /// The last [`FIT_SCANS`] scans, the newest one the lowest bit: 1 where it did not fit.
@@ -89,6 +96,8 @@ pub struct GyroCheck {
     refused_ns: Option<i64>,
     /// What is wrong with it, as last found.
     fault: GyroFault,
+    /// How late its stamps were found to be, ms.
+    late_ms: i64,
     /// How often it was refused.
     refusals: u32,
     /// Until when its bias may walk, ns.
@@ -106,12 +115,14 @@ pub struct GyroCheck {
 persist!(GyroCheck {
     wanted_deg,
     turns,
+    regression,
     last_yaw_rad,
     poor_fits,
     since_tried,
     is_unsteady,
     refused_ns,
     fault,
+    late_ms,
     refusals,
     unsteady_until_ns,
     earned_bias_rad_s,
@@ -141,12 +152,14 @@ impl GyroCheck {
         Self {
             wanted_deg: VecDeque::with_capacity(WANTED_SCANS),
             turns: Turns::with_room(),
+            regression: YawRegression::default(),
             last_yaw_rad: None,
             poor_fits: 0,
             since_tried: POOR_FITS,
             is_unsteady: false,
             refused_ns: None,
             fault: GyroFault::None,
+            late_ms: 0,
             refusals: 0,
             unsteady_until_ns: 0,
             earned_bias_rad_s: None,
@@ -187,6 +200,7 @@ impl GyroCheck {
     /// A frame begins: scans are not compared with those before.
     pub fn restart(&mut self) {
         self.wanted_deg.clear();
+        self.regression = YawRegression::default();
         self.last_yaw_rad = None;
         (self.poor_fits, self.is_unsteady) = (0, false);
     }
@@ -226,14 +240,16 @@ impl GyroCheck {
         measured
     }
 
-    /// Compares a scan that was estimated. `is_clear`: nothing else was found against it.
+    /// Compares a scan that was estimated.
     pub fn observe(
         &mut self,
         scan: &WindowScan,
-        is_clear: bool,
-        is_poor: bool,
+        evidence: &ScanEvidence,
         rates: &GyroRates,
     ) -> Verdict {
+        let &ScanEvidence {
+            is_clear, is_poor, ..
+        } = evidence;
         let stamp_ns = scan.message.head.sweep.end_ns;
         let yaw_rad = scan.state.odom_from_base.yaw_rad;
         let sees_all = is_clear && scan.localizability.seen == Seen::Full && !is_poor;
@@ -245,10 +261,16 @@ impl GyroCheck {
                 self.turns
                     .push(TurnPair::new(last, yaw_rad, turn.angle_rad, scan.dt_s));
                 self.name_fault(rates);
+                if let Some(late_ns) = self.late_ns() {
+                    return Verdict::Late(late_ns);
+                }
                 self.earn_again(stamp_ns);
             }
             return Verdict::Keep;
         }
+        let step = GyroStep::from_scan(scan).filter(|_| turn.is_some() && is_clear);
+        let wanted = step.and_then(|_| WantedTurn::from_scan(scan, evidence));
+        self.regression.push(step.as_ref(), wanted.as_ref());
         if turn.is_none() || !is_clear {
             return Verdict::Keep;
         }
@@ -259,13 +281,13 @@ impl GyroCheck {
         if self.since_tried >= POOR_FITS && (repeats || self.poor_fits.count_ones() >= POOR_FITS) {
             return Verdict::Try;
         }
-        let Some(wanted_rad) = wanted_turn_rad(scan).filter(|_| scan.gyro.is_some()) else {
+        let Some(wanted) = wanted else {
             return Verdict::Keep;
         };
         if self.wanted_deg.len() == WANTED_SCANS {
             self.wanted_deg.pop_front();
         }
-        self.wanted_deg.push_back(wanted_rad.to_degrees());
+        self.wanted_deg.push_back(wanted.turn_rad.to_degrees());
         let exceeds = |limit: fn(&(usize, f64, f64)) -> f64| {
             let mut horizons = WANTED.iter();
             horizons.any(|horizon| self.mean_wanted_deg(horizon.0) > limit(horizon))
@@ -281,7 +303,35 @@ impl GyroCheck {
             }
             self.keep(stamp_ns);
         }
-        Verdict::Keep
+        match self.regression.shown() {
+            (Some(delay_s), _) => Verdict::Late((delay_s * 1e9) as i64),
+            (None, Some(scale)) => {
+                self.refuse(stamp_ns);
+                self.fault = GyroFault::scaled(1.0 + scale);
+                Verdict::Keep
+            }
+            (None, None) => Verdict::Keep,
+        }
+    }
+
+    /// The gyro's stamps are that late in all, ns, and are read so from now on.
+    pub fn set_late(&mut self, late_ns: i64) {
+        self.late_ms = late_ns / 1_000_000;
+        self.fault = GyroFault::Delayed(self.late_ms);
+        self.turns.clear();
+        self.regression = YawRegression::default();
+        self.wanted_deg.clear();
+    }
+
+    /// How much later the stamps of a gyro that was refused are than they are read, ns, where the
+    /// turns show it.
+    fn late_ns(&self) -> Option<i64> {
+        match (self.fault, self.turns.fault()?) {
+            (GyroFault::Delayed(_), GyroFault::Delayed(ms)) if ms.abs() >= LATE_MIN_MS => {
+                Some(ms * 1_000_000)
+            }
+            _ => None,
+        }
     }
 
     /// Length of the mean over the last scans, of which there may be fewer.
@@ -319,7 +369,12 @@ impl GyroCheck {
         if let Some(repeated) = rates.repeated_since(since_ns.saturating_sub(REPEATED_NS)) {
             self.fault = GyroFault::repeats(&repeated);
         } else if let Some(fault) = self.turns.fault() {
-            self.fault = fault;
+            self.fault = match fault {
+                // With its stamps set right it agrees but for a bias.
+                GyroFault::Biased(_) if self.late_ms != 0 => GyroFault::Delayed(self.late_ms),
+                GyroFault::Delayed(ms) => GyroFault::Delayed(self.late_ms.saturating_add(ms)),
+                fault => fault,
+            };
         }
     }
 
@@ -336,22 +391,6 @@ impl GyroCheck {
             self.restart();
         }
     }
-}
-
-/// What a scan by itself wants to turn at its present state, where it sees every direction, rad.
-fn wanted_turn_rad(scan: &WindowScan) -> Option<f64> {
-    if scan.localizability.seen != Seen::Full {
-        return None;
-    }
-    // The yaw of -H^-1 g, the position eliminated.
-    let (information, gradient) = (&scan.ndt.pose, &scan.ndt.pose_gradient);
-    let position: Matrix2<f64> = information.fixed_view::<2, 2>(0, 0).into_owned();
-    let by_yaw = information.fixed_view::<2, 1>(0, 2).into_owned();
-    let inverse = position.try_inverse()?;
-    let yaw_information = information.m33 - by_yaw.dot(&(inverse * by_yaw));
-    let yaw_gradient = gradient.z - by_yaw.dot(&(inverse * gradient.xy()));
-    let wanted_rad = -yaw_gradient / yaw_information;
-    wanted_rad.is_finite().then_some(wanted_rad)
 }
 
 #[cfg(test)]

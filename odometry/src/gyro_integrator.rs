@@ -1,5 +1,7 @@
 //! The gyro's heading as a function of time, from IMU samples as they come.
 
+mod instants;
+
 use crate::{
     gravity_check::GravityCheck,
     gyro_rates::GyroRates,
@@ -23,6 +25,9 @@ const HOLE_NS: i64 = 100_000_000;
 /// An IMU without a sample for this long before a scan's end carries no speed to it, ns: as long
 /// as a hole.
 const SILENT_NS: i64 = HOLE_NS;
+
+/// Stamps that are later are of another clock, ns.
+const LATE_MAX_NS: i64 = 1_000_000_000;
 
 /// What is integrated up to one sample.
 #[derive(Clone, Copy, Debug, Default)]
@@ -92,6 +97,8 @@ pub struct GyroIntegrator {
     /// The last yaw bias that a standstill showed, with its standard deviation, until it is taken,
     /// rad/s.
     standstill_bias: Option<(f64, f64)>,
+    /// How late its stamps are, as they were found to be, ns.
+    late_ns: i64,
     /// Samples that went back in time, repeated a stamp or held no numbers.
     pub rejected: u64,
     /// Holes in the samples above 0.1 s.
@@ -133,6 +140,7 @@ persist!(GyroIntegrator {
     yaw_bias_rad_s,
     yaw_bias_variance,
     standstill_bias,
+    late_ns,
     rejected,
     holes,
 } kept {
@@ -161,6 +169,7 @@ impl GyroIntegrator {
             yaw_bias_variance: odometry.gyro_bias_sigma_rad_s * odometry.gyro_bias_sigma_rad_s,
             bias_walk: odometry.gyro_bias_walk,
             standstill_bias: None,
+            late_ns: 0,
             rejected: 0,
             holes: 0,
         }
@@ -180,14 +189,8 @@ impl GyroIntegrator {
         stamps.clone().all(|t| STAMPS_NS.contains(&t))
             && stamps.is_sorted_by(|a, b| a < b)
             && self.states.len() <= CAPACITY
+            && self.late_ns.abs() <= LATE_MAX_NS
             && self.rejected.max(self.holes) <= u64::MAX / 2
-    }
-
-    /// Forgets what is before an instant and not needed any more.
-    pub fn forget_before(&mut self, stamp_ns: i64) {
-        let after = self.states.partition_point(|m| m.stamp_ns <= stamp_ns);
-        // The last state before it stays: the instant is between it and the next one.
-        self.states.drain(..after.saturating_sub(1));
     }
 
     /// Integrates a sample; the yaw bias that a standstill shows is kept for
@@ -283,7 +286,7 @@ impl GyroIntegrator {
         &self.rates
     }
 
-    /// Stamp of the newest sample.
+    /// Stamp of the newest sample, as it came.
     pub fn newest_ns(&self) -> Option<i64> {
         self.states.back().map(|m| m.stamp_ns)
     }
@@ -291,62 +294,6 @@ impl GyroIntegrator {
     /// Which sample is the newest.
     pub fn newest(&self) -> Option<&NewestSample> {
         self.newest.as_ref()
-    }
-
-    /// Integrated heading at an instant, straight between samples, at the last rate beyond them.
-    pub fn heading_rad(&self, stamp_ns: i64) -> Option<f64> {
-        self.at(stamp_ns, |state| (state.heading_rad, state.rate_rad_s))
-    }
-
-    /// What is integrated, at an instant; `integral_and_rate` gives it with its derivative.
-    fn at(
-        &self,
-        stamp_ns: i64,
-        integral_and_rate: impl Fn(&GyroState) -> (f64, f64),
-    ) -> Option<f64> {
-        let after = self.states.partition_point(|m| m.stamp_ns < stamp_ns);
-        let seconds = |from: i64| (stamp_ns - from) as f64 * 1e-9;
-        match (
-            after.checked_sub(1).and_then(|i| self.states.get(i)),
-            self.states.get(after),
-        ) {
-            (Some(a), Some(b)) => {
-                let fraction = (stamp_ns - a.stamp_ns) as f64 / (b.stamp_ns - a.stamp_ns) as f64;
-                let [(a, _), (b, _)] = [a, b].map(integral_and_rate);
-                Some(a + (b - a) * fraction)
-            }
-            (Some(edge), None) | (None, Some(edge)) => {
-                let (integral, rate) = integral_and_rate(edge);
-                Some(integral + rate * seconds(edge.stamp_ns))
-            }
-            (None, None) => None,
-        }
-    }
-
-    /// How the heading turned between two instants.
-    pub fn turn_between(&self, from_ns: i64, to_ns: i64) -> Option<Turn> {
-        let angle_rad = self.heading_rad(to_ns)? - self.heading_rad(from_ns)?;
-        let (first, last) = (self.states.front()?.stamp_ns, self.states.back()?.stamp_ns);
-        let beyond = (to_ns - last.max(from_ns)).max(0) + (first.min(to_ns) - from_ns).max(0);
-        let mut holes = 0;
-        let begin = self.states.partition_point(|m| m.stamp_ns < from_ns).max(1);
-        for (a, b) in self
-            .states
-            .iter()
-            .skip(begin - 1)
-            .zip(self.states.iter().skip(begin))
-        {
-            if a.stamp_ns >= to_ns {
-                break;
-            }
-            if b.stamp_ns - a.stamp_ns > HOLE_NS {
-                holes += b.stamp_ns.min(to_ns) - a.stamp_ns.max(from_ns);
-            }
-        }
-        Some(Turn {
-            angle_rad,
-            uncovered_s: (beyond + holes) as f64 * 1e-9,
-        })
     }
 
     /// The speed that was carried so far is not to be believed.
@@ -366,20 +313,13 @@ impl GyroIntegrator {
 
     /// A scan was estimated: where the radar has it, if it does.
     pub fn observe_scan(&mut self, stamp_ns: i64, fix: Option<&RadarFix>) {
-        let is_silent = |newest_ns| stamp_ns.saturating_sub(newest_ns) > SILENT_NS;
+        let own_ns = self.own_ns(stamp_ns);
+        let is_silent = |newest_ns| own_ns.saturating_sub(newest_ns) > SILENT_NS;
         if self.newest_ns().is_some_and(is_silent) {
             // An IMU that says nothing does not contradict the radar.
             self.inertial_speed.restart();
         }
         self.inertial_speed.observe_scan(stamp_ns, fix);
-    }
-
-    /// Yaw rate with its bias and tilt at the newest sample at or before an instant.
-    pub fn rate_and_tilt(&self, stamp_ns: i64) -> Option<(f64, Tilt)> {
-        let after = self.states.partition_point(|m| m.stamp_ns <= stamp_ns);
-        self.states
-            .get(after.saturating_sub(1))
-            .map(|m| (m.rate_rad_s, m.tilt))
     }
 
     /// Attitude of `base_link`.

@@ -91,7 +91,7 @@ impl GyroMeasurement {
             // is other bits.
             reaches_end: gyro
                 .newest_ns()
-                .is_some_and(|newest_ns| newest_ns >= end_ns),
+                .is_some_and(|newest_ns| newest_ns >= gyro.own_ns(end_ns)),
             covers_sweep,
             tilt: rate_and_tilt.map_or(Tilt::LEVEL, |(_, tilt)| tilt),
             rate_rad_s,

@@ -284,6 +284,8 @@ impl Odometry {
             None => measured,
         };
         self.counters.scans_gyro_refused += u64::from(self.gyro_check.is_refused());
+        let is_shifted = self.gyro.as_ref().is_some_and(|gyro| gyro.late_ns() != 0);
+        self.counters.scans_gyro_shifted += u64::from(is_shifted);
         self.turn_waiting_frame(scan.head.sweep.end_ns);
         let odom_from_first = self.frame.odom_from_first;
         let last_end_ns = self.window.last_end_ns();

@@ -179,7 +179,7 @@ impl ScanImuSynchronizer {
             return Some(0);
         };
         let is_old = self.is_imu_old(end_ns, Some(gyro));
-        self.imu.covering(end_ns, deadline_ns, is_old, gyro)
+        (self.imu).covering(gyro.own_ns(end_ns), deadline_ns, is_old, gyro)
     }
 
     /// The same of twists.

@@ -7,6 +7,9 @@ use std::fmt;
 /// Ratio from which degrees were taken for radians: 57.3, and less where turns are short.
 const DEGREES_MIN: f64 = 30.0;
 
+/// A scale that is off by less is nearly right, thousandths.
+const NEARLY_RIGHT_PERMILLE: i64 = 100;
+
 /// What the radar shows of a gyro. Values are in thousandths, so that faults can be compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GyroFault {
@@ -56,9 +59,14 @@ impl GyroFault {
         )
     }
 
-    /// Whether it is read from turns, which may be too few.
+    /// Whether it is read from turns, which may be too few. A scale that is nearly right is not:
+    /// only the whole drive shows it.
     pub(super) fn is_of_turns(self) -> bool {
-        matches!(self, Self::Opposite | Self::Scaled(_))
+        match self {
+            Self::Opposite => true,
+            Self::Scaled(permille) => (permille - 1000).abs() > NEARLY_RIGHT_PERMILLE,
+            _ => false,
+        }
     }
 
     pub(super) fn scaled(ratio: f64) -> Self {

@@ -5,6 +5,12 @@ use randt_geometry::{Pose2, elementary::sin};
 
 const SWEEP_NS: i64 = 200_000_000;
 const DT_S: f64 = 0.2;
+const CLEAR: ScanEvidence = ScanEvidence {
+    is_clear: true,
+    is_poor: false,
+    yaw_variance: 1e-6,
+    correspondence_information: 1.0,
+};
 
 /// A scan of this number at a heading, which by itself wants to turn by that much more.
 fn scan(number: i64, yaw_rad: f64, wanted_deg: f64) -> WindowScan {
@@ -45,7 +51,7 @@ fn measured(number: i64, angle_rad: f64) -> GyroMeasurement {
 fn step(check: &mut GyroCheck, number: i64, wanted_deg: f64) -> (Verdict, GyroMeasurement) {
     let admitted = check.admit(measured(number, 0.0), &GravityCheck::default());
     let scan = scan(number, 0.0, wanted_deg);
-    let verdict = check.observe(&scan, true, false, &GyroRates::default());
+    let verdict = check.observe(&scan, &CLEAR, &GyroRates::default());
     (verdict, admitted)
 }
 
@@ -113,12 +119,7 @@ fn a_refused_gyro_is_not_used_until_it_turns_as_the_radar_does() {
             let gyro_rad = gyro(turn_rad) + bias_rad_s * DT_S;
             let admitted = check.admit(measured(number, gyro_rad), &GravityCheck::default());
             let used = admitted.term.is_some();
-            check.observe(
-                &scan(number, yaw_rad, 0.0),
-                true,
-                false,
-                &GyroRates::default(),
-            );
+            check.observe(&scan(number, yaw_rad, 0.0), &CLEAR, &GyroRates::default());
             if used {
                 return Some(admitted.bias_change.mean_rad_s);
             }
@@ -139,6 +140,36 @@ fn a_refused_gyro_is_not_used_until_it_turns_as_the_radar_does() {
     let earned_rad_s = drive(&mut check, 100, |turn_rad| turn_rad).unwrap();
     assert!((earned_rad_s - bias_rad_s).abs() < 1e-3, "{earned_rad_s}");
     assert!(!check.is_refused());
+}
+
+#[test]
+fn stamps_that_are_late_are_shown_by_turns_and_then_set_right() {
+    let mut check = GyroCheck::new();
+    check.refuse(0);
+    let heading_rad = |at_s: f64| 0.8 * sin(0.7 * at_s);
+    let mut late_s = 0.3;
+    let mut drive = |check: &mut GyroCheck, numbers: std::ops::Range<i64>| {
+        for number in numbers {
+            let at_s = DT_S * number as f64;
+            let gyro_rad = heading_rad(at_s - late_s) - heading_rad(at_s - late_s - DT_S);
+            check.admit(measured(number, gyro_rad), &GravityCheck::default());
+            let scan = scan(number, heading_rad(at_s), 0.0);
+            let verdict = check.observe(&scan, &CLEAR, &GyroRates::default());
+            if let Verdict::Late(late_ns) = verdict {
+                late_s -= late_ns as f64 * 1e-9;
+                check.set_late(late_ns);
+                return Some(late_ns);
+            }
+        }
+        None
+    };
+    let late_ns = drive(&mut check, 1..60).unwrap();
+    assert!((late_ns - 300_000_000).abs() < 20_000_000, "{late_ns}");
+    assert!(check.is_refused() && matches!(check.fault(), GyroFault::Delayed(_)));
+    // Read by the right stamps it agrees, and what was wrong keeps its name.
+    assert_eq!(drive(&mut check, 60..160), None);
+    assert!(!check.is_refused());
+    assert!(matches!(check.fault(), GyroFault::Delayed(_)));
 }
 
 #[test]

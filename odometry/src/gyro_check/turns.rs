@@ -32,7 +32,8 @@ const APART_MAX_RAD: f64 = 0.0175;
 /// Delays between the clocks that are looked for, in steps of this, s, to both sides.
 const DELAY_STEP_S: f64 = 0.05;
 const DELAY_STEPS: i32 = 20;
-/// A delay explains what a ratio does not where this share of the difference is left.
+/// A delay explains what a ratio does not where this share of the difference is left, and no more
+/// than headings may run apart.
 const DELAY_LEFT_MAX: f64 = 0.25;
 
 /// What a ratio of turns shows.
@@ -185,13 +186,20 @@ impl Turns {
         self.pairs.iter().map(|pair| pair.dt_s).sum()
     }
 
-    /// How much later the gyro turns than the radar, where that explains what they differ by.
+    /// How much later the gyro turns than the radar, where that explains what they differ by: the
+    /// lowest point of the parabola through the best step and those beside it.
     fn delay_s(&self) -> Option<f64> {
         let at_once = self.apart(0.0)?;
         let delays = (-DELAY_STEPS..=DELAY_STEPS).map(|step| f64::from(step) * DELAY_STEP_S);
         let found = delays.filter_map(|delay_s| Some((self.apart(delay_s)?, delay_s)));
         let (left, delay_s) = found.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (left < DELAY_LEFT_MAX * at_once).then_some(delay_s)
+        let beside = (self.apart(delay_s - DELAY_STEP_S)).zip(self.apart(delay_s + DELAY_STEP_S));
+        let between_s = beside.map_or(0.0, |(earlier, later)| {
+            0.5 * DELAY_STEP_S * (earlier - later) / (earlier - 2.0 * left + later)
+        });
+        let is_inside = between_s.abs() <= DELAY_STEP_S;
+        let left_max = (DELAY_LEFT_MAX * at_once).min(APART_MAX_RAD * APART_MAX_RAD);
+        (is_inside && left < left_max).then_some(delay_s + between_s)
     }
 
     /// Mean square of what the headings differ by where the gyro's is read that much later, a

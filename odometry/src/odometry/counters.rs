@@ -32,6 +32,10 @@ pub struct Counters {
     pub scans_gyro_refused: u64,
     /// ... and how, as last found.
     pub gyro_fault: GyroFault,
+    /// Scans for which the gyro was read later than its stamps say, because these are wrong ...
+    pub scans_gyro_shifted: u64,
+    /// ... by this much, ms.
+    pub gyro_late_ms: i64,
     /// How often the gyro's bias was no longer what it had been, and was estimated anew.
     pub gyro_bias_changes: u64,
     /// Spikes of the gyro's rate, left out.
@@ -82,6 +86,8 @@ persist!(Counters {
     scans_without_imu,
     scans_gyro_refused,
     gyro_fault,
+    scans_gyro_shifted,
+    gyro_late_ms,
     gyro_bias_changes,
     gyro_spikes,
     scans_mounting_off,
@@ -135,6 +141,7 @@ impl Counters {
             self.scans_imu_overtaken,
             self.scans_without_imu,
             self.scans_gyro_refused,
+            self.scans_gyro_shifted,
             self.frames_reopened,
             self.solver_failures,
             self.imu_rejected,
@@ -154,7 +161,13 @@ impl Counters {
 impl Counters {
     /// Whether something is wrong with the IMU.
     pub fn has_imu_fault(&self) -> bool {
-        self.scans_gyro_refused + self.imu_without_gravity + self.gyro_bias_changes > 0
+        let faults = [
+            self.scans_gyro_refused,
+            self.scans_gyro_shifted,
+            self.imu_without_gravity,
+            self.gyro_bias_changes,
+        ];
+        faults.iter().any(|count| *count > 0)
     }
 
     /// What that is, in words and with what to set.
@@ -164,9 +177,16 @@ impl Counters {
             format!("{}; {scans} scans without it", self.gyro_fault)
         } else if self.imu_without_gravity > 0 {
             self.gravity_text()
+        } else if self.scans_gyro_shifted > 0 {
+            self.shifted_text()
         } else {
             self.bias_text()
         }
+    }
+
+    /// That the gyro's stamps are set right.
+    pub fn shifted_text(&self) -> String {
+        format!("{}; set right", GyroFault::Delayed(self.gyro_late_ms))
     }
 
     /// That the gyro's bias moved.
@@ -215,6 +235,7 @@ impl Odometry {
             counters.gyro_bias_changes = self.gyro_check.bias_changes;
             counters.gyro_spikes = gyro.rates().spikes;
             counters.gyro_fault = self.gyro_check.fault();
+            counters.gyro_late_ms = gyro.late_ns() / 1_000_000;
         }
         if let Some(offset) = self.mounting.offset() {
             counters.scans_mounting_off = self.mounting.scans();

@@ -1,7 +1,11 @@
 //! The gyro against the radar.
 
 use super::Odometry;
-use crate::{gyro_check::Verdict, sliding_window::Solution, tracking_monitor::fit_min};
+use crate::{
+    gyro_check::{ScanEvidence, Verdict},
+    sliding_window::Solution,
+    tracking_monitor::fit_min,
+};
 
 /// Cells from which a scan knows its heading better than a gyro that may be wrong: a room shows 25
 /// and more, the few of an open floor meet by chance.
@@ -29,7 +33,13 @@ impl Odometry {
         let is_poor = solution.fit < fit_min || self.overlap.is_strange();
         let rates = gyro.rates();
         let was_refused = self.gyro_check.is_refused();
-        let verdict = self.gyro_check.observe(scan, is_clear, is_poor, rates);
+        let evidence = ScanEvidence {
+            is_clear,
+            is_poor,
+            yaw_variance: solution.covariance[(2, 2)],
+            correspondence_information: scan.correspondence_information(&self.config),
+        };
+        let verdict = self.gyro_check.observe(scan, &evidence, rates);
         if was_refused
             && !self.gyro_check.is_refused()
             && let Some(gyro) = &mut self.gyro
@@ -37,8 +47,16 @@ impl Odometry {
             // The speed was carried by rates that were wrong.
             gyro.restart_inertial_speed();
         }
-        if verdict == Verdict::Keep {
-            return Some(solution);
+        match verdict {
+            Verdict::Keep => return Some(solution),
+            Verdict::Late(late_ns) => {
+                if let Some(gyro) = (self.gyro.as_mut()).filter(|gyro| gyro.can_be_later(late_ns)) {
+                    gyro.add_late(late_ns);
+                    self.gyro_check.set_late(gyro.late_ns());
+                }
+                return Some(solution);
+            }
+            Verdict::Try | Verdict::Refuse => {}
         }
         let submap = self.submaps.active();
         let without = self

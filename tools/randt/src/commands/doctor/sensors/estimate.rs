@@ -110,6 +110,9 @@ fn check(counters: &Counters, motion: &Motion, twists: usize) -> Vec<Finding> {
             }
             _ => Finding::bad("gyro", text, fix),
         });
+    } else if counters.scans_gyro_shifted > 0 {
+        let fix = "randt calibrate time; stamps settle in a driver's first seconds: --seconds 30";
+        found.push(Finding::warn("gyro", counters.shifted_text(), fix));
     } else if counters.gyro_bias_changes > 0 {
         let fix = "let the IMU warm up, and stand still for two seconds before the drive";
         found.push(Finding::warn("gyro", counters.bias_text(), fix));
