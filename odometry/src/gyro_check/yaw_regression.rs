@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn delay_and_scale_are_told_apart_and_noise_is_neither() {
+    fn delay_and_scale_differ_and_noise_is_neither() {
         assert_eq!(shown(0.0, 1.0), (None, None));
         let (delay_s, scale) = shown(0.05, 1.0);
         assert!((delay_s.unwrap() - 0.05).abs() < 0.01 && scale.is_none());

@@ -42,7 +42,8 @@ impl GyroIntegrator {
         })
     }
 
-    /// What is integrated, at one of its own stamps; `integral_and_rate` gives it with its derivative.
+    /// What is integrated, at one of its own stamps; `integral_and_rate` gives it with its
+    /// derivative.
     fn at(
         &self,
         stamp_ns: i64,
