@@ -8,6 +8,8 @@ const SPIKE_RAD_S: f64 = 1.0;
 const SPIKE_RAD_S2: f64 = 100.0;
 /// Time over which a rate that stays the same to the last bit is repeated and not measured, ns.
 const REPEATED_NS: i64 = 100_000_000;
+/// A gyro that ends at its largest rate repeats it that often: once it may be chance.
+const CLIPS_MIN: u64 = 3;
 /// Rates that small are those of a robot that stands, which a coarse gyro repeats, rad/s.
 const STANDING_RAD_S: f64 = 0.02;
 
@@ -32,6 +34,8 @@ pub struct GyroRates {
     /// The last rate that was repeated, and when.
     repeated_rad_s: f64,
     repeated_ns: Option<i64>,
+    /// How often the largest rate was repeated.
+    clips: u64,
     /// Samples that were spikes.
     pub spikes: u64,
 }
@@ -44,12 +48,13 @@ persist!(GyroRates {
     largest_rad_s,
     repeated_rad_s,
     repeated_ns,
+    clips,
     spikes,
 } sound has_room);
 
 impl GyroRates {
     fn has_room(&self) -> bool {
-        self.spikes <= u64::MAX / 2
+        self.spikes.max(self.clips) <= u64::MAX / 2
     }
 
     /// Takes a rate; gives it, or in a spike's place the one before.
@@ -69,11 +74,27 @@ impl GyroRates {
         }
         self.given_rad_s = rate_rad_s;
         self.largest_rad_s = self.largest_rad_s.max(rate_rad_s.abs());
-        let is_repeated = stamp_ns.saturating_sub(self.since_ns) >= REPEATED_NS;
-        if is_repeated && rate_rad_s.abs() > STANDING_RAD_S {
+        let repeated_ns = stamp_ns.saturating_sub(self.since_ns);
+        if repeated_ns >= REPEATED_NS && rate_rad_s.abs() > STANDING_RAD_S {
+            let is_new = repeated_ns.saturating_sub(dt_ns) < REPEATED_NS;
+            let is_largest = rate_rad_s.abs() >= self.largest_rad_s;
+            self.clips += u64::from(is_new && is_largest);
             (self.repeated_rad_s, self.repeated_ns) = (rate_rad_s, Some(stamp_ns));
         }
         rate_rad_s
+    }
+
+    /// How often the largest rate was repeated, where that is no chance.
+    pub fn clips(&self) -> u64 {
+        match self.clips {
+            chance if chance < CLIPS_MIN => 0,
+            clips => clips,
+        }
+    }
+
+    /// The largest rate.
+    pub fn largest_rad_s(&self) -> f64 {
+        self.largest_rad_s
     }
 
     /// The rate that was repeated at some time since an instant.
@@ -117,8 +138,15 @@ mod tests {
         let (_, rates) = pushed(turning.clone().chain([0.297; 40]));
         let repeated = rates.repeated_since(0).unwrap();
         assert!(repeated.is_largest && repeated.rate_rad_s == 0.297);
-        let (_, rates) = pushed(turning.chain([0.2; 40]));
+        assert_eq!(rates.clips(), 0);
+        let (_, rates) = pushed(turning.clone().chain([0.2; 40]));
         assert!(!rates.repeated_since(0).unwrap().is_largest);
+        assert_eq!(rates.clips(), 0);
+        // It ends there, turn by turn.
+        let turns = (0..4).flat_map(|_| turning.clone().chain([0.297; 40]));
+        let (_, rates) = pushed(turns);
+        assert_eq!((rates.clips(), rates.largest_rad_s()), (4, 0.297));
+        let (_, rates) = pushed(turning.chain([0.2; 40]));
         // Long ago it was so.
         assert_eq!(rates.repeated_since(i64::MAX), None);
         // A coarse gyro of a robot that stands.

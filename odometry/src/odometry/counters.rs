@@ -38,6 +38,10 @@ pub struct Counters {
     pub gyro_late_ms: i64,
     /// How often the gyro's bias was no longer what it had been, and was estimated anew.
     pub gyro_bias_changes: u64,
+    /// How often the gyro repeated its largest rate: its measuring range ends there ...
+    pub gyro_clips: u64,
+    /// ... mrad/s.
+    pub gyro_largest_mrad_s: i64,
     /// Spikes of the gyro's rate, left out.
     pub gyro_spikes: u64,
     /// Scans by which the radar does not sit where it is configured ...
@@ -89,6 +93,8 @@ persist!(Counters {
     scans_gyro_shifted,
     gyro_late_ms,
     gyro_bias_changes,
+    gyro_clips,
+    gyro_largest_mrad_s,
     gyro_spikes,
     scans_mounting_off,
     mounting_forward_mm,
@@ -147,6 +153,7 @@ impl Counters {
             self.imu_rejected,
             self.imu_without_gravity,
             self.gyro_bias_changes,
+            self.gyro_clips,
             self.gyro_spikes,
             self.scans_mounting_off,
             self.twists_rejected,
@@ -166,6 +173,7 @@ impl Counters {
             self.scans_gyro_shifted,
             self.imu_without_gravity,
             self.gyro_bias_changes,
+            self.gyro_clips,
         ];
         faults.iter().any(|count| *count > 0)
     }
@@ -179,6 +187,8 @@ impl Counters {
             self.gravity_text()
         } else if self.scans_gyro_shifted > 0 {
             self.shifted_text()
+        } else if self.gyro_clips > 0 {
+            self.clipped_text()
         } else {
             self.bias_text()
         }
@@ -187,6 +197,11 @@ impl Counters {
     /// That the gyro's stamps are set right.
     pub fn shifted_text(&self) -> String {
         format!("{}; set right", GyroFault::Delayed(self.gyro_late_ms))
+    }
+
+    /// That the gyro's rates end at a value.
+    pub fn clipped_text(&self) -> String {
+        GyroFault::Clipped(self.gyro_largest_mrad_s).to_string()
     }
 
     /// That the gyro's bias moved.
@@ -233,6 +248,8 @@ impl Odometry {
             counters.imu_without_gravity = gyro.gravity().missing;
             counters.imu_gravity_mm_s2 = (gyro.gravity().shown_m_s2 * 1e3) as i64;
             counters.gyro_bias_changes = self.gyro_check.bias_changes;
+            counters.gyro_clips = gyro.rates().clips();
+            counters.gyro_largest_mrad_s = (gyro.rates().largest_rad_s() * 1e3) as i64;
             counters.gyro_spikes = gyro.rates().spikes;
             counters.gyro_fault = self.gyro_check.fault();
             counters.gyro_late_ms = gyro.late_ns() / 1_000_000;

@@ -229,6 +229,7 @@ pub fn reader_counters(path: &Path, input: &[Counter]) -> Counters {
 const GYRO_REFUSED: &str = "odometry_scans_gyro_refused";
 const WITHOUT_GRAVITY: &str = "odometry_imu_without_gravity";
 const GYRO_SHIFTED: &str = "odometry_scans_gyro_shifted";
+const GYRO_CLIPS: &str = "odometry_gyro_clips";
 const BIAS_CHANGES: &str = "odometry_gyro_bias_changes";
 const MOUNTING_OFF: &str = "odometry_scans_mounting_off";
 
@@ -255,6 +256,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
         ("odometry_scans_without_imu", odometry.scans_without_imu),
         (WITHOUT_GRAVITY, odometry.imu_without_gravity),
         (GYRO_SHIFTED, odometry.scans_gyro_shifted),
+        (GYRO_CLIPS, odometry.gyro_clips),
         (BIAS_CHANGES, odometry.gyro_bias_changes),
         ("odometry_gyro_spikes", odometry.gyro_spikes),
         (MOUNTING_OFF, odometry.scans_mounting_off),
@@ -279,6 +281,7 @@ pub fn pipeline_counters(pipeline: &Pipeline) -> Counters {
             "odometry_scans_imu_late" => imu_late_text(&odometry),
             WITHOUT_GRAVITY => odometry.gravity_text(),
             GYRO_SHIFTED => odometry.shifted_text(),
+            GYRO_CLIPS => odometry.clipped_text(),
             BIAS_CHANGES => odometry.bias_text(),
             MOUNTING_OFF => odometry.mounting_text(),
             "odometry_scans_twist_refused" => odometry.twist_refused_text(),
