@@ -154,6 +154,7 @@ fn every_scan_has_its_pose_near_the_truth() {
         outcome.counters,
         Counters {
             points_outside: outcome.counters.points_outside,
+            gyro_largest_mrad_s: outcome.counters.gyro_largest_mrad_s,
             ..Counters::default()
         }
     );

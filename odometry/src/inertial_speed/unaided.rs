@@ -12,8 +12,13 @@ use randt_persist::persist;
 
 /// The longest span, ns: what the IMU does not know adds up, and what is wrong shows by then.
 const SPAN_NS: i64 = 2_000_000_000;
-/// Ways that differ by more standard deviations do not agree.
+/// Ways that differ by more standard deviations do not agree, of those that sound spans show.
 const DIFFER_SIGMAS: f64 = 3.0;
+/// Spans whose mean square is remembered, half a minute, and what it is taken for before the first:
+/// an IMU that is mounted off the robot's centre, or scaled by a percent, differs by more than its
+/// noise.
+const MEMORY_SPANS: f64 = 15.0;
+const FIRST_MEAN_SQUARE: f64 = 9.0;
 
 /// A filter as it was when radar and IMU last agreed, moved on by the IMU alone.
 #[derive(Clone, Debug)]
@@ -25,13 +30,19 @@ pub struct Unaided {
     agrees: bool,
     /// Whether it did not over the last span.
     differed: bool,
+    /// Square of what the span's ways differ by so far, in the filter's variances, and the mean of
+    /// the last spans'.
+    square: f64,
+    mean_square: f64,
 }
 
 persist!(Unaided {
     state,
     begin,
     agrees,
-    differed
+    differed,
+    square,
+    mean_square
 });
 
 impl Unaided {
@@ -42,6 +53,8 @@ impl Unaided {
             begin: None,
             agrees: true,
             differed: false,
+            square: 0.0,
+            mean_square: FIRST_MEAN_SQUARE,
         }
     }
 
@@ -90,10 +103,17 @@ impl Unaided {
             let innovation = way_m - self.state.way_m.x;
             let [sigma_m, _] = fix.sigma_m;
             let variance = self.state.variance(&single(WAY)) * scale + sigma_m * sigma_m;
-            self.agrees = innovation * innovation <= DIFFER_SIGMAS * DIFFER_SIGMAS * variance;
+            self.square = innovation * innovation / variance;
+            self.agrees = self.square <= self.square_max();
         }
-        if fix.is_some() && stamp_ns.saturating_sub(begin_ns) < SPAN_NS {
-            return None;
+        if fix.is_some() {
+            if stamp_ns.saturating_sub(begin_ns) < SPAN_NS {
+                return None;
+            }
+            // One that differs counts for no more than it may: what differs again and again is
+            // the IMU's own.
+            let square = self.square.min(self.square_max());
+            self.mean_square += (square - self.mean_square) / MEMORY_SPANS;
         }
         if self.agrees {
             self.begin(stamp_ns, fix, Some(aided));
@@ -103,6 +123,10 @@ impl Unaided {
         self.begin(stamp_ns, fix, None);
         self.differed = true;
         Some(self.state.clone())
+    }
+
+    fn square_max(&self) -> f64 {
+        DIFFER_SIGMAS * DIFFER_SIGMAS * self.mean_square.max(1.0)
     }
 
     /// Begins a span where the radar fixes a scan, from the filter that used it or, without one,

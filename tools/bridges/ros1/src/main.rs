@@ -14,7 +14,7 @@ use randt_config::Config;
 use randt_geometry::Quaternion;
 use randt_log::Robot;
 use randt_messages::SensorKind;
-use randt_stage::{StageArguments, Waitable, WakeReason, ended, parse};
+use randt_stage::{StageArguments, Waitable, WakeReason, ended, parse, stop_requested};
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -70,7 +70,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let name = format!("{}_ros1", stage.domain().prefix());
     let mut node = Node::new(arguments.python.clone(), &name, topics, announcements());
     stage.running()?;
-    loop {
+    // From now on SIGTERM is a request, also before the first wait.
+    let mut is_over = stop_requested();
+    while !is_over {
         let now_ns = stage.clock().now_ns();
         node.tend(now_ns);
         for frame in node.received() {
@@ -88,9 +90,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let descriptor = node.descriptor()?;
         let mut on: Vec<&dyn Waitable> = outward.waitables().to_vec();
         on.extend(descriptor.iter().map(|it| it as &dyn Waitable));
-        if stage.wait(&on, Some(TEND))? == WakeReason::Stop {
-            break;
-        }
+        is_over = stage.wait(&on, Some(TEND))? == WakeReason::Stop;
     }
     node.stop();
     Ok(stage.close()?)
