@@ -61,7 +61,7 @@ fn a_ring_tunnel_gives_no_loop() {
 #[test]
 fn a_corridor_gives_loops_at_its_ends_and_none_is_false() {
     let world = corridor();
-    // Seeds 1 to 4 find 0, 6, 0 and 7: in two laps an end is seen twice from one side.
+    // Seeds 1 to 4 find 0, 6, 0 and 7.
     let (found, worst) = loops(&world, 1000, 2);
     assert!(found > 0);
     assert_eq!(worst, 0, "of {found}");
