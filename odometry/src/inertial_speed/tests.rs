@@ -231,7 +231,8 @@ fn a_standstill_as_quiet_as_before_corrects_a_filter_that_is_sure_and_wrong() {
 fn what_the_radar_says_over_a_span_is_taken_back_where_the_imu_alone_differs() {
     let mut robot = Robot::new();
     robot.drive(4.0, 0.2, true);
-    robot.drive(20.0, 0.0, true);
+    // Until half a minute of spans is known to be sound.
+    robot.drive(60.0, 0.0, true);
     // What drives along pulls by 4 cm a scan, less than one scan shows.
     let mut scans = 0;
     while !robot.filter.disagrees() {
