@@ -18,7 +18,7 @@ const UNCOVERED_RATE_SIGMA_RAD_S: f64 = 1.0;
 /// Noise of a single reading of the yaw rate against the velocity state, rad/s: vibration,
 /// quantisation.
 const RATE_SIGMA_RAD_S: f64 = 0.02;
-/// Speed of a robot that stands, m/s: it may still settle on its springs.
+/// Speed of a robot that stands, m/s: it may still rock on its springs.
 const STANDING_SIGMA_M_S: f64 = 0.01;
 /// The heading rate jerks within an interval: floor of the motion model's heading without a gyro,
 /// rad.

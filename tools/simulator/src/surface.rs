@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn a_beam_shows_the_wall_that_it_meets_and_none_out_of_sight() {
-        // Sight is 16 m: one wall at 5 m, the other one out of sight.
+        // The radar sees 16 m: one wall at 5 m, the other one out of sight.
         let found =
             surfaces("wall concrete -9,5 9,5\nwall concrete -9,-17 9,-17\nroute 0,0 4,0 4,1");
         assert!((40..110).contains(&found.len()), "{}", found.len());

@@ -2,7 +2,7 @@
 
 use super::imu::RosImu;
 use super::recording::{Channel, Kind, Recording};
-use super::topics::list;
+use super::topics::named;
 use super::transform::{Tree, decode};
 use crate::{Error, Options, counters::Counters};
 use std::path::Path;
@@ -16,19 +16,13 @@ pub(super) fn choose_imu(
     counters: &mut Counters,
 ) -> Result<Option<usize>, Error> {
     let channels = recording.channels();
-    let of_kind = channels.iter().enumerate();
-    let of_kind = of_kind.filter(|(_, channel)| channel.kind == Kind::Imu);
+    let is_imu = |channel: &Channel| channel.kind == Kind::Imu;
     if let Some(topic) = &options.imu_topic {
-        let found = of_kind.clone().find(|(_, channel)| channel.topic == *topic);
-        let missing = || Error::NoTopic {
-            path: path.display().to_string(),
-            topic: topic.clone(),
-            wanted: "sensor_msgs/Imu",
-            option: "--imu-topic",
-            topics: list(channels),
-        };
-        return Ok(Some(found.ok_or_else(missing)?.0));
+        let option = ("sensor_msgs/Imu", "--imu-topic");
+        return named(channels, is_imu, topic, path, option).map(Some);
     }
+    let of_kind = channels.iter().enumerate();
+    let of_kind = of_kind.filter(|(_, channel)| is_imu(channel));
     let candidates: Vec<(usize, &Channel)> = of_kind.collect();
     let mounted = match candidates.len() {
         0 | 1 => vec![false; candidates.len()],

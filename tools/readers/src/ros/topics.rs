@@ -20,6 +20,26 @@ pub(super) fn list(channels: &[Channel]) -> String {
     channels.iter().map(topic).collect::<Vec<_>>().join(", ")
 }
 
+/// The topic that an option names, among those of its kind; `(wanted, option)` says for an error's
+/// text what is read by which option.
+pub(super) fn named(
+    channels: &[Channel],
+    is_of_kind: impl Fn(&Channel) -> bool,
+    topic: &str,
+    path: &Path,
+    (wanted, option): (&'static str, &'static str),
+) -> Result<usize, Error> {
+    let is_it = |channel: &Channel| is_of_kind(channel) && channel.topic == topic;
+    let found = channels.iter().position(is_it);
+    found.ok_or_else(|| Error::NoTopic {
+        path: path.display().to_string(),
+        topic: topic.to_owned(),
+        wanted,
+        option,
+        topics: list(channels),
+    })
+}
+
 /// How good a topic is for a radar; the greatest is taken.
 type Rank = (u8, bool, u64);
 
@@ -34,16 +54,9 @@ pub(super) fn choose_radar(
     let channels = recording.channels();
     let is_radar = |channel: &Channel| matches!(channel.kind, Kind::Radar(_));
     if let Some(topic) = &options.radar_topic {
-        let mut found = channels.iter().enumerate();
-        let found = found.find(|(_, c)| is_radar(c) && c.topic == *topic);
-        let missing = || Error::NoTopic {
-            path: path.display().to_string(),
-            topic: topic.clone(),
-            wanted: "sensor_msgs/PointCloud2, Image, LaserScan or Navtech's messages",
-            option: "--radar-topic",
-            topics: list(channels),
-        };
-        return Ok(Some(found.ok_or_else(missing)?.0));
+        let wanted = "sensor_msgs/PointCloud2, Image, LaserScan or Navtech's messages";
+        let named = named(channels, is_radar, topic, path, (wanted, "--radar-topic"));
+        return named.map(Some);
     }
     let candidates = channels.iter().enumerate();
     let candidates = candidates.filter(|(_, c)| is_radar(c) && c.messages > 0);

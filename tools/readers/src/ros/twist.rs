@@ -2,7 +2,7 @@
 //! `geometry_msgs/TwistWithCovarianceStamped`.
 
 use super::recording::{Channel, Kind};
-use super::topics::list;
+use super::topics::named;
 use super::wire::{Encoding, Malformed, RosHeader, Wire};
 use crate::Error;
 use std::path::Path;
@@ -68,13 +68,7 @@ pub(super) fn find_twist(
     let Some(topic) = wanted else {
         return Ok(None);
     };
-    let is_it = |c: &Channel| matches!(c.kind, Kind::Twist(_)) && c.topic == topic;
-    let found = channels.iter().position(is_it);
-    found.map(Some).ok_or_else(|| Error::NoTopic {
-        path: path.display().to_string(),
-        topic: topic.to_owned(),
-        wanted: "nav_msgs/Odometry, geometry_msgs/TwistStamped or TwistWithCovarianceStamped",
-        option: "--twist-topic",
-        topics: list(channels),
-    })
+    let is_twist = |channel: &Channel| matches!(channel.kind, Kind::Twist(_));
+    let kinds = "nav_msgs/Odometry, geometry_msgs/TwistStamped or TwistWithCovarianceStamped";
+    named(channels, is_twist, topic, path, (kinds, "--twist-topic")).map(Some)
 }

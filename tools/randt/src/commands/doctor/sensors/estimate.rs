@@ -105,13 +105,15 @@ fn check(counters: &Counters, motion: &Motion, twists: usize) -> Vec<Finding> {
         };
         found.push(match counters.gyro_fault {
             fault if may_be_of_stamps(fault) => {
-                let fix = format!("{fix}; stamps settle in a driver's first seconds: --seconds 30");
+                let fix =
+                    format!("{fix}; stamps are rough in a driver's first seconds: --seconds 30");
                 Finding::warn("gyro", text, fix)
             }
             _ => Finding::bad("gyro", text, fix),
         });
     } else if counters.scans_gyro_shifted > 0 {
-        let fix = "randt calibrate time; stamps settle in a driver's first seconds: --seconds 30";
+        let fix =
+            "randt calibrate time; stamps are rough in a driver's first seconds: --seconds 30";
         found.push(Finding::warn("gyro", counters.shifted_text(), fix));
     } else if counters.gyro_bias_changes > 0 {
         let fix = "let the IMU warm up, and stand still for two seconds before the drive";
