@@ -27,8 +27,8 @@ pub fn script(name: &str) -> Option<Command> {
     program(&folder.join(name))
 }
 
-/// A program in Python, ready for its arguments. `None` where there is no network: a developer goes
-/// without, CI does not.
+/// A program in Python, ready for its arguments. `None` where there is no network: a developer
+/// goes without, CI does not.
 pub fn program(path: &Path) -> Option<Command> {
     static READY: OnceLock<bool> = OnceLock::new();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
@@ -115,21 +115,31 @@ const NODE_PACKAGES: [&str; 6] = [
     "@foxglove/cdr@3.5.0",
 ];
 
-/// A script of this folder for `node`; none where there is no npm or no network.
+/// A script of this folder for `node`; none where there is no npm or no network, which is said.
 fn node(name: &str) -> Option<Command> {
+    static READY: OnceLock<bool> = OnceLock::new();
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let packages = root.join("target/node-logs");
-    if !packages.join("node_modules/@foxglove/cdr").is_dir() {
-        let mut install = Command::new("npm");
-        install.args(["install", "--no-audit", "--no-fund", "--silent", "--prefix"]);
-        let installed = install.arg(&packages).args(NODE_PACKAGES).output();
-        if !installed
-            .as_ref()
-            .is_ok_and(|output| output.status.success())
-        {
-            println!("not read by Lichtblick's packages: {installed:?}");
-            return None;
+    let is_ready = *READY.get_or_init(|| {
+        if packages.join("node_modules/@foxglove/cdr").is_dir() {
+            return true;
         }
+        let mut install = Command::new("npm");
+        install.args(["install", "--no-audit", "--no-fund", "--silent"]);
+        // A registry that does not answer would else be asked for over a minute a package.
+        install.args(["--fetch-retry-mintimeout=1000", "--fetch-timeout=30000"]);
+        install.args(["--fetch-retry-maxtimeout=5000", "--prefix"]);
+        let installed = install.arg(&packages).args(NODE_PACKAGES).output();
+        let is_good = installed
+            .as_ref()
+            .is_ok_and(|output| output.status.success());
+        if !is_good {
+            println!("not read by Lichtblick's packages: {installed:?}");
+        }
+        is_good
+    });
+    if !is_ready {
+        return None;
     }
     let mut command = Command::new("node");
     command.env("NODE_PATH", packages.join("node_modules"));

@@ -16,6 +16,9 @@ pub struct LineDecoder {
 struct Lines {
     imu: LineOrder,
     twist: LineOrder,
+    /// Whether lines of an IMU, and of wheels, were seen to end with a checksum.
+    imu_has_checksums: bool,
+    twist_has_checksums: bool,
     counts: LineCounts,
 }
 
@@ -48,10 +51,13 @@ impl LineDecoder {
         self.restart();
     }
 
-    /// Another device may speak, or the same one begun anew: numbers begin anew.
+    /// Another device may speak, or the same one begun anew: numbers begin anew, and it may send
+    /// lines without checksums.
     pub fn restart(&mut self) {
-        self.lines.imu.restart();
-        self.lines.twist.restart();
+        let lines = &mut self.lines;
+        lines.imu.restart();
+        lines.twist.restart();
+        (lines.imu_has_checksums, lines.twist_has_checksums) = (false, false);
     }
 
     /// Lines that were used.
@@ -66,7 +72,9 @@ impl LineDecoder {
 
     /// What was counted.
     pub fn counts(&self) -> Vec<Count> {
-        let Lines { imu, twist, counts } = &self.lines;
+        let Lines {
+            imu, twist, counts, ..
+        } = &self.lines;
         let malformed = counts.malformed + self.buffer.overlong;
         vec![
             Count::event("lines", counts.lines),
@@ -93,11 +101,23 @@ impl Lines {
                 return;
             }
         };
-        let is_next = match &message {
-            LineMessage::Imu(imu) => self.imu.is_next(imu.sequence),
-            LineMessage::Twist(twist) => self.twist.is_next(twist.sequence),
+        let (order, has_checksums, sequence) = match &message {
+            LineMessage::Imu(imu) => (&mut self.imu, &mut self.imu_has_checksums, imu.sequence),
+            LineMessage::Twist(twist) => (
+                &mut self.twist,
+                &mut self.twist_has_checksums,
+                twist.sequence,
+            ),
         };
-        if is_next {
+        // Where others end with one, a line without has lost its star to noise: what is behind it
+        // would be read as digits.
+        let has_checksum = line.contains(&b'*');
+        if *has_checksums && !has_checksum {
+            self.counts.checksum_errors += 1;
+            return;
+        }
+        *has_checksums = has_checksum;
+        if order.is_next(sequence) {
             self.counts.lines += 1;
             sink(message);
         }
@@ -107,6 +127,29 @@ impl Lines {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A star that noise has turned into a digit: the last number would be 0.042, not 0.0.
+    #[test]
+    fn where_lines_have_checksums_one_without_is_damaged() {
+        let mut decoder = LineDecoder::default();
+        let mut came = 0;
+        let mut push = |decoder: &mut LineDecoder, bytes: &[u8]| {
+            decoder.stream(bytes, &mut |_| came += 1);
+            came
+        };
+        let imu = b"imu,,,0,0,0.1,0,0,9.8\n";
+        assert_eq!(push(&mut decoder, imu), 1);
+        let twist = b"twist,17,123450000,0.8,0.0,-0.1,0.02,0.01,0.05*48\n";
+        assert_eq!(push(&mut decoder, twist), 2);
+        let damaged = b"twist,18,123450000,0.8,0.0,-0.1,0.02,0.01,0.05048\n";
+        assert_eq!(push(&mut decoder, damaged), 2);
+        let errors = decoder.counts().remove(2);
+        assert_eq!((errors.name, errors.value), ("checksum_errors", 1));
+        // Lines of an IMU are asked by themselves; another device may have none.
+        assert_eq!(push(&mut decoder, imu), 3);
+        decoder.restart();
+        assert_eq!(push(&mut decoder, damaged), 4);
+    }
 
     #[test]
     fn each_line_is_used_or_counted() {

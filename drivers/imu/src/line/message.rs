@@ -324,7 +324,8 @@ mod tests {
             prop_assert_eq!(LineMessage::decode(body.as_bytes()), Ok(message));
         }
 
-        /// A line of one changed byte is no other line with a right checksum.
+        /// A line of one changed byte is no other line with a right checksum. One whose star is
+        /// gone has none: the decoder asks for it.
         #[test]
         fn a_changed_byte_is_noticed(at in 0_usize..60, other: u8) {
             let message = LineMessage::Twist(TwistLine {
@@ -338,7 +339,8 @@ mod tests {
             let before = std::mem::replace(&mut line[at], other);
             let read = LineMessage::decode(&line);
             let is_same = before == other || before.eq_ignore_ascii_case(&other);
-            prop_assert!(is_same || read.is_err() || read == Ok(message), "{read:?}");
+            let has_checksum = line.contains(&b'*');
+            prop_assert!(is_same || !has_checksum || read.is_err(), "{read:?}");
         }
 
         #[test]
