@@ -1,8 +1,10 @@
 //! Whether the gyro turns as the radar does: it loses its trust where it does not, and may earn it
 //! again.
 
+mod bias_drift;
 mod fault;
 mod turns;
+mod wanted_means;
 mod yaw_regression;
 
 pub use fault::GyroFault;
@@ -12,28 +14,14 @@ use crate::{
     gravity_check::GravityCheck, gyro_integrator::Turn, gyro_measurement::GyroMeasurement,
     gyro_rates::GyroRates, sliding_window::WindowScan,
 };
+use bias_drift::BiasDrift;
 use randt_messages::Localizability as Seen;
 use randt_persist::persist;
-use std::collections::VecDeque;
 use turns::{TurnPair, Turns};
+use wanted_means::WantedMeans;
 use yaw_regression::{GyroStep, WantedTurn, YawRegression};
 
-/// Mean of what that many scans in a row still want to turn, degrees: from the first on the bias
-/// is another one, from the second on it is no bias. Sound drives show at most 0.56, 0.33, 0.21
-/// and 0.15; where all rooms look alike 0.53, 0.46 and 0.30. A bias that steps by 1 degree/s
-/// shows 1.6, a turned sign 3 and more.
-const WANTED: [(usize, f64, f64); 5] = [
-    (3, 1.2, 3.0),
-    (10, 0.8, 2.0),
-    (25, 0.45, 1.5),
-    (50, 0.36, 1.3),
-    (100, 0.28, 1.0),
-];
-const WANTED_SCANS: usize = 100;
-/// A window of two seconds shows a wrong gyro where the mean over this many scans is more, degrees.
-const WANTED_BRIEF: usize = 5;
-const WANTED_BRIEF_DEG: f64 = 0.6;
-/// The bias is then unknown by this much, rad/s (1 degree/s) ...
+/// A bias that has moved is unknown by this much, rad/s (1 degree/s) ...
 const BIAS_JUMP_SIGMA_RAD_S: f64 = 0.0175;
 /// ... and walks by this for a while, rad/s per square root of s: one that creeps by a degree/s in
 /// 100 s is followed.
@@ -80,10 +68,10 @@ pub enum Verdict {
 /// is compared, what was found, and what follows for the next scan.
 #[derive(Clone, Debug)]
 pub struct GyroCheck {
-    /// What the last scans wanted to turn, the newest last, degrees.
-    wanted_deg: VecDeque<f64>,
+    wanted: WantedMeans,
     turns: Turns,
     regression: YawRegression,
+    drift: BiasDrift,
     /// Heading of the scan before, where the radar saw it.
     last_yaw_rad: Option<f64>,
     /// The last [`FIT_SCANS`] scans, the newest one the lowest bit: 1 where it did not fit.
@@ -113,9 +101,10 @@ pub struct GyroCheck {
 }
 
 persist!(GyroCheck {
-    wanted_deg,
+    wanted,
     turns,
     regression,
+    drift,
     last_yaw_rad,
     poor_fits,
     since_tried,
@@ -150,9 +139,10 @@ impl GyroCheck {
     /// Nothing compared yet: the gyro is used.
     pub fn new() -> Self {
         Self {
-            wanted_deg: VecDeque::with_capacity(WANTED_SCANS),
+            wanted: WantedMeans::default(),
             turns: Turns::with_room(),
             regression: YawRegression::default(),
+            drift: BiasDrift::default(),
             last_yaw_rad: None,
             poor_fits: 0,
             since_tried: POOR_FITS,
@@ -170,8 +160,7 @@ impl GyroCheck {
     }
 
     fn is_sound(&self) -> bool {
-        self.wanted_deg.len() <= WANTED_SCANS
-            && self.poor_fits >> FIT_SCANS == 0
+        self.poor_fits >> FIT_SCANS == 0
             && self.refusals <= u32::MAX / 2
             && self.bias_changes <= u64::MAX / 2
     }
@@ -199,8 +188,9 @@ impl GyroCheck {
 
     /// A frame begins: scans are not compared with those before.
     pub fn restart(&mut self) {
-        self.wanted_deg.clear();
+        self.wanted.restart();
         self.regression = YawRegression::default();
+        self.drift.restart();
         self.last_yaw_rad = None;
         (self.poor_fits, self.is_unsteady) = (0, false);
     }
@@ -271,9 +261,11 @@ impl GyroCheck {
         let step = GyroStep::from_scan(scan).filter(|_| turn.is_some() && is_clear);
         let wanted = step.and_then(|_| WantedTurn::from_scan(scan, evidence));
         self.regression.push(step.as_ref(), wanted.as_ref());
-        if turn.is_none() || !is_clear {
+        let Some(turn) = turn.filter(|_| is_clear) else {
+            self.drift.restart();
             return Verdict::Keep;
-        }
+        };
+        let moved = self.drift.push(scan, turn.angle_rad);
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
         self.since_tried = self.since_tried.saturating_add(1);
         let sweep_ns = (scan.dt_s * 1e9) as i64;
@@ -284,21 +276,13 @@ impl GyroCheck {
         let Some(wanted) = wanted else {
             return Verdict::Keep;
         };
-        if self.wanted_deg.len() == WANTED_SCANS {
-            self.wanted_deg.pop_front();
-        }
-        self.wanted_deg.push_back(wanted.turn_rad.to_degrees());
-        let exceeds = |limit: fn(&(usize, f64, f64)) -> f64| {
-            let mut horizons = WANTED.iter();
-            horizons.any(|horizon| self.mean_wanted_deg(horizon.0) > limit(horizon))
-        };
-        if exceeds(|(_, _, wrong)| *wrong) {
+        self.wanted.push(wanted.turn_rad);
+        if self.wanted.are_no_bias() {
             return Verdict::Refuse;
         }
-        if exceeds(|(_, unsteady, _)| *unsteady) {
+        if moved || self.wanted.show_another_bias() {
             self.is_unsteady = true;
-            // What only shows in a long mean, a window does not.
-            if self.mean_wanted_deg(WANTED_BRIEF) > WANTED_BRIEF_DEG {
+            if self.wanted.show_in_a_window() {
                 return Verdict::Try;
             }
             self.keep(stamp_ns);
@@ -320,7 +304,8 @@ impl GyroCheck {
         self.fault = GyroFault::Delayed(self.late_ms);
         self.turns.clear();
         self.regression = YawRegression::default();
-        self.wanted_deg.clear();
+        self.drift.restart();
+        self.wanted.restart();
     }
 
     /// How much later the stamps of a gyro that was refused are than they are read, ns, where the
@@ -334,12 +319,6 @@ impl GyroCheck {
         }
     }
 
-    /// Length of the mean over the last scans, of which there may be fewer.
-    fn mean_wanted_deg(&self, scans: usize) -> f64 {
-        let sum: f64 = self.wanted_deg.iter().rev().take(scans).sum();
-        sum.abs() / scans as f64
-    }
-
     /// The gyro stays in use: the scans do not fit better without it.
     pub fn keep(&mut self, stamp_ns: i64) {
         (self.poor_fits, self.since_tried) = (0, 0);
@@ -347,7 +326,8 @@ impl GyroCheck {
             self.loosens = true;
             self.bias_changes += 1;
             self.unsteady_until_ns = stamp_ns.saturating_add(UNSTEADY_NS);
-            self.wanted_deg.clear();
+            self.wanted.restart();
+            self.drift.restart();
         }
     }
 

@@ -1,6 +1,7 @@
 //! The gyro's heading as a function of time, from IMU samples as they come.
 
 mod instants;
+mod own_acceleration;
 
 use crate::{
     gravity_check::GravityCheck,
@@ -10,6 +11,7 @@ use crate::{
     tilt::Tilt,
 };
 use nalgebra::Vector3;
+use own_acceleration::OwnAcceleration;
 use randt_config::{Attitude, Odometry, Robot};
 use randt_filter::{AttitudeFilter, GyroBias, Standstill};
 use randt_geometry::Quaternion;
@@ -84,6 +86,7 @@ pub struct GyroIntegrator {
     base_from_imu: Quaternion,
     bias_walk: f64,
     attitude: AttitudeFilter,
+    own_acceleration: OwnAcceleration,
     inertial_speed: InertialSpeed,
     standstill: Standstill,
     gravity: GravityCheck,
@@ -130,6 +133,7 @@ persist!(GyroTerm {
 });
 persist!(GyroIntegrator {
     attitude,
+    own_acceleration,
     inertial_speed,
     standstill,
     gravity,
@@ -158,6 +162,7 @@ impl GyroIntegrator {
                 robot.imu_yaw_rad,
             ),
             attitude: AttitudeFilter::new(attitude),
+            own_acceleration: OwnAcceleration::default(),
             inertial_speed: InertialSpeed::new(odometry),
             standstill: Standstill::new(attitude),
             gravity: GravityCheck::default(),
@@ -240,7 +245,8 @@ impl GyroIntegrator {
         }
         let bias = self.bias_rad_s();
         self.standstill.expect_bias(bias, self.bias.sigma_rad_s());
-        self.attitude.push(stamp_ns, rate - bias, acceleration);
+        let gravity = acceleration - self.own_acceleration.at(rate.z - bias.z);
+        self.attitude.push(stamp_ns, rate - bias, gravity);
         let without_yaw_bias = rate - Vector3::new(0.0, 0.0, bias.z);
         self.inertial_speed
             .push(stamp_ns, without_yaw_bias, acceleration);
@@ -320,6 +326,8 @@ impl GyroIntegrator {
             self.inertial_speed.restart();
         }
         self.inertial_speed.observe_scan(stamp_ns, fix);
+        let carried = self.inertial_speed.speed().map(|speed| speed.value_m_s);
+        self.own_acceleration.observe_scan(stamp_ns, fix, carried);
     }
 
     /// Attitude of `base_link`.
