@@ -56,6 +56,7 @@ mod recorder;
 mod replay;
 mod resources;
 mod ros1;
+mod ros2;
 mod same_bits;
 mod same_bits_live;
 mod sensors;

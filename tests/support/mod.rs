@@ -30,6 +30,7 @@ pub mod python;
 pub mod recorded;
 pub mod recordings;
 pub mod robot;
+pub mod ros2_nodes;
 pub mod sensors;
 pub mod stages;
 pub mod turns;

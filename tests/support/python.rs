@@ -16,10 +16,11 @@ const PACKAGES: &[&str] = &[
     "mcap-protobuf-support==0.6.0",
     "foxglove-schemas-protobuf==0.4.0",
     "iceoryx2==0.10.0",
+    "cyclonedds==11.0.1",
     "numpy==2.2.6",
 ];
 const IMPORTS: &str = "import mcap, mcap_protobuf, mcap_ros2, rosbags, foxglove_schemas_protobuf, \
-                       iceoryx2, numpy, evo, rerun";
+                       iceoryx2, cyclonedds, numpy, evo, rerun";
 
 /// A script of this folder, ready for its arguments; `None` as for [`program`].
 pub fn script(name: &str) -> Option<Command> {

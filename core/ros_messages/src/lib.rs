@@ -6,6 +6,7 @@
 mod cloud;
 mod definition;
 mod diagnostics;
+mod graph;
 mod imu;
 mod marker;
 mod occupancy_grid;
@@ -14,10 +15,12 @@ mod path;
 mod pen;
 mod pose_array;
 mod transform;
+mod trigger;
 
 pub use cloud::{CLOUD, cloud, directions};
 pub use definition::Definition;
 pub use diagnostics::{DIAGNOSTICS, diagnostics};
+pub use graph::{Gid, participant_entities};
 pub use imu::{IMU_SAMPLE, imu_sample};
 pub use marker::{MARKERS, Marker, Shape, markers};
 pub use occupancy_grid::{Cells, OCCUPANCY_GRID, occupancy_grid};
@@ -26,6 +29,7 @@ pub use path::{PATH, path};
 pub use pen::{Style, time};
 pub use pose_array::{POSE_ARRAY, pose_array};
 pub use transform::{TRANSFORMS, Transform, transforms};
+pub use trigger::trigger_response;
 
 use randt_geometry::Quaternion;
 

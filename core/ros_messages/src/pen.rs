@@ -53,6 +53,11 @@ impl Pen {
         }
     }
 
+    /// Bytes without a length: an array, or what stands before the message.
+    pub fn bare(&mut self, bytes: &[u8]) {
+        self.bytes.extend(bytes);
+    }
+
     pub fn blob(&mut self, bytes: &[u8]) {
         self.u32(bytes.len() as u32);
         self.bytes.extend(bytes);

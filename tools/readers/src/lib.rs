@@ -31,4 +31,4 @@ pub use log_folder::{LogFiles, log_files};
 pub use open::open;
 pub use options::{Options, Rotation, StampMeaning};
 pub use randt_messages::Event;
-pub use ros::LiveRos;
+pub use ros::{Encoding, LiveRos};

@@ -27,4 +27,4 @@ pub(crate) use recording::RadarKind;
 pub(crate) use recording::{Channel, Kind, Raw, Recording};
 pub(crate) use source::RosSource;
 pub(crate) use transform::decode as decode_transforms;
-pub(crate) use wire::Encoding;
+pub use wire::Encoding;

@@ -1,19 +1,16 @@
 //! `randt-ros1`: topics of ROS 1 to the pipeline's, and the pipeline's to ROS 1's, as a process.
 
 mod frame;
-mod inward;
 mod node;
-mod outward;
 
 use clap::Parser;
-use inward::Inward;
+use frame::Frame;
 use node::Node;
-use outward::{Outward, announcements};
 use randt::input::InputOptions;
-use randt_config::Config;
-use randt_geometry::Quaternion;
-use randt_log::Robot;
-use randt_messages::SensorKind;
+use randt::ros_topics::{LIVE_TOPICS, Topic};
+use randt_readers::Encoding;
+use randt_ros_bridge::{Inward, Outward};
+use randt_ros_messages::Style;
 use randt_stage::{StageArguments, Waitable, WakeReason, ended, parse, stop_requested};
 use std::error::Error;
 use std::path::PathBuf;
@@ -61,11 +58,11 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut inward = match topics.is_empty() {
         // Drivers publish the same topics.
         true => None,
-        false => Some(Inward::open(&mut stage, options)?),
+        false => Some(Inward::open(&mut stage, Encoding::Ros1, options)?),
     };
     let transforms = ["/tf_static", "/tf"].map(str::to_owned);
     topics.extend(transforms.into_iter().filter(|_| inward.is_some()));
-    let mut outward = Outward::open(&mut stage, mounting(&config))?;
+    let mut outward = Outward::open(&mut stage, Style::Ros1, &config)?;
     // Of two nodes of one name the master ends the older one.
     let name = format!("{}_ros1", stage.domain().prefix());
     let mut node = Node::new(arguments.python.clone(), &name, topics, announcements());
@@ -77,10 +74,16 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         node.tend(now_ns);
         for frame in node.received() {
             if let Some(inward) = &mut inward {
-                inward.take(frame)?;
+                inward.take(&frame.topic, &frame.type_name, frame.time_ns, frame.message)?;
             }
         }
-        outward.send(&mut node, now_ns)?;
+        outward.send(now_ns, |topic, name, message| {
+            node.send(Frame {
+                time_ns: message.stamp_ns,
+                message: message.bytes,
+                ..frame(topic, name)
+            });
+        })?;
         let lost = inward.as_ref().map_or(0, Inward::lost);
         let problem = inward.as_ref().and_then(|it| it.problem(&config.robot));
         let unsent = (node.unsent > 0).then(|| "the node of ROS does not take all".to_owned());
@@ -96,13 +99,21 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(stage.close()?)
 }
 
-/// Where the sensors sit, as ROS gets it.
-fn mounting(config: &Config) -> Robot {
-    let it = &config.robot;
-    let imu = Quaternion::from_roll_pitch_yaw(it.imu_roll_rad, it.imu_pitch_rad, it.imu_yaw_rad);
-    Robot {
-        sensor: SensorKind::Unknown,
-        radar: Some([it.radar_x_m, it.radar_y_m, it.radar_yaw_rad]),
-        imu: Some(imu.to_array()),
+/// What tells ROS of the topics before their first messages.
+fn announcements() -> Vec<Frame> {
+    let topics = LIVE_TOPICS.iter();
+    let announced = topics.map(|(topic, name)| Frame {
+        is_announcement: true,
+        ..frame(topic, name)
+    });
+    announced.collect()
+}
+
+fn frame(topic: &Topic, name: &str) -> Frame {
+    Frame {
+        is_latched: topic.is_latched,
+        topic: name.to_owned(),
+        type_name: format!("{}/{}", topic.kind.package, topic.kind.name),
+        ..Frame::default()
     }
 }

@@ -23,11 +23,12 @@ const NAME: &str = "ROS";
 /// A message that waits: its channel, when it came, and its bytes.
 type Waiting = (usize, i64, Vec<u8>);
 
-/// The topics of a running ROS 1 as sweeps, IMU samples and twists.
+/// The topics of a running ROS as sweeps, IMU samples and twists.
 ///
 /// What a bag says as a whole, the radar's turn and the mounting, is learned from the first sweeps,
 /// and once more where a topic or a static transform comes that was not known.
 pub struct LiveRos {
+    encoding: Encoding,
     options: Options,
     channels: Vec<Channel>,
     transforms: Vec<Vec<u8>>,
@@ -40,9 +41,10 @@ pub struct LiveRos {
 }
 
 impl LiveRos {
-    /// Nothing has come yet.
-    pub fn new(options: Options) -> Self {
+    /// Nothing has come yet. `encoding`: how the messages are serialised.
+    pub fn new(encoding: Encoding, options: Options) -> Self {
         Self {
+            encoding,
             options,
             channels: Vec::new(),
             transforms: Vec::new(),
@@ -53,7 +55,7 @@ impl LiveRos {
         }
     }
 
-    /// Takes a message of a topic, as ROS 1 serialises it. Types that say nothing of a radar, an
+    /// Takes a message of a topic, as ROS serialises it. Types that say nothing of a radar, an
     /// IMU or a velocity are left out.
     pub fn push(&mut self, topic: &str, type_name: &str, arrival_ns: i64, bytes: Vec<u8>) {
         let kind = Kind::from_topic(topic, type_name);
@@ -77,7 +79,7 @@ impl LiveRos {
                 topic: topic.to_owned(),
                 type_name: type_name.to_owned(),
                 kind,
-                encoding: Encoding::Ros1,
+                encoding: self.encoding,
                 messages: 1,
             });
             self.channels.len() - 1
@@ -105,6 +107,7 @@ impl LiveRos {
             }
             self.radar_waiting = 0;
             let queue = Queue {
+                encoding: self.encoding,
                 channels: self.channels.clone(),
                 transforms: self.transforms.clone(),
                 waiting: Rc::clone(&self.waiting),
@@ -163,7 +166,7 @@ impl LiveRos {
         if self.transforms.contains(&bytes) || self.transforms.len() >= TRANSFORMS_MAX {
             return;
         }
-        if let Err(malformed) = decode_transforms(&bytes, Encoding::Ros1) {
+        if let Err(malformed) = decode_transforms(&bytes, self.encoding) {
             let first = || format!("{NAME}: {malformed}");
             self.counters.count_loss("transforms_malformed", 1, first);
             return;
@@ -182,6 +185,7 @@ impl LiveRos {
 
 /// What has come and is not read yet, as a recording.
 struct Queue {
+    encoding: Encoding,
     channels: Vec<Channel>,
     transforms: Vec<Vec<u8>>,
     waiting: Rc<RefCell<VecDeque<Waiting>>>,
@@ -190,7 +194,10 @@ struct Queue {
 
 impl Recording for Queue {
     fn format(&self) -> &'static str {
-        "ros1"
+        match self.encoding {
+            Encoding::Ros1 => "ros1",
+            Encoding::Cdr => "ros2",
+        }
     }
 
     fn channels(&self) -> &[Channel] {

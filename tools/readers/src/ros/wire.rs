@@ -7,7 +7,7 @@ use std::borrow::Cow;
 
 /// How a message is serialised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Encoding {
+pub enum Encoding {
     /// ROS 1: packed, little-endian.
     Ros1,
     /// ROS 2: CDR behind a 4-byte encapsulation header that has the byte order.

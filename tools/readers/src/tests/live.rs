@@ -3,7 +3,7 @@
 use super::bags::scans;
 use super::support::*;
 use crate::counters::Counters;
-use crate::ros::Recording;
+use crate::ros::{Encoding, Recording};
 use crate::{Event, LiveRos, Options, ros1};
 
 const RADAR: &str = "/radar_2/spectrum/pcl2";
@@ -54,7 +54,7 @@ fn what_comes_live_is_what_the_bag_has() {
         return;
     };
     let (bagged, _) = read_all(&data("bags/room.bag").unwrap());
-    let mut live = LiveRos::new(options());
+    let mut live = LiveRos::new(Encoding::Ros1, options());
     let (mut events, mut before_first) = (Vec::new(), None);
     for (count, (topic, type_name, arrival_ns, bytes)) in messages.into_iter().enumerate() {
         live.push(&topic, &type_name, arrival_ns, bytes);
@@ -86,7 +86,7 @@ fn a_topic_that_comes_later_is_learned_and_others_are_left_out() {
     let Some(messages) = messages() else {
         return;
     };
-    let mut live = LiveRos::new(options());
+    let mut live = LiveRos::new(Encoding::Ros1, options());
     let mut events = Vec::new();
     for (count, (topic, type_name, arrival_ns, bytes)) in messages.into_iter().enumerate() {
         live.push(
@@ -110,7 +110,7 @@ fn a_topic_that_comes_later_is_learned_and_others_are_left_out() {
 
 #[test]
 fn what_cannot_be_decoded_is_counted() {
-    let mut live = LiveRos::new(options());
+    let mut live = LiveRos::new(Encoding::Ros1, options());
     for stamp_ns in 0..20 {
         live.push(RADAR, "sensor_msgs/PointCloud2", stamp_ns, vec![7; 40]);
         assert!(live.next_event().unwrap().is_none());

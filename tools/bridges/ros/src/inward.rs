@@ -1,11 +1,10 @@
 //! From ROS to the pipeline: sweeps, IMU samples and twists, as drivers publish them.
 
-use crate::frame::Frame;
 use randt::output::head_only;
 use randt_config::Robot;
 use randt_geometry::{Pose2, Quaternion};
 use randt_messages::{ImuSampleTopic, RadarScan, TwistTopic};
-use randt_readers::{Event, LiveRos, Options};
+use randt_readers::{Encoding, Event, LiveRos, Options};
 use randt_stage::{Error, Publisher, Stage};
 use std::time::{Duration, Instant};
 
@@ -27,13 +26,13 @@ pub struct Inward {
 }
 
 impl Inward {
-    /// Opens the topics.
-    pub fn open(stage: &mut Stage, options: Options) -> Result<Self, Error> {
+    /// Opens the topics. `encoding`: how ROS serialises.
+    pub fn open(stage: &mut Stage, encoding: Encoding, options: Options) -> Result<Self, Error> {
         let sensors = [&options.radar_topic, &options.imu_topic];
         let sensors = sensors.into_iter().flatten();
         Ok(Self {
             heard: sensors.map(|it| (it.clone(), Instant::now())).collect(),
-            live: LiveRos::new(options),
+            live: LiveRos::new(encoding, options),
             scans: stage.publisher()?,
             samples: stage.publisher()?,
             twists: stage.publisher()?,
@@ -41,15 +40,20 @@ impl Inward {
         })
     }
 
-    /// Takes a message, and publishes what it gives.
-    pub fn take(&mut self, frame: Frame) -> Result<(), Error> {
-        for (topic, heard) in &mut self.heard {
-            if *topic == frame.topic {
+    /// Takes a message that came at an instant, and publishes what it gives.
+    pub fn take(
+        &mut self,
+        topic: &str,
+        type_name: &str,
+        arrival_ns: i64,
+        bytes: Vec<u8>,
+    ) -> Result<(), Error> {
+        for (name, heard) in &mut self.heard {
+            if name == topic {
                 *heard = Instant::now();
             }
         }
-        self.live
-            .push(&frame.topic, &frame.type_name, frame.time_ns, frame.message);
+        self.live.push(topic, type_name, arrival_ns, bytes);
         loop {
             match self.live.next_event() {
                 Ok(Some(Event::Scan(scan))) => self.scans.publish(scan.as_ref())?,

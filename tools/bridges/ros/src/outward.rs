@@ -1,18 +1,29 @@
 //! From the pipeline to ROS: poses and frames, path and grid, the filtered sweep, and health.
 
-use crate::frame::Frame;
-use crate::node::Node;
 use randt::ros_topics::{LIVE_TOPICS, Message, Topic, Translator};
+use randt_config::Config;
+use randt_geometry::Quaternion;
 use randt_log::Robot;
 use randt_messages::{
-    MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic, RadarPoints, StageHealthTopic,
+    MapperCorrection, MapperGraph, MapperGrid, OdometryStateTopic, RadarPoints, SensorKind,
+    StageHealthTopic,
 };
 use randt_ros_messages::Style;
 use randt_stage::{Error, Stage, Subscriber, Waitable};
 
+/// What the mapper has of the map, and has on the disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// One more than its newest keyframe.
+    pub keyframes: u64,
+    /// Keyframes below this number are on the disk.
+    pub on_disk: u64,
+}
+
 /// The topics that are read.
 pub struct Outward {
     translator: Translator,
+    kept: Option<Kept>,
     corrections: Subscriber<MapperCorrection>,
     graph: Subscriber<MapperGraph>,
     grid: Subscriber<MapperGrid>,
@@ -22,10 +33,11 @@ pub struct Outward {
 }
 
 impl Outward {
-    /// Opens the topics. `robot`: where the sensors sit.
-    pub fn open(stage: &mut Stage, robot: Robot) -> Result<Self, Error> {
+    /// Opens the topics.
+    pub fn open(stage: &mut Stage, style: Style, config: &Config) -> Result<Self, Error> {
         Ok(Self {
-            translator: Translator::new(Style::Ros1, robot),
+            translator: Translator::new(style, mounting(config)),
+            kept: None,
             corrections: stage.subscriber()?,
             graph: stage.subscriber()?,
             grid: stage.subscriber()?,
@@ -47,12 +59,27 @@ impl Outward {
         ]
     }
 
-    /// Publishes what has come. The correction first, so that a state is placed by the newest.
-    pub fn send(&mut self, node: &mut Node, now_ns: i64) -> Result<(), Error> {
+    /// What the mapper has said last.
+    pub fn kept(&self) -> Option<Kept> {
+        self.kept
+    }
+
+    /// Publishes what has come, each message with its topic and the topic's name. The correction
+    /// first, so that a state is placed by the newest.
+    pub fn send(
+        &mut self,
+        now_ns: i64,
+        mut publish: impl FnMut(&Topic, &'static str, Message),
+    ) -> Result<(), Error> {
         while let Some(correction) = self.corrections.receive()? {
             self.translator.take_correction(correction.message().head);
         }
         while let Some(page) = self.graph.receive()? {
+            let head = page.message().head;
+            self.kept = Some(Kept {
+                keyframes: head.wanted_keyframe,
+                on_disk: head.on_disk,
+            });
             self.translator.take_graph(page.message());
         }
         while let Some(tile) = self.grid.receive()? {
@@ -64,49 +91,40 @@ impl Outward {
         }
         while let Some(points) = self.points.receive()? {
             let messages = vec![self.translator.points(points.message())];
-            self.publish(node, messages);
+            self.publish(messages, &mut publish);
         }
         while let Some(state) = self.states.receive()? {
             let messages = self.translator.take_state(state.message().head, now_ns);
-            self.publish(node, messages);
+            self.publish(messages, &mut publish);
         }
         while let Some(health) = self.health.receive()? {
             let messages = vec![self.translator.health(health.message().head)];
-            self.publish(node, messages);
+            self.publish(messages, &mut publish);
         }
         Ok(())
     }
 
-    fn publish(&mut self, node: &mut Node, messages: Vec<Message>) {
+    fn publish(
+        &mut self,
+        messages: Vec<Message>,
+        publish: &mut impl FnMut(&Topic, &'static str, Message),
+    ) {
         for message in self.translator.with_mounting(messages) {
             let mut topics = LIVE_TOPICS.iter();
-            let Some((topic, name)) = topics.find(|(topic, _)| topic.name == message.topic) else {
-                continue;
-            };
-            node.send(Frame {
-                time_ns: message.stamp_ns,
-                message: message.bytes,
-                ..frame(topic, name)
-            });
+            if let Some((topic, name)) = topics.find(|(topic, _)| topic.name == message.topic) {
+                publish(topic, name, message);
+            }
         }
     }
 }
 
-/// What tells ROS of the topics before their first messages.
-pub fn announcements() -> Vec<Frame> {
-    let topics = LIVE_TOPICS.iter();
-    let announced = topics.map(|(topic, name)| Frame {
-        is_announcement: true,
-        ..frame(topic, name)
-    });
-    announced.collect()
-}
-
-fn frame(topic: &Topic, name: &str) -> Frame {
-    Frame {
-        is_latched: topic.is_latched,
-        topic: name.to_owned(),
-        type_name: format!("{}/{}", topic.kind.package, topic.kind.name),
-        ..Frame::default()
+/// Where the sensors sit, as ROS gets it.
+fn mounting(config: &Config) -> Robot {
+    let it = &config.robot;
+    let imu = Quaternion::from_roll_pitch_yaw(it.imu_roll_rad, it.imu_pitch_rad, it.imu_yaw_rad);
+    Robot {
+        sensor: SensorKind::Unknown,
+        radar: Some([it.radar_x_m, it.radar_y_m, it.radar_yaw_rad]),
+        imu: Some(imu.to_array()),
     }
 }
