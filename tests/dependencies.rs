@@ -61,6 +61,12 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "syn",
         "build time only: derive macros move to version 3 one by one",
     ),
+    ("thiserror", "cdr-encoding, of rustdds, is a release behind"),
+    ("thiserror-impl", "comes with thiserror"),
+    (
+        "toml_datetime",
+        "build time only in the newer release: comes with toml_edit, for derive macros",
+    ),
     ("winnow", "iceoryx2's toml is a release behind ours"),
 ];
 

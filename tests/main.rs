@@ -57,6 +57,7 @@ mod replay;
 mod resources;
 mod ros1;
 mod ros2;
+mod ros2_cost;
 mod same_bits;
 mod same_bits_live;
 mod sensors;

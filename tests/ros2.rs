@@ -5,7 +5,7 @@
 //! Each test has a network of its own, with loopback only.
 
 use crate::support::pipeline::{Pipeline, signal, until};
-use crate::support::ros2_nodes::{Nodes, in_own_network};
+use crate::support::ros2_nodes::{Nodes, TOPICS, in_own_network};
 use crate::support::{Ended, Row, ended, pose_at, randt, recording, report, run, tum};
 use rustix::process::Signal;
 use serde_json::Value;
@@ -19,12 +19,6 @@ const BACK_MAX: Duration = Duration::from_secs(2);
 const APART_MAX_M: f64 = 0.01;
 /// How much faster than the robot a bag is played: its stamps are the sensors' in any case.
 const SPEED: &str = "4";
-const TOPICS: [&str; 4] = [
-    "--radar-topic",
-    "/radar/returns",
-    "--imu-topic",
-    "/imu/data",
-];
 
 fn good(ended: &Ended) {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -78,7 +72,9 @@ impl Known {
 
 #[test]
 fn what_cyclone_plays_gives_the_trajectory_of_a_run_and_cyclone_reads_it() {
-    if !in_own_network("what_cyclone_plays_gives_the_trajectory_of_a_run_and_cyclone_reads_it") {
+    if !in_own_network(
+        "ros2::what_cyclone_plays_gives_the_trajectory_of_a_run_and_cyclone_reads_it",
+    ) {
         return;
     }
     let mut nodes = Nodes::new();
@@ -193,7 +189,9 @@ fn whose_the_topics_are(nodes: &Nodes) {
 
 #[test]
 fn what_fast_dds_plays_gives_the_trajectory_of_a_run_and_fast_dds_reads_it() {
-    if !in_own_network("what_fast_dds_plays_gives_the_trajectory_of_a_run_and_fast_dds_reads_it") {
+    if !in_own_network(
+        "ros2::what_fast_dds_plays_gives_the_trajectory_of_a_run_and_fast_dds_reads_it",
+    ) {
         return;
     }
     let mut nodes = Nodes::new();
@@ -245,7 +243,7 @@ fn what_fast_dds_plays_gives_the_trajectory_of_a_run_and_fast_dds_reads_it() {
 }
 
 /// The program of Fast DDS; none where there is no such library.
-fn fast_dds(folder: &Path) -> Option<PathBuf> {
+pub fn fast_dds(folder: &Path) -> Option<PathBuf> {
     const HEADER: &str = "/usr/include/fastdds/dds/domain/DomainParticipant.hpp";
     if !Path::new(HEADER).is_file() {
         println!("skipped: no {HEADER} (Debian: libfastrtps-dev)");
@@ -262,7 +260,7 @@ fn fast_dds(folder: &Path) -> Option<PathBuf> {
 
 #[test]
 fn whoever_is_killed_is_heard_of_again() {
-    if !in_own_network("whoever_is_killed_is_heard_of_again") {
+    if !in_own_network("ros2::whoever_is_killed_is_heard_of_again") {
         return;
     }
     let mut nodes = Nodes::new();
@@ -288,6 +286,12 @@ fn whoever_is_killed_is_heard_of_again() {
     until("health by another reader", || heard(&nodes, "other") > 0);
     println!("back {:?} after the reader", begin.elapsed());
     assert!(begin.elapsed() < BACK_MAX);
+    // Who looks after dead stages takes it for a living one.
+    good(&pipeline.randt(&["top", "--once"]));
+    let before = heard(&nodes, "other");
+    until("health after a look", || {
+        heard(&nodes, "other") > before + 2
+    });
     // Nothing of another network reaches its sockets.
     let sockets = Command::new("ss").args(["-lunp"]).output().unwrap();
     let sockets = String::from_utf8(sockets.stdout).unwrap();

@@ -4,7 +4,12 @@
 // ros2_fastdds play FILE SPEED   publishes messages: what `ros2_cyclone.py frames` wrote
 // ros2_fastdds echo              prints the odometry of ours as rows: nanoseconds, x, y
 // ros2_fastdds call SERVICE      calls a std_srvs/Trigger, prints its response
+// ros2_fastdds bench SECONDS     publishes clouds of 10,000 points at 5 Hz and IMU samples at 250 Hz,
+//                                stamped as they go, and prints odometry that comes: its stamp and
+//                                when it came, ns
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
@@ -226,6 +231,96 @@ int call(const std::string& service) {
   return 0;
 }
 
+// Writes a message of CDR.
+struct Pen {
+  Bytes bytes = {0, 1, 0, 0};
+  template <typename T>
+  void number(T value) {
+    while ((bytes.size() - 4) % sizeof(T)) bytes.push_back(0);
+    auto* first = reinterpret_cast<unsigned char*>(&value);
+    bytes.insert(bytes.end(), first, first + sizeof(T));
+  }
+  void text(const std::string& value) {
+    number(uint32_t(value.size() + 1));
+    bytes.insert(bytes.end(), value.c_str(), value.c_str() + value.size() + 1);
+  }
+};
+
+int64_t now_ns() {
+  auto now = std::chrono::system_clock::now().time_since_epoch();
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(now).count();
+}
+
+// A square room, a turn of 220 beams, as an iSDR-C has it, with 46 returns behind each other.
+Bytes cloud() {
+  const int BEAMS = 220, RETURNS = 46;
+  Pen pen;
+  pen.number(int32_t(0)), pen.number(uint32_t(0)), pen.text("radar");
+  pen.number(uint32_t(1)), pen.number(uint32_t(BEAMS * RETURNS)), pen.number(uint32_t(4));
+  const char* names[] = {"x", "y", "z", "intensity"};
+  for (uint32_t field = 0; field < 4; ++field) {
+    pen.text(names[field]), pen.number(4 * field), pen.number(uint8_t(7)), pen.number(uint32_t(1));
+  }
+  pen.number(uint8_t(0)), pen.number(uint32_t(16)), pen.number(uint32_t(16 * BEAMS * RETURNS));
+  pen.number(uint32_t(16 * BEAMS * RETURNS));
+  for (int beam = 0; beam < BEAMS; ++beam) {
+    double azimuth = 2 * M_PI * beam / BEAMS, x = std::cos(azimuth), y = std::sin(azimuth);
+    double wall = 5 / std::max(std::abs(x), std::abs(y));
+    for (int i = 0; i < RETURNS; ++i) {
+      double range = wall + 0.05 * i;
+      for (double value : {range * x, range * y, 0.0, 60.0 - i}) pen.number(float(value));
+    }
+  }
+  pen.number(uint8_t(1));
+  return pen.bytes;
+}
+
+Bytes imu() {
+  Pen pen;
+  pen.number(int32_t(0)), pen.number(uint32_t(0)), pen.text("imu");
+  for (int i = 0; i < 37; ++i) pen.number(i == 3 ? 1.0 : i == 27 ? 9.81 : 0.0);
+  return pen.bytes;
+}
+
+int bench(double seconds) {
+  auto clouds = writer(topic("rt/radar/returns", "sensor_msgs::msg::dds_::PointCloud2_"), false, 10);
+  auto samples = writer(topic("rt/imu/data", "sensor_msgs::msg::dds_::Imu_"), false, 100);
+  auto states = reader(topic("rt/randt/odometry", "nav_msgs::msg::dds_::Odometry_"), false, 10);
+  PublicationMatchedStatus status;
+  auto is_matched = [&] { return clouds->get_publication_matched_status(status), status.current_count > 0; };
+  if (!found(is_matched)) return std::puts("nobody subscribes"), 1;
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  std::thread receive([&] {
+    Bytes bytes;
+    SampleInfo info;
+    for (auto begin = Clock::now(); Clock::now() - begin < std::chrono::duration<double>(seconds + 1);) {
+      if (!states->wait_for_unread_message({1, 0})) continue;
+      while (states->take_next_sample(&bytes, &info) == ReturnCode_t::RETCODE_OK) {
+        Wire wire{bytes};
+        int64_t stamp_ns = wire.number<int32_t>() * INT64_C(1000000000);
+        stamp_ns += wire.number<uint32_t>();
+        std::printf("%lld %lld\n", static_cast<long long>(stamp_ns), static_cast<long long>(now_ns()));
+      }
+    }
+  });
+  Bytes cloud_bytes = cloud(), imu_bytes = imu();
+  auto send = [](DataWriter* to, Bytes& bytes) {
+    int64_t stamp_ns = now_ns();
+    int32_t whole_s = stamp_ns / 1000000000;
+    uint32_t rest_ns = stamp_ns % 1000000000;
+    std::memcpy(&bytes[4], &whole_s, 4), std::memcpy(&bytes[8], &rest_ns, 4);
+    to->write(&bytes);
+  };
+  auto begin = Clock::now();
+  for (int i = 0; i < 250 * seconds; ++i) {
+    std::this_thread::sleep_until(begin + std::chrono::milliseconds(4 * i));
+    send(samples, imu_bytes);
+    if (i % 50 == 0) send(clouds, cloud_bytes);
+  }
+  receive.join();
+  return 0;
+}
+
 int main(int count, char** arguments) {
   std::string what = count > 1 ? arguments[1] : "";
   participant = DomainParticipantFactory::get_instance()->create_participant(0, PARTICIPANT_QOS_DEFAULT);
@@ -233,6 +328,7 @@ int main(int count, char** arguments) {
   subscriber = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT);
   if (what == "play" && count == 4) return play(arguments[2], std::stod(arguments[3]));
   if (what == "echo") return echo();
+  if (what == "bench" && count == 3) return bench(std::stod(arguments[2]));
   if (what == "call" && count == 3) return call(arguments[2]);
   return 2;
 }

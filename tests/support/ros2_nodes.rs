@@ -12,7 +12,15 @@ use std::time::Duration;
 /// Set where this program runs in a network of its own.
 const NETWORK: &str = "RANDT_TEST_ROS2_NETWORK";
 /// No test takes longer.
-const TEST_MAX: Duration = Duration::from_secs(150);
+const TEST_MAX: Duration = Duration::from_secs(300);
+
+/// What the bridge reads of a bag of ours.
+pub const TOPICS: [&str; 4] = [
+    "--radar-topic",
+    "/radar/returns",
+    "--imu-topic",
+    "/imu/data",
+];
 
 /// Programs in this network; all end with it.
 pub struct Nodes {
@@ -129,7 +137,7 @@ pub fn in_own_network(test: &str) -> bool {
     }
     let mut command = Command::new("unshare");
     command.arg("-n").arg(std::env::current_exe().unwrap());
-    command.args([&format!("ros2::{test}"), "--exact", "--nocapture"]);
+    command.args([test, "--exact", "--include-ignored", "--nocapture"]);
     command.env(NETWORK, "");
     let ended = ended_within(command, TEST_MAX);
     println!("{}", ended.stdout);

@@ -17,6 +17,15 @@ struct Hammer {
     has_rung: AtomicBool,
 }
 
+/// Whether anything has come to one of those that ring it.
+#[derive(Clone)]
+pub struct Rope(Arc<Pulled>);
+
+struct Pulled {
+    hammer: Arc<Hammer>,
+    is_pulled: AtomicBool,
+}
+
 impl Bell {
     /// One that has not rung.
     pub fn new() -> std::io::Result<Self> {
@@ -26,9 +35,12 @@ impl Bell {
         Ok(Self { reader, hammer })
     }
 
-    /// What rings it.
-    pub fn waker(&self) -> Waker {
-        Waker::from(Arc::clone(&self.hammer))
+    /// Something to ring it by; it counts as pulled.
+    pub fn rope(&self) -> Rope {
+        Rope(Arc::new(Pulled {
+            hammer: Arc::clone(&self.hammer),
+            is_pulled: AtomicBool::new(true),
+        }))
     }
 
     /// What to wait for.
@@ -46,15 +58,49 @@ impl Bell {
     }
 }
 
-impl Wake for Hammer {
+impl Rope {
+    /// What pulls it, once.
+    pub fn waker(&self) -> Waker {
+        Waker::from(Arc::clone(&self.0))
+    }
+
+    /// Whether it was pulled since the last time.
+    pub fn was_pulled(&self) -> bool {
+        self.0.is_pulled.swap(false, Ordering::AcqRel)
+    }
+}
+
+impl Wake for Pulled {
     fn wake(self: Arc<Self>) {
         self.wake_by_ref();
     }
 
     fn wake_by_ref(self: &Arc<Self>) {
-        if !self.has_rung.swap(true, Ordering::AcqRel) {
+        self.is_pulled.store(true, Ordering::Release);
+        if !self.hammer.has_rung.swap(true, Ordering::AcqRel) {
             // It fails where the stage has ended.
-            let _ = (&self.writer).write(&[1]);
+            let _ = (&self.hammer.writer).write(&[1]);
         }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_rings_once_until_it_is_hushed_and_knows_who_rang() {
+        let mut bell = Bell::new().unwrap();
+        let [one, other] = [bell.rope(), bell.rope()];
+        assert!(one.was_pulled() && other.was_pulled() && !one.was_pulled());
+        one.waker().wake();
+        one.waker().wake();
+        assert!(one.was_pulled() && !other.was_pulled());
+        bell.hush().unwrap();
+        // Nothing is left that would be read.
+        bell.hush().unwrap();
+        other.waker().wake();
+        assert!(other.was_pulled());
     }
 }

@@ -17,14 +17,18 @@ pub fn keep() -> io::Result<()> {
     let own = pidfd_open(getpid(), PidfdFlags::empty())?;
     let mut kept = 0;
     for entry in std::fs::read_dir("/proc/self/fd")? {
-        let name = entry?.file_name();
-        let Some(number) = name.to_str().and_then(|text| text.parse().ok()) else {
+        let path = entry?.path();
+        // Files are left alone: closing one under any of its numbers gives up all locks on it, and
+        // by these the stages know who lives.
+        let target = std::fs::read_link(&path).unwrap_or_default();
+        if !target.to_string_lossy().starts_with("socket:") {
             continue;
-        };
-        // The folder itself is among them, and closed by now.
-        let Ok(fd) = pidfd_getfd(&own, number, PidfdGetfdFlags::empty()) else {
-            continue;
-        };
+        }
+        let number = path
+            .file_name()
+            .and_then(|name| name.to_str()?.parse().ok());
+        let Some(number) = number else { continue };
+        let fd = pidfd_getfd(&own, number, PidfdGetfdFlags::empty())?;
         if is_internet(&fd) {
             // It is the same socket under another number.
             setsockopt(&fd, sockopt::BindToDevice, &OsString::from(DEVICE))?;

@@ -25,8 +25,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// How often it is looked at who else is there.
-const TEND: Duration = Duration::from_millis(250);
+/// How often it is looked at who else is there, and what is wrong: not with every IMU sample.
+const TEND: Duration = Duration::from_millis(100);
 
 /// Among ROS 2's nodes, by DDS: takes sweeps, IMU samples and twists from their topics, and gives
 /// poses, frames, path, grid, filtered sweeps and health.
@@ -125,10 +125,14 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let mut node = Node::new(node_options, &name, topics, services)?;
     stage.running()?;
     // From now on SIGTERM is a request, also before the first wait.
-    let mut is_over = stop_requested();
+    let (mut is_over, mut due_ns) = (stop_requested(), i64::MIN);
     while !is_over {
         let now_ns = stage.clock().now_ns();
-        node.tend(now_ns);
+        let is_due = now_ns >= due_ns;
+        if is_due {
+            due_ns = now_ns + TEND.as_nanos() as i64;
+            node.tend(now_ns);
+        }
         for received in node.received()? {
             if let Some(inward) = &mut inward {
                 inward.take(
@@ -142,14 +146,13 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         outward.send(now_ns, |topic, name, message| {
             node.send(topic, name, message.bytes);
         })?;
-        actions.tend(&node, outward.kept());
-        let lost = inward.as_ref().map_or(0, Inward::lost);
-        let problem = inward.as_ref().and_then(|it| it.problem(&config.robot));
-        let unsent = (node.unsent > 0).then(|| "a node of ROS does not take all".to_owned());
-        let undecoded = (node.undecoded > 0).then(|| "messages came that are no CDR".to_owned());
-        let status = node.problem.clone().or(problem).or(undecoded).or(unsent);
-        let lost = lost + node.unsent + node.undecoded;
-        stage.set_status(&status.unwrap_or_default(), lost);
+        if is_due {
+            actions.tend(&node, outward.kept());
+            let problem = inward.as_ref().and_then(|it| it.problem(&config.robot));
+            let status = node.problem().or(problem);
+            let lost = inward.as_ref().map_or(0, Inward::lost) + node.lost();
+            stage.set_status(&status.unwrap_or_default(), lost);
+        }
 
         let descriptor = node.descriptor()?;
         let mut on: Vec<&dyn Waitable> = outward.waitables().to_vec();

@@ -3,7 +3,7 @@
 use crate::bell::Bell;
 use crate::loopback;
 use crate::names;
-use crate::participant::{Described, Participant, Quality, Writer};
+use crate::participant::{Described, Participant, Quality, Reader, Writer};
 use crate::service::{Request, Service};
 use crate::subscription::Subscription;
 use randt::ros_topics::{LIVE_TOPICS, Topic};
@@ -42,11 +42,11 @@ pub struct Node {
     /// What who subscribes late must get: kept for a participant that comes after this one.
     latched: BTreeMap<&'static str, Vec<u8>>,
     /// Messages that could not be sent.
-    pub unsent: u64,
+    unsent: u64,
     /// Messages that are no CDR.
-    pub undecoded: u64,
+    undecoded: u64,
     /// Why it is not among the others.
-    pub problem: Option<String>,
+    problem: Option<String>,
 }
 
 /// All that is open. Fields are dropped from above, the participant last.
@@ -152,7 +152,8 @@ impl Node {
             writers.insert(name, writer);
         }
         let services = self.services.iter();
-        let services = services.map(|name| Service::open(&participant, &self.full(name)));
+        let services =
+            services.map(|name| Service::open(&participant, &self.full(name), &self.bell));
         let subscriptions = self.topics.iter().cloned().map(Subscription::new);
         Ok(Open {
             services: services.collect::<Result<_, _>>()?,
@@ -182,7 +183,7 @@ impl Node {
         let offers = open.participant.offers();
         let mut is_other = false;
         for subscription in &mut open.subscriptions {
-            is_other |= subscription.follow(&open.participant, &offers)?;
+            is_other |= subscription.follow(&open.participant, &offers, &self.bell)?;
         }
         if is_other {
             self.publish_graph();
@@ -197,10 +198,7 @@ impl Node {
         };
         let subscribed = open.subscriptions.iter().filter_map(Subscription::reader);
         let asked = open.services.iter().map(|service| &service.requests);
-        let readers: Vec<Gid> = subscribed
-            .chain(asked)
-            .map(|reader| reader.guid().to_bytes())
-            .collect();
+        let readers: Vec<Gid> = subscribed.chain(asked).map(Reader::gid).collect();
         let replied = open.services.iter().map(|service| &service.replies);
         let writers: Vec<Gid> = open
             .writers
@@ -237,19 +235,14 @@ impl Node {
             return Ok(received);
         };
         for subscription in &open.subscriptions {
-            if let Some(reader) = subscription.reader() {
-                reader.wake_by(self.bell.waker());
-            }
-            while let Some(taken) = subscription.take() {
-                match taken {
-                    Ok((sample, type_name)) => received.push(Received {
-                        topic: subscription.topic().to_owned(),
-                        type_name,
-                        message: sample.message,
-                    }),
-                    Err(_) => self.undecoded += 1,
-                }
-            }
+            subscription.take(|taken| match taken {
+                Ok((sample, type_name)) => received.push(Received {
+                    topic: subscription.topic().to_owned(),
+                    type_name,
+                    message: sample.message,
+                }),
+                Err(_) => self.undecoded += 1,
+            });
         }
         Ok(received)
     }
@@ -259,10 +252,7 @@ impl Node {
         let mut requests = Vec::new();
         let services = self.open.iter().flat_map(|open| &open.services);
         for (index, service) in services.enumerate() {
-            service.requests.wake_by(self.bell.waker());
-            while let Some(request) = service.take() {
-                requests.push((index, request));
-            }
+            service.take(|request| requests.push((index, request)));
         }
         requests
     }
@@ -273,6 +263,18 @@ impl Node {
         if let Some(service) = service {
             service.reply(request, success, message);
         }
+    }
+
+    /// What is wrong, the worst first.
+    pub fn problem(&self) -> Option<String> {
+        let unsent = (self.unsent > 0).then(|| "a node of ROS does not take all".to_owned());
+        let undecoded = (self.undecoded > 0).then(|| "messages came that are no CDR".to_owned());
+        self.problem.clone().or(undecoded).or(unsent)
+    }
+
+    /// Messages that were lost.
+    pub fn lost(&self) -> u64 {
+        self.unsent + self.undecoded
     }
 
     /// Publishes a message of one of [`LIVE_TOPICS`].

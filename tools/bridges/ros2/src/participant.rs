@@ -1,17 +1,17 @@
 //! The participant of DDS: what is opened in it.
 
+use crate::bell::Rope;
 use crate::bytes::{AsBytes, without_header};
 use rustdds::bytes::Bytes;
 use rustdds::dds::result::CreateError;
 use rustdds::no_key::{DataWriter, SimpleDataReader};
 use rustdds::policy::{Durability, History};
 use rustdds::{
-    DomainParticipant, DomainParticipantBuilder, Duration, GUID, Publisher, QosPolicies,
+    DomainParticipant, DomainParticipantBuilder, Duration, Publisher, QosPolicies,
     QosPolicyBuilder, RTPSEntity, SampleIdentity, StatusEvented, Subscriber, Timestamp, Topic,
     TopicKind, WriteOptionsBuilder,
 };
 use std::net::IpAddr;
-use std::task::Waker;
 
 /// Quality of service as ROS's nodes ask for it, or offer it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +31,11 @@ pub struct Participant {
     subscriber: Subscriber,
 }
 
-/// Messages of a topic.
-pub struct Reader(SimpleDataReader<Vec<u8>, AsBytes>);
+/// Messages of a topic, that ring when they come.
+pub struct Reader {
+    dds: SimpleDataReader<Vec<u8>, AsBytes>,
+    rope: Rope,
+}
 
 /// A topic's messages to others.
 pub struct Writer(DataWriter<Bytes, AsBytes>);
@@ -93,14 +96,14 @@ impl Participant {
         self.dds.guid().to_bytes()
     }
 
-    /// Opens a topic for reading.
-    pub fn reader(&self, topic: &Described<'_>) -> Result<Reader, CreateError> {
+    /// Opens a topic for reading. What comes pulls the rope.
+    pub fn reader(&self, topic: &Described<'_>, rope: Rope) -> Result<Reader, CreateError> {
         let policies = topic.quality.policies();
         let topic = self.topic(topic, &policies)?;
-        let reader = self
+        let dds = self
             .subscriber
             .create_simple_datareader_no_key(&topic, None)?;
-        Ok(Reader(reader))
+        Ok(Reader { dds, rope })
     }
 
     /// Opens a topic for writing.
@@ -153,28 +156,33 @@ pub struct Described<'a> {
 }
 
 impl Reader {
-    /// Lets something be woken once, by the next message that comes.
-    pub fn wake_by(&self, waker: Waker) {
-        self.0.set_waker(Some(waker));
-        self.0.drain_read_notifications();
-    }
-
-    /// The next message; `Err` for one that is no CDR.
-    pub fn take(&self) -> Result<Option<Sample>, String> {
-        let taken = self.0.try_take_one().map_err(|error| error.to_string())?;
-        Ok(taken.map(|taken| Sample {
-            identity: SampleIdentity {
-                writer_guid: taken.writer_guid(),
-                sequence_number: taken.sequence_number,
-            },
-            related: taken.related_sample_identity(),
-            message: taken.into_value(),
-        }))
+    /// All that has come, for each message what it is, or why it is no CDR.
+    pub fn take(&self, mut each: impl FnMut(Result<Sample, String>)) {
+        if !self.rope.was_pulled() {
+            return;
+        }
+        // First, so that what comes meanwhile pulls it again.
+        self.dds.set_waker(Some(self.rope.waker()));
+        self.dds.drain_read_notifications();
+        loop {
+            match self.dds.try_take_one() {
+                Ok(None) => return,
+                Ok(Some(taken)) => each(Ok(Sample {
+                    identity: SampleIdentity {
+                        writer_guid: taken.writer_guid(),
+                        sequence_number: taken.sequence_number,
+                    },
+                    related: taken.related_sample_identity(),
+                    message: taken.into_value(),
+                })),
+                Err(error) => each(Err(error.to_string())),
+            }
+        }
     }
 
     /// Its name in DDS.
-    pub fn guid(&self) -> GUID {
-        self.0.guid()
+    pub fn gid(&self) -> [u8; 16] {
+        self.dds.guid().to_bytes()
     }
 }
 

@@ -1,7 +1,8 @@
 //! A service of ROS 2 of type `std_srvs/Trigger`, for clients of Fast DDS and of Cyclone DDS.
 
+use crate::bell::Bell;
 use crate::names;
-use crate::participant::{Described, Participant, Quality, Reader, Writer};
+use crate::participant::{Described, Participant, Quality, Reader, Sample, Writer};
 use randt_ros_messages::trigger_response;
 use rustdds::dds::result::CreateError;
 use rustdds::{GUID, SampleIdentity};
@@ -32,7 +33,7 @@ pub struct Request {
 
 impl Service {
     /// Opens one by the name that ROS has for it.
-    pub fn open(participant: &Participant, name: &str) -> Result<Self, CreateError> {
+    pub fn open(participant: &Participant, name: &str, bell: &Bell) -> Result<Self, CreateError> {
         let [requests, replies] = names::service(name);
         let described = |name, type_name| Described {
             name,
@@ -42,31 +43,18 @@ impl Service {
         let of_requests = described(&requests, "std_srvs::srv::dds_::Trigger_Request_");
         let of_replies = described(&replies, "std_srvs::srv::dds_::Trigger_Response_");
         Ok(Self {
-            requests: participant.reader(&of_requests)?,
+            requests: participant.reader(&of_requests, bell.rope())?,
             replies: participant.writer(&of_replies)?,
         })
     }
 
-    /// The next request. What is no CDR is none.
-    pub fn take(&self) -> Option<Request> {
-        let sample = loop {
-            match self.requests.take() {
-                Ok(sample) => break sample?,
-                Err(_) => continue,
+    /// The requests that have come. What is no CDR is none.
+    pub fn take(&self, mut each: impl FnMut(Request)) {
+        self.requests.take(|sample| {
+            if let Ok(sample) = sample {
+                each(Request::new(sample));
             }
-        };
-        let before = HEADER_BYTES..HEADER_BYTES + CYCLONE_BYTES;
-        let before = sample.message.get(before).unwrap_or_default().to_vec();
-        // Fast DDS's clients name the reader of replies, and not the request's number.
-        let asks = sample.related.map(|related| related.writer_guid);
-        let asks = asks.filter(|guid| *guid != GUID::GUID_UNKNOWN);
-        Some(Request {
-            identity: SampleIdentity {
-                writer_guid: asks.unwrap_or(sample.identity.writer_guid),
-                ..sample.identity
-            },
-            before,
-        })
+        });
     }
 
     /// Answers a request.
@@ -74,5 +62,22 @@ impl Service {
         let response = trigger_response(&request.before, success, message);
         // A client that does not take it has gone.
         let _ = self.replies.write(response, Some(request.identity));
+    }
+}
+
+impl Request {
+    fn new(sample: Sample) -> Self {
+        let before = HEADER_BYTES..HEADER_BYTES + CYCLONE_BYTES;
+        let before = sample.message.get(before).unwrap_or_default().to_vec();
+        // Fast DDS's clients name the reader of replies, and not the request's number.
+        let asks = sample.related.map(|related| related.writer_guid);
+        let asks = asks.filter(|guid| *guid != GUID::GUID_UNKNOWN);
+        Self {
+            identity: SampleIdentity {
+                writer_guid: asks.unwrap_or(sample.identity.writer_guid),
+                ..sample.identity
+            },
+            before,
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! A topic of others, read in the type and with the quality that it is offered in.
 
+use crate::bell::Bell;
 use crate::names;
 use crate::participant::{Described, Offer, Participant, Quality, Reader, Sample};
 use rustdds::dds::result::CreateError;
@@ -39,6 +40,7 @@ impl Subscription {
         &mut self,
         participant: &Participant,
         offers: &[Offer],
+        bell: &Bell,
     ) -> Result<bool, CreateError> {
         let name = names::topic(&self.topic);
         let Some(asked) = self.ask(&name, offers) else {
@@ -47,11 +49,12 @@ impl Subscription {
         if self.open.as_ref().is_some_and(|(known, _)| *known == asked) {
             return Ok(false);
         }
-        let reader = participant.reader(&Described {
+        let described = Described {
             name: &name,
             type_name: &asked.type_name,
             quality: asked.quality,
-        })?;
+        };
+        let reader = participant.reader(&described, bell.rope())?;
         self.open = Some((asked, reader));
         Ok(true)
     }
@@ -86,11 +89,12 @@ impl Subscription {
         self.open.as_ref().map(|(_, reader)| reader)
     }
 
-    /// The next message and its type, as ROS writes it.
-    pub fn take(&self) -> Option<Result<(Sample, String), String>> {
-        let (asked, reader) = self.open.as_ref()?;
-        let sample = reader.take().transpose()?;
-        Some(sample.map(|sample| (sample, names::ros_type(&asked.type_name))))
+    /// The messages that have come, with their type as ROS writes it.
+    pub fn take(&self, mut each: impl FnMut(Result<(Sample, String), String>)) {
+        if let Some((asked, reader)) = &self.open {
+            let type_name = || names::ros_type(&asked.type_name);
+            reader.take(|sample| each(sample.map(|sample| (sample, type_name()))));
+        }
     }
 }
 
