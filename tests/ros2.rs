@@ -6,9 +6,11 @@
 
 use crate::support::pipeline::{Pipeline, signal, until};
 use crate::support::ros2_nodes::{Nodes, TOPICS, in_own_network};
+use crate::support::stages::program;
 use crate::support::{Ended, Row, ended, pose_at, randt, recording, report, run, tum};
 use rustix::process::Signal;
 use serde_json::Value;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -320,4 +322,32 @@ fn whoever_is_killed_is_heard_of_again() {
     until("health after the stop", || {
         heard(&nodes, "other") > before + 1
     });
+}
+
+/// No ROS 2 has read it: at least it is Python, and its options are the bridge's.
+#[test]
+fn the_launch_file_gives_options_that_the_bridge_has() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tools/bridges/ros2");
+    let launch = folder.join("launch/randt.launch.py");
+    let mut python = Command::new("python3");
+    python.args([
+        "-c",
+        "import sys; compile(open(sys.argv[1]).read(), sys.argv[1], 'exec')",
+    ]);
+    python.arg(&launch);
+    good(&ended(python));
+    let mut help = Command::new(program("ros2"));
+    help.arg("--help");
+    let help = ended(help).stdout;
+    let text = fs::read_to_string(launch).unwrap();
+    let (_, options) = text.split_once("bridge = ").unwrap();
+    let (options, _) = options.split_once("started = ").unwrap();
+    let options: Vec<&str> = options
+        .split('"')
+        .filter(|it| it.starts_with("--"))
+        .collect();
+    assert_eq!(options.len(), 5);
+    for option in options {
+        assert!(help.contains(&format!("{option} <")), "{option}");
+    }
 }

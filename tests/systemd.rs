@@ -28,6 +28,13 @@ fn words(command: &[&str]) -> Ended {
     ended(it)
 }
 
+/// Units of what is not in the package, with their text.
+fn bridges() -> Vec<(String, String)> {
+    let name = "randt-ros2.service";
+    let text = fs::read_to_string(units_folder().join("bridges").join(name)).unwrap();
+    vec![(name.to_owned(), text)]
+}
+
 /// The units, with their text.
 fn units() -> Vec<(String, String)> {
     let mut units: Vec<_> = fs::read_dir(units_folder())
@@ -66,7 +73,7 @@ fn units_are_understood_and_let_out_little() {
         fs::copy(units_folder().join(name), &path).unwrap();
         paths.push(path.display().to_string());
     }
-    for (name, text) in units() {
+    for (name, text) in units().into_iter().chain(bridges()) {
         let path = folder.path().join(&name);
         // A program that is there.
         let program = text.split("ExecStart=").nth(1).unwrap();

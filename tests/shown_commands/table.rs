@@ -192,6 +192,14 @@ pub const COMMANDS: &[(&str, Runner)] = &[
     ),
     // ros.md
     (
+        "cargo build --release -p randt-ros2",
+        Nobody("a build in release"),
+    ),
+    (
+        "randt-ros2 --radar-topic /radar/points --imu-topic /imu/data",
+        File("tests/support/ros2_nodes.rs", "\"--radar-topic\""),
+    ),
+    (
         "apt install python3-rospy python3-roslaunch python3-sensor-msgs python3-nav-msgs python3-tf2-msgs python3-diagnostic-msgs",
         File(".ci/run", "python3-rospy python3-rosbag"),
     ),
