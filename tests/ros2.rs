@@ -269,22 +269,24 @@ fn whoever_is_killed_is_heard_of_again() {
     let folder = tempfile::tempdir().unwrap();
     let mut pipeline = Pipeline::new("heal2");
     pipeline.compute(folder.path());
-    let mut bridge = nodes.bridge(&pipeline, &["--services"]);
-    let echo = nodes.cyclone("echo", &["echo"]);
-    let heard = |nodes: &Nodes, name: &str| nodes.heard(name, "/diagnostics").len();
+    let options = ["--services", "--namespace", "robot"];
+    let mut bridge = nodes.bridge(&pipeline, &options);
+    let echo = nodes.cyclone("echo", &["echo", "--namespace", "/robot"]);
+    let heard = |nodes: &Nodes, name: &str| nodes.heard(name, "/robot/diagnostics").len();
     until("health", || heard(&nodes, "echo") > 2);
     for _ in 0..3 {
         nodes.kill(bridge);
         let (begin, before) = (Instant::now(), heard(&nodes, "echo"));
-        bridge = nodes.bridge(&pipeline, &["--services"]);
+        bridge = nodes.bridge(&pipeline, &options);
         until("health after the bridge", || heard(&nodes, "echo") > before);
         println!("back {:?} after the bridge", begin.elapsed());
         assert!(begin.elapsed() < BACK_MAX);
     }
-    // Who reads; Python takes half a second to start.
+    // Who reads, from when Python has started.
     nodes.kill(echo);
+    nodes.cyclone("other", &["echo", "--namespace", "/robot"]);
+    until("the reader", || !nodes.printed("other").is_empty());
     let begin = Instant::now();
-    nodes.cyclone("other", &["echo"]);
     until("health by another reader", || heard(&nodes, "other") > 0);
     println!("back {:?} after the reader", begin.elapsed());
     assert!(begin.elapsed() < BACK_MAX);
@@ -308,7 +310,7 @@ fn whoever_is_killed_is_heard_of_again() {
     // One that stands holds nothing up.
     let other = nodes.children.last().unwrap().id();
     signal(other, Signal::STOP);
-    let call = nodes.cyclone("call", &["call", "/randt/stop_mission"]);
+    let call = nodes.cyclone("call", &["call", "/robot/randt/stop_mission"]);
     nodes.wait(call, "call");
     let reply = &nodes.printed("call")[0];
     // There is none; the command line says so.

@@ -126,6 +126,7 @@ def echo(arguments):
     for name, (type_name, asked) in OURS.items():
         name = arguments.namespace + name
         readers[name] = DataReader(participant, topic(participant, name, type_name), qos=quality(*asked))
+    show(ready=True)
     while True:
         for name, reader in readers.items():
             for message in reader.take(N=100):

@@ -32,3 +32,24 @@ pub fn participant_entities(
     }
     pen.end()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identities_are_as_long_as_the_release_has_them() {
+        let (participant, reader, writer) = ([1; 16], [2; 16], [3; 16]);
+        for gid_bytes in [16, 24] {
+            let names = ["/", "randt"];
+            let bytes =
+                participant_entities(gid_bytes, &participant, names, &[reader], &[writer, writer]);
+            // Behind the header: an identity, one node, its names padded to four bytes, and two
+            // sequences of identities.
+            let expected = 4 + gid_bytes + 4 + (4 + 2 + 2) + (4 + 6 + 2) + 4 + gid_bytes + 4;
+            assert_eq!(bytes.len(), expected + 2 * gid_bytes);
+            assert_eq!(bytes.get(4..20), Some(&participant[..]));
+            assert!(bytes.ends_with(&[&[3; 16][..], &vec![0; gid_bytes - 16]].concat()));
+        }
+    }
+}
