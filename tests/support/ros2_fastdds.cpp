@@ -21,8 +21,10 @@
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
 #include <fastdds/dds/topic/TypeSupport.hpp>
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -323,7 +325,12 @@ int bench(double seconds) {
 
 int main(int count, char** arguments) {
   std::string what = count > 1 ? arguments[1] : "";
-  participant = DomainParticipantFactory::get_instance()->create_participant(0, PARTICIPANT_QOS_DEFAULT);
+  auto qos = PARTICIPANT_QOS_DEFAULT;
+  // Without shared memory, which one that is killed leaves behind.
+  qos.transport().use_builtin_transports = false;
+  qos.transport().user_transports.push_back(
+      std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>());
+  participant = DomainParticipantFactory::get_instance()->create_participant(0, qos);
   publisher = participant->create_publisher(PUBLISHER_QOS_DEFAULT);
   subscriber = participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT);
   if (what == "play" && count == 4) return play(arguments[2], std::stod(arguments[3]));
