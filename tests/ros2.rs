@@ -20,7 +20,7 @@ const BACK_MAX: Duration = Duration::from_secs(2);
 /// Where the live trajectory may lie beside that of `randt run`, m.
 const APART_MAX_M: f64 = 0.01;
 /// How much faster than the robot a bag is played: its stamps are the sensors' in any case.
-const SPEED: &str = "4";
+const SPEED: &str = "2";
 
 fn good(ended: &Ended) {
     assert_eq!(ended.code, Some(0), "{}", ended.stderr);
@@ -95,7 +95,7 @@ fn what_cyclone_plays_gives_the_trajectory_of_a_run_and_cyclone_reads_it() {
     let bag = known.bag.to_str().unwrap();
     let play = nodes.cyclone("play", &["play", bag, "--speed", SPEED]);
     // Who comes while it plays gets what was said once, at its beginning.
-    std::thread::sleep(Duration::from_secs(4));
+    std::thread::sleep(Duration::from_secs(6));
     nodes.cyclone("late", &["echo"]);
     nodes.wait(play, "play");
     assert_eq!(nodes.printed("play")[0]["acknowledged"], true);

@@ -31,12 +31,12 @@ JAZZY = get_typestore(Stores.ROS2_JAZZY)
 PLAIN = {"string": str, "bool": bool, "char": types.uint8}
 # Seconds until others have to have been found.
 FOUND_MAX = 20
-# What rviz2 and nav2 ask for: whether reliable, whether what was said before, and how much is kept.
-# Python is slower than a node.
-SENSOR_DATA, USUAL, OF_TF, LATCHED = (False, False, 100), (True, False, 10), (True, False, 100), (True, True, 1)
+# What rviz2 and nav2 ask for: whether reliable, whether what was said before, and how much is kept,
+# which is more here: Python on a busy machine is slower than a node.
+SENSOR_DATA, USUAL, LATCHED = (False, False, 1000), (True, False, 1000), (True, True, 1)
 OURS = {
     "/randt/odometry": ("nav_msgs/msg/Odometry", USUAL),
-    "/tf": ("tf2_msgs/msg/TFMessage", OF_TF),
+    "/tf": ("tf2_msgs/msg/TFMessage", USUAL),
     "/tf_static": ("tf2_msgs/msg/TFMessage", LATCHED),
     "/randt/map": ("nav_msgs/msg/OccupancyGrid", LATCHED),
     "/randt/path": ("nav_msgs/msg/Path", LATCHED),

@@ -180,7 +180,7 @@ int play(const char* path, double speed) {
 }
 
 int echo() {
-  auto from = reader(topic("rt/randt/odometry", "nav_msgs::msg::dds_::Odometry_"), false, 10);
+  auto from = reader(topic("rt/randt/odometry", "nav_msgs::msg::dds_::Odometry_"), false, 1000);
   for (Bytes bytes;;) {
     SampleInfo info;
     if (from->take_next_sample(&bytes, &info) != ReturnCode_t::RETCODE_OK) {
