@@ -36,6 +36,7 @@ mod import;
 mod imu;
 mod inspect;
 mod kill_storm;
+mod link;
 mod links;
 mod live;
 mod log;

@@ -27,6 +27,7 @@ pub mod phidgets;
 pub mod pipeline;
 pub mod programs;
 pub mod python;
+pub mod radio;
 pub mod recorded;
 pub mod recordings;
 pub mod robot;

@@ -2,8 +2,8 @@
 
 use crate::section::Refusal;
 use crate::sections::{
-    Attitude, Filter, Grid, ImuDriver, Keyframe, Loops, Ndt, Odometry, RadarDriver, Record, Robot,
-    Sensor, Submap, View,
+    Attitude, Filter, Grid, ImuDriver, Keyframe, Link, Loops, Ndt, Odometry, RadarDriver, Record,
+    Robot, Sensor, Submap, View,
 };
 use crate::{Error, Key, Origins};
 use randt_ndt::CellRule;
@@ -144,6 +144,8 @@ config! {
     record: Record,
     /// What is shown live.
     view: View,
+    /// What a base gets.
+    link: Link,
 }
 
 /// Slowest gyro whose turn over a gap between sweeps is believed, Hz: five samples a sweep.
@@ -151,7 +153,7 @@ const GYRO_HZ_MIN: f64 = 25.0;
 
 /// Sections that decide how messages are acquired, not what is computed from them: another address
 /// makes the same map.
-const DRIVERS: &[&str] = &["radar", "imu", "record", "view"];
+const DRIVERS: &[&str] = &["radar", "imu", "record", "view", "link"];
 
 /// What must be below what, as section and key.
 const BELOW: &[[(&str, &str); 2]] = &[

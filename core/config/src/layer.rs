@@ -33,7 +33,7 @@ pub(crate) const SENSOR_FILE: &Kind = &Kind {
 /// What is particular to a robot: where its sensors sit, and how they are reached.
 pub(crate) const ROBOT_FILE: &Kind = &Kind {
     name: "robot",
-    sections: &["robot", "radar", "imu", "record", "view"],
+    sections: &["robot", "radar", "imu", "record", "view", "link"],
 };
 
 /// A TOML text and where it comes from.

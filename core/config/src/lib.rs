@@ -52,8 +52,8 @@ pub use pin::{DevicePin, SenderPin};
 pub use rule::Rule;
 pub use section::Key;
 pub use sections::{
-    Attitude, ByteOrder, Filter, Grid, ImuDriver, ImuSource, Keyframe, Loops, Ndt, Odometry,
-    RadarDriver, RadarSource, Record, Robot, Sensor, Submap, View,
+    Attitude, ByteOrder, Filter, Grid, ImuDriver, ImuSource, Keyframe, Link, LinkRole, Loops,
+    MapperPlace, Ndt, Odometry, RadarDriver, RadarSource, Record, Robot, Sensor, Submap, View,
 };
 pub use web_access::{HostNames, WebOrigins};
 pub use web_origin::WebOrigin;

@@ -1,6 +1,7 @@
 //! The sections: every key with its type, default, unit and reason, and the bounds within which it
 //! runs, with theirs.
 
+mod link;
 mod outputs;
 
 use crate::Rule::{Graduation, LossShape};
@@ -9,6 +10,7 @@ use crate::section::section;
 use crate::value::choice;
 use crate::{DevicePin, SenderPin};
 
+pub use link::{Link, LinkRole, MapperPlace};
 pub use outputs::{Record, View};
 
 section! {

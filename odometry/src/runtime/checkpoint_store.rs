@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// Files in the domain's folder.
 const STATE: &str = "odometry.state";
-const RING: &str = "keyframes.ring";
+const RING: &str = KeyframeRing::FILE;
 /// The files that [`CheckpointStore::read`] reads.
 pub const RECORDS: [&str; 2] = [STATE, RING];
 /// Room for the state: that of an iSDR-C takes under 1 MB, that of a Navtech slightly more.

@@ -38,6 +38,8 @@ pub struct KeyframeRing {
 impl KeyframeRing {
     /// Memory of a ring.
     pub const BYTES: usize = LIST + BYTES;
+    /// Its file in the run folder's `state`.
+    pub const FILE: &str = "keyframes.ring";
 
     /// Opens or makes the ring; its writer is the only one.
     pub fn open(path: &Path) -> Result<Self, Error> {
@@ -50,6 +52,18 @@ impl KeyframeRing {
         // anywhere.
         ring.next = ring.newest_whole().map_or(LIST, |e| end(&e));
         Ok(ring)
+    }
+
+    /// The keyframes from one number to before another one, in order, as far as they are there, for
+    /// a process that is not its writer. What the writer is just writing over is not among them.
+    pub fn read(path: &Path, from: u64, to: u64) -> Vec<Message<Keyframe>> {
+        let Ok(bytes) = std::fs::read(path) else {
+            return Vec::new();
+        };
+        let mut ids: Vec<u64> = entries(&bytes).map(|entry| entry.number - 1).collect();
+        ids.retain(|id| (from..to).contains(id));
+        ids.sort_unstable();
+        ids.into_iter().filter_map(|id| find(&bytes, id)).collect()
     }
 
     /// Removes all keyframes: they belong to another drive.
@@ -88,10 +102,7 @@ impl KeyframeRing {
 
     /// A keyframe, where it is still there.
     pub fn get(&self, id: u64) -> Option<Message<Keyframe>> {
-        let entry = self.entry_at(entry_offset(id))?;
-        let bytes = self.file.bytes().get(entry.offset as usize..end(&entry))?;
-        let whole = entry.number == id + 1 && checksum(entry.number, bytes) == entry.crc;
-        whole.then(|| Message::from_bytes(bytes)).flatten()
+        find(self.file.bytes(), id)
     }
 
     /// Number of the newest keyframe.
@@ -108,17 +119,29 @@ impl KeyframeRing {
     }
 
     fn entries(&self) -> impl Iterator<Item = Entry> {
-        (0..ENTRIES as u64)
-            .filter_map(|id| self.entry_at(entry_offset(id)))
-            .filter(|entry| entry.number > 0)
+        entries(self.file.bytes())
     }
+}
 
-    fn entry_at(&self, at: usize) -> Option<Entry> {
-        let bytes = self.file.bytes().get(at..at + size_of::<Entry>())?;
-        let entry: Entry = bytemuck::pod_read_unaligned(bytes);
-        let inside = end(&entry) <= LIST + BYTES && entry.offset as usize >= LIST;
-        (entry.number == 0 || inside).then_some(entry)
-    }
+/// A keyframe in the bytes of a ring.
+fn find(bytes: &[u8], id: u64) -> Option<Message<Keyframe>> {
+    let entry = entry_at(bytes, entry_offset(id))?;
+    let keyframe = bytes.get(entry.offset as usize..end(&entry))?;
+    let whole = entry.number == id + 1 && checksum(entry.number, keyframe) == entry.crc;
+    whole.then(|| Message::from_bytes(keyframe)).flatten()
+}
+
+fn entries(bytes: &[u8]) -> impl Iterator<Item = Entry> {
+    (0..ENTRIES as u64)
+        .filter_map(|id| entry_at(bytes, entry_offset(id)))
+        .filter(|entry| entry.number > 0)
+}
+
+fn entry_at(bytes: &[u8], at: usize) -> Option<Entry> {
+    let entry = bytes.get(at..at + size_of::<Entry>())?;
+    let entry: Entry = bytemuck::pod_read_unaligned(entry);
+    let inside = end(&entry) <= LIST + BYTES && entry.offset as usize >= LIST;
+    (entry.number == 0 || inside).then_some(entry)
 }
 
 fn entry_offset(id: u64) -> usize {
@@ -177,6 +200,9 @@ mod tests {
         for &id in &there {
             assert_eq!(ring.get(id), Some(keyframe(id, 1500 + id as usize % 7)));
         }
+        let read = KeyframeRing::read(&path, 0, 898);
+        assert_eq!(read.len() + 2, there.len(), "while it is in use");
+        assert_eq!(read.last(), Some(&keyframe(897, 1500 + 897 % 7)));
         ring.push(keyframe(899, 10).as_ref());
         ring.push(keyframe(900, 20).as_ref());
         assert_eq!(ring.get(899), Some(keyframe(899, 10)));

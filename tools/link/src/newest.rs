@@ -1,0 +1,148 @@
+//! Topics of which only the newest is sent: of each key the newest message waits, older ones give
+//! way.
+
+use crate::bucket::Bucket;
+use crate::frame::Entry;
+use std::collections::{BTreeMap, VecDeque};
+
+/// A message that may be on its way, by its topic, key and version.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sent {
+    pub topic: u8,
+    key: u64,
+    version: u64,
+}
+
+/// What is known of one key.
+#[derive(Debug)]
+struct Slot {
+    message: Vec<u8>,
+    /// Rises with each message.
+    version: u64,
+    is_queued: bool,
+}
+
+/// One topic.
+#[derive(Debug)]
+pub struct NewestTopic {
+    pub topic: u8,
+    /// Whether it goes before everything else, and in time.
+    pub is_urgent: bool,
+    slots: BTreeMap<u64, Slot>,
+    /// Keys that wait; each once, the one that has waited longest first.
+    queue: VecDeque<u64>,
+    pub bucket: Bucket,
+    /// Messages that a newer one has replaced before they went.
+    pub replaced: u64,
+}
+
+impl NewestTopic {
+    /// Without messages. `rate`: bytes a second, 0 for no limit.
+    pub fn new(topic: u8, is_urgent: bool, rate: f64) -> Self {
+        Self {
+            topic,
+            is_urgent,
+            slots: BTreeMap::new(),
+            queue: VecDeque::new(),
+            bucket: Bucket::new(rate),
+            replaced: 0,
+        }
+    }
+
+    /// Takes a message.
+    pub fn push(&mut self, key: u64, message: Vec<u8>) {
+        let slot = self.slots.entry(key).or_insert_with(|| Slot {
+            message: Vec::new(),
+            version: 0,
+            is_queued: false,
+        });
+        slot.version += 1;
+        slot.message = message;
+        if slot.is_queued {
+            self.replaced += 1;
+        } else {
+            slot.is_queued = true;
+            self.queue.push_back(key);
+        }
+    }
+
+    /// Whether something waits.
+    pub fn is_waiting(&self) -> bool {
+        !self.queue.is_empty()
+    }
+
+    /// The next one that waits.
+    pub fn take(&mut self) -> Option<(Sent, Entry)> {
+        let key = self.queue.pop_front()?;
+        let slot = self.slots.get_mut(&key)?;
+        slot.is_queued = false;
+        let sent = Sent {
+            topic: self.topic,
+            key,
+            version: slot.version,
+        };
+        let entry = Entry::Newest {
+            topic: self.topic,
+            key,
+            message: slot.message.clone(),
+        };
+        Some((sent, entry))
+    }
+
+    /// That did not arrive: it goes again, unless a newer one has gone or waits.
+    pub fn lost(&mut self, sent: &Sent) {
+        if let Some(slot) = self.slots.get_mut(&sent.key)
+            && slot.version == sent.version
+            && !slot.is_queued
+        {
+            slot.is_queued = true;
+            self.queue.push_front(sent.key);
+        }
+    }
+
+    /// The other end has nothing: all goes again.
+    pub fn queue_all(&mut self) {
+        for (key, slot) in &mut self.slots {
+            if !std::mem::replace(&mut slot.is_queued, true) {
+                self.queue.push_back(*key);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
+mod tests {
+    use super::*;
+
+    fn message(topic: &mut NewestTopic) -> Option<(Sent, u8)> {
+        let (sent, entry) = topic.take()?;
+        match entry {
+            Entry::Newest { message, .. } => Some((sent, message[0])),
+            Entry::Piece { .. } => None,
+        }
+    }
+
+    #[test]
+    fn only_the_newest_goes_and_what_was_lost_goes_again_unless_it_is_old() {
+        let mut topic = NewestTopic::new(1, false, 0.0);
+        topic.push(7, vec![1]);
+        topic.push(8, vec![2]);
+        topic.push(7, vec![3]);
+        assert_eq!(topic.replaced, 1);
+        let (first, value) = message(&mut topic).unwrap();
+        assert_eq!(value, 3);
+        topic.lost(&first);
+        let (again, value) = message(&mut topic).unwrap();
+        assert_eq!((again, value), (first, 3), "before what waits");
+        topic.push(7, vec![4]);
+        topic.lost(&again);
+        let values: Vec<u8> = std::iter::from_fn(|| message(&mut topic))
+            .map(|(_, value)| value)
+            .collect();
+        assert_eq!(values, [2, 4]);
+        assert!(!topic.is_waiting());
+        topic.queue_all();
+        assert_eq!(topic.queue.len(), 2);
+    }
+}

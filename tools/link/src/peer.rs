@@ -1,0 +1,399 @@
+//! One end of the link: what goes next, what came, what has to go again. Pure: time and bytes come
+//! in, bytes go out.
+
+use crate::bucket::Bucket;
+use crate::clock_offset::ClockOffset;
+use crate::frame::{self, Entry, Frame, Position};
+use crate::newest::{NewestTopic, Sent};
+use crate::session::{Admission, Session, has_arrived};
+use crate::stream::{InStream, OutStream};
+use randt_view::Flow;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// What Ethernet, IP, TCP, TLS and Zenoh add to a frame, bytes, by a measurement of small frames.
+pub const OVERHEAD: usize = 150;
+/// A frame with what cannot wait goes this often at most: each costs its overhead.
+const PACE_NS: i64 = 100_000_000;
+/// Frames whose arrival is unknown, at most: answers tell 64 apart.
+const UNKNOWN_MAX: usize = 60;
+/// A frame has at least this much room: one segment of TCP.
+const FRAME_MIN: usize = 1_200;
+/// ... and at most.
+const FRAME_MAX: usize = 16_000;
+/// A frame takes this long on the link: what cannot wait, waits behind one.
+const FRAME_S: f64 = 0.1;
+/// Bytes beside the window for what cannot wait: an eighth of a second of the slowest link.
+const URGENT_BEYOND: f64 = 1_000.0;
+/// An answer waits this long for something that takes it along.
+const ANSWER_NS: i64 = 50_000_000;
+/// Without anything else a frame goes this often: each end sees that the other one is there.
+const BEAT_NS: i64 = 1_000_000_000;
+/// Silence of the other end after which what is under way counts no more as filling the link.
+const SILENT_S: f64 = 3.0;
+
+/// What came, for this machine's bus.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Received {
+    /// Index among the bus's topics.
+    pub topic: u8,
+    /// Under which it is the newest.
+    pub key: Option<u64>,
+    /// Of a stream: where it goes on.
+    pub next: Option<Position>,
+    /// As it was pushed.
+    pub message: Vec<u8>,
+}
+
+/// Why a frame was not taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// It is none of this build's.
+    #[error(transparent)]
+    Frame(#[from] frame::Error),
+    /// It came before, or was meant for another process.
+    #[error("a frame that was sent before, or for another process: a replayed stream")]
+    Replayed,
+}
+
+/// A frame that was sent, as long as its arrival is unknown.
+struct Unknown {
+    number: u64,
+    newest: Vec<Sent>,
+    streams: Vec<u8>,
+}
+
+/// What is to be carried.
+#[derive(Default)]
+pub struct Cargo {
+    /// In the order in which they go.
+    pub newest: Vec<NewestTopic>,
+    /// Behind those that cannot wait, before the others.
+    pub streams: Vec<OutStream>,
+    /// What comes.
+    pub incoming: Vec<InStream>,
+}
+
+/// One end.
+pub struct Peer {
+    session: Session,
+    pub cargo: Cargo,
+    bucket: Bucket,
+    flow: Flow,
+    pub clock_offset: ClockOffset,
+    number: u64,
+    unknown: VecDeque<Unknown>,
+    /// `sent_ns` of the other end's last frame, when it came, and the newest mark.
+    echo: Option<(i64, i64)>,
+    mark_back: u64,
+    /// When an answer has to go, when something urgent may, when the last frame went.
+    answer_ns: Option<i64>,
+    pace_ns: i64,
+    sent_ns: i64,
+    heard_ns: Option<i64>,
+    /// Bytes with their overhead, both ways.
+    pub bytes_sent: u64,
+    pub bytes_received: u64,
+    /// Frames that were refused, and entries that did not arrive and went again.
+    pub refused: u64,
+    pub sent_again: u64,
+}
+
+impl Peer {
+    /// Of a process that begins. `rate_max`: bytes a second, 0 for no limit.
+    pub fn new(cargo: Cargo, rate_max: f64) -> Self {
+        Self {
+            session: Session::new(),
+            cargo,
+            bucket: Bucket::new(rate_max),
+            flow: Flow::default(),
+            clock_offset: ClockOffset::default(),
+            number: 0,
+            unknown: VecDeque::new(),
+            echo: None,
+            mark_back: 0,
+            answer_ns: None,
+            pace_ns: i64::MIN,
+            sent_ns: i64::MIN,
+            heard_ns: None,
+            bytes_sent: 0,
+            bytes_received: 0,
+            refused: 0,
+            sent_again: 0,
+        }
+    }
+
+    /// When the other end was heard last, ns.
+    pub fn heard_ns(&self) -> Option<i64> {
+        self.heard_ns
+    }
+
+    /// Takes a frame.
+    pub fn receive(&mut self, bytes: &[u8], now_ns: i64) -> Result<Vec<Received>, Refusal> {
+        self.bytes_received += (bytes.len() + OVERHEAD) as u64;
+        let frame = Frame::from_bytes(bytes).inspect_err(|_| self.refused += 1)?;
+        let admission = self.session.admit(&frame);
+        match admission {
+            Admission::Refused => {
+                self.refused += 1;
+                return Err(Refusal::Replayed);
+            }
+            Admission::Asked => {
+                self.answer_ns = Some(now_ns);
+                return Ok(Vec::new());
+            }
+            Admission::TakenAnew => self.begin_anew(now_ns),
+            Admission::Taken => {}
+        }
+        self.heard_ns = Some(now_ns);
+        self.echo = Some((frame.sent_ns, now_ns));
+        if frame.echo_ns != 0 {
+            let came_ns = frame.sent_ns.saturating_sub(frame.held_ns);
+            self.clock_offset
+                .push(frame.echo_ns, came_ns, frame.sent_ns, now_ns);
+        }
+        if frame.mark_back != 0 {
+            self.flow.pong(&frame.mark_back.to_le_bytes(), now_ns);
+        }
+        if frame.mark != 0 {
+            self.mark_back = frame.mark;
+        }
+        // What arrived first: what is lost goes back to what is wanted.
+        for (topic, wanted) in &frame.wanted {
+            let streams = self.cargo.streams.iter_mut();
+            for stream in streams.filter(|stream| stream.topic == *topic) {
+                stream.set_wanted(*wanted, self.number);
+            }
+        }
+        self.judge_unknown(frame.highest, frame.arrived);
+        if !frame.entries.is_empty() || frame.mark != 0 {
+            self.answer_ns = self.answer_ns.or(Some(now_ns + ANSWER_NS));
+        }
+        let entries = frame.entries.into_iter();
+        Ok(entries.filter_map(|entry| self.take(entry)).collect())
+    }
+
+    fn take(&mut self, entry: Entry) -> Option<Received> {
+        match entry {
+            Entry::Newest {
+                topic,
+                key,
+                message,
+            } => Some(Received {
+                topic,
+                key: Some(key),
+                next: None,
+                message,
+            }),
+            Entry::Piece {
+                topic,
+                at,
+                after,
+                total,
+                bytes,
+            } => {
+                let mut streams = self.cargo.incoming.iter_mut();
+                let stream = streams.find(|stream| stream.topic == topic)?;
+                let message = stream.take(at, after, total, &bytes)?;
+                Some(Received {
+                    topic,
+                    key: None,
+                    next: Some(stream.wanted()),
+                    message,
+                })
+            }
+        }
+    }
+
+    /// Another process is at the other end: it has nothing of what is kept here.
+    fn begin_anew(&mut self, now_ns: i64) {
+        self.unknown.clear();
+        self.flow = Flow::default();
+        self.clock_offset.clear();
+        self.echo = None;
+        self.mark_back = 0;
+        self.answer_ns = Some(now_ns);
+        self.cargo
+            .newest
+            .iter_mut()
+            .for_each(NewestTopic::queue_all);
+        for stream in &mut self.cargo.streams {
+            stream.begin_anew(self.number);
+        }
+    }
+
+    fn judge_unknown(&mut self, highest: u64, arrived: u64) {
+        while let Some(first) = self.unknown.front() {
+            let Some(has_arrived) = has_arrived(first.number, highest, arrived) else {
+                break;
+            };
+            if let Some(first) = self.unknown.pop_front()
+                && !has_arrived
+            {
+                self.lost(&first);
+            }
+        }
+    }
+
+    fn lost(&mut self, frame: &Unknown) {
+        self.sent_again += (frame.newest.len() + frame.streams.len()) as u64;
+        for sent in frame.newest.iter().rev() {
+            let topics = self.cargo.newest.iter_mut();
+            for topic in topics.filter(|topic| topic.topic == sent.topic) {
+                topic.lost(sent);
+            }
+        }
+        for stream in &mut self.cargo.streams {
+            if frame.streams.contains(&stream.topic) {
+                stream.lost(frame.number, self.number);
+            }
+        }
+    }
+
+    /// The next frame, where one goes now.
+    pub fn next_frame(&mut self, now_ns: i64) -> Option<Vec<u8>> {
+        let mut frame = Frame::default();
+        let mut record = Unknown {
+            number: self.number + 1,
+            newest: Vec::new(),
+            streams: Vec::new(),
+        };
+        let is_beat = now_ns.saturating_sub(self.sent_ns) >= BEAT_NS;
+        let has_budget = self.bucket.has_some(now_ns);
+        if self.session.is_open() && self.session.is_known() && has_budget {
+            self.load(&mut frame, &mut record, is_beat, now_ns);
+        }
+        let is_answer = self.answer_ns.is_some_and(|due_ns| now_ns >= due_ns);
+        if frame.entries.is_empty() && !is_answer && !is_beat {
+            return None;
+        }
+        self.number += 1;
+        self.session.sign(&mut frame);
+        frame.number = self.number;
+        frame.sent_ns = now_ns;
+        if let Some((sent_ns, came_ns)) = self.echo {
+            frame.echo_ns = sent_ns;
+            frame.held_ns = now_ns.saturating_sub(came_ns);
+        }
+        frame.mark_back = self.mark_back;
+        let incoming = self.cargo.incoming.iter();
+        frame.wanted = incoming.map(|it| (it.topic, it.wanted())).collect();
+        let mut bytes = frame.to_bytes();
+        self.flow.wrote(bytes.len() + OVERHEAD);
+        if let Some(mark) = self.flow.ping(now_ns, is_beat) {
+            frame.mark = u64::from_le_bytes(mark);
+            bytes = frame.to_bytes();
+        }
+        self.bucket.spend(bytes.len() + OVERHEAD);
+        self.bytes_sent += (bytes.len() + OVERHEAD) as u64;
+        (self.answer_ns, self.sent_ns) = (None, now_ns);
+        if !frame.entries.is_empty() {
+            self.unknown.push_back(record);
+            if self.unknown.len() > UNKNOWN_MAX
+                && let Some(oldest) = self.unknown.pop_front()
+            {
+                self.lost(&oldest);
+            }
+        }
+        Some(bytes)
+    }
+
+    /// Puts into a frame what goes now.
+    fn load(&mut self, frame: &mut Frame, record: &mut Unknown, is_beat: bool, now_ns: i64) {
+        let is_silent = self.flow.silent_s(now_ns) > SILENT_S.max(4.0 * self.trip_s());
+        let mut room = self.frame_bytes();
+        // In silence one with what cannot wait now and then: its answer shows what was lost.
+        let urgent_goes = match is_silent {
+            true => is_beat,
+            false => now_ns >= self.pace_ns && self.flow.has_room(FRAME_MIN, URGENT_BEYOND),
+        };
+        if urgent_goes {
+            for topic in self.cargo.newest.iter_mut().filter(|it| it.is_urgent) {
+                load_newest(topic, frame, record, &mut room, now_ns);
+            }
+            if !frame.entries.is_empty() {
+                self.pace_ns = now_ns + PACE_NS;
+            }
+        }
+        if is_silent || !self.flow.has_room(room.max(FRAME_MIN / 2), 0.0) || room < FRAME_MIN / 2 {
+            return;
+        }
+        for stream in &mut self.cargo.streams {
+            while room > 0 && stream.bucket.has_some(now_ns) {
+                let Some(entry) = stream.take(room) else {
+                    break;
+                };
+                let bytes = bytes_of(&entry);
+                room = room.saturating_sub(bytes);
+                stream.bucket.spend(bytes);
+                frame.entries.push(entry);
+                record.streams.push(stream.topic);
+            }
+        }
+        for topic in self.cargo.newest.iter_mut().filter(|it| !it.is_urgent) {
+            load_newest(topic, frame, record, &mut room, now_ns);
+        }
+    }
+
+    /// Room in a frame by what the link takes.
+    fn frame_bytes(&self) -> usize {
+        ((self.flow.rate() * FRAME_S) as usize).clamp(FRAME_MIN, FRAME_MAX)
+    }
+
+    fn trip_s(&self) -> f64 {
+        self.clock_offset.trip_ns().unwrap_or(0) as f64 * 1e-9
+    }
+
+    /// How long nothing has to be sent, unless something comes.
+    pub fn pause(&self, now_ns: i64) -> Duration {
+        let is_open = self.session.is_open() && self.session.is_known();
+        let beat_ns = self.sent_ns.saturating_add(BEAT_NS);
+        let newest = &self.cargo.newest;
+        let is_urgent = is_open && newest.iter().any(|it| it.is_urgent && it.is_waiting());
+        let is_waiting = is_open
+            && (newest.iter().any(NewestTopic::is_waiting)
+                || self.cargo.streams.iter().any(OutStream::is_waiting));
+        let mut next_ns = beat_ns;
+        if let Some(answer_ns) = self.answer_ns {
+            next_ns = next_ns.min(answer_ns);
+        }
+        if is_urgent {
+            next_ns = next_ns.min(self.pace_ns.max(now_ns + 5_000_000));
+        }
+        if is_waiting {
+            // Answers wake it too; this is for rates.
+            next_ns = next_ns.min(now_ns + 20_000_000);
+        }
+        Duration::from_nanos(next_ns.saturating_sub(now_ns).max(0).unsigned_abs())
+    }
+}
+
+fn load_newest(
+    topic: &mut NewestTopic,
+    frame: &mut Frame,
+    record: &mut Unknown,
+    room: &mut usize,
+    now_ns: i64,
+) {
+    while *room > 0 && topic.bucket.has_some(now_ns) {
+        let Some((sent, entry)) = topic.take() else {
+            break;
+        };
+        // A frame is compressed as a whole.
+        let bytes = bytes_of(&entry) / NEWEST_COMPRESSION;
+        *room = room.saturating_sub(bytes);
+        topic.bucket.spend(bytes);
+        frame.entries.push(entry);
+        record.newest.push(sent);
+    }
+}
+
+/// Tiles and health are mostly alike: measured at four to ten times.
+const NEWEST_COMPRESSION: usize = 4;
+
+fn bytes_of(entry: &Entry) -> usize {
+    match entry {
+        Entry::Newest { message, .. } => message.len() + 14,
+        Entry::Piece { bytes, .. } => bytes.len() + 38,
+    }
+}

@@ -1,0 +1,152 @@
+//! Who is at the other end, and whether that is he: each end shows the number that the other one
+//! asked it for, so that a stream which somebody has recorded is refused.
+
+use crate::frame::Frame;
+use std::hash::{BuildHasher, Hasher, RandomState};
+
+/// Frames up to the highest that are told apart.
+const BITS: u64 = 64;
+
+/// What was asked of a process at the other end.
+#[derive(Clone, Copy, Debug)]
+struct Asked {
+    session: u64,
+    challenge: u64,
+}
+
+/// What became of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Admission {
+    /// It is the other end's, and new.
+    Taken,
+    /// The same, and the first of another process.
+    TakenAnew,
+    /// Its sender has to show something first: answer it.
+    Asked,
+    /// It was sent before, or for another process: refused.
+    Refused,
+}
+
+/// The session of one end.
+#[derive(Debug)]
+pub struct Session {
+    own: u64,
+    /// What to show.
+    proof: u64,
+    /// Who has shown what it was asked for.
+    peer: Option<Asked>,
+    /// Who has yet to.
+    pending: Option<Asked>,
+    /// Highest number of the peer's frames, and which up to it have come.
+    pub highest: u64,
+    pub arrived: u64,
+}
+
+impl Session {
+    /// Of a process that begins.
+    pub fn new() -> Self {
+        Self {
+            own: random(),
+            proof: 0,
+            peer: None,
+            pending: None,
+            highest: 0,
+            arrived: 0,
+        }
+    }
+
+    /// Whether the other end would take what is sent.
+    pub fn is_open(&self) -> bool {
+        self.proof != 0
+    }
+
+    /// Whether the other end has shown what it was asked for.
+    pub fn is_known(&self) -> bool {
+        self.peer.is_some()
+    }
+
+    /// Writes what shows the other end who this is.
+    pub fn sign(&self, frame: &mut Frame) {
+        frame.session = self.own;
+        frame.proof = self.proof;
+        let asked = self.pending.or(self.peer);
+        frame.challenge = asked.map_or(0, |asked| asked.challenge);
+        frame.challenged = asked.map_or(0, |asked| asked.session);
+        frame.highest = self.highest;
+        frame.arrived = self.arrived;
+    }
+
+    /// Judges a frame.
+    pub fn admit(&mut self, frame: &Frame) -> Admission {
+        if frame.session == self.own {
+            return Admission::Refused;
+        }
+        let is = |asked: &Asked| {
+            asked.session == frame.session && asked.challenge == frame.proof && frame.proof != 0
+        };
+        if self.peer.as_ref().is_some_and(is) {
+            if !self.number(frame.number) {
+                return Admission::Refused;
+            }
+            self.learn(frame);
+            return Admission::Taken;
+        }
+        if self.pending.as_ref().is_some_and(is) {
+            self.peer = self.pending.take();
+            (self.highest, self.arrived) = (0, 0);
+            self.number(frame.number);
+            self.learn(frame);
+            return Admission::TakenAnew;
+        }
+        // One that answers this very process is answered, and so is one that asks without having
+        // been asked.
+        let answers = frame.challenged == self.own;
+        if frame.proof != 0 && !answers {
+            return Admission::Refused;
+        }
+        let is_pending = self
+            .pending
+            .is_some_and(|asked| asked.session == frame.session);
+        if !is_pending {
+            self.pending = Some(Asked {
+                session: frame.session,
+                challenge: random(),
+            });
+        }
+        self.learn(frame);
+        Admission::Asked
+    }
+
+    /// What is to be shown, where it was asked of this process.
+    fn learn(&mut self, frame: &Frame) {
+        if frame.challenged == self.own {
+            self.proof = frame.challenge;
+        }
+    }
+
+    /// Whether a number is new.
+    fn number(&mut self, number: u64) -> bool {
+        if number <= self.highest {
+            return false;
+        }
+        let step = number - self.highest;
+        self.arrived = self.arrived.checked_shl(step as u32).unwrap_or(0);
+        if step >= BITS {
+            self.arrived = 0;
+        }
+        self.arrived |= 1;
+        self.highest = number;
+        true
+    }
+}
+
+/// Whether a frame is among those that have come; `None` where it is not known yet.
+pub fn has_arrived(number: u64, highest: u64, arrived: u64) -> Option<bool> {
+    let back = highest.checked_sub(number)?;
+    Some(back < BITS && arrived >> back & 1 == 1)
+}
+
+/// A number that nobody can guess, and not 0.
+fn random() -> u64 {
+    RandomState::new().build_hasher().finish().max(1)
+}
