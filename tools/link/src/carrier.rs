@@ -19,6 +19,9 @@ const WAITING: usize = 1024;
 /// Remarks that are kept between two turns of the loop.
 const REMARKS: usize = 16;
 
+/// A name that no key has: names have no blanks, and Zenoh takes no empty one.
+const NOBODY: &str = "nobody at all";
+
 /// What Zenoh has to say since the last turn.
 static REMARKED: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
@@ -31,9 +34,31 @@ pub struct Carrier {
     awake: UnixStream,
 }
 
+/// A link that is being opened, on a thread of its own: Zenoh may wait for the other end, for as
+/// long as it refuses this one's key.
+pub struct Opening(Receiver<Result<Carrier>>);
+
+impl Opening {
+    /// Begins.
+    pub fn begin(settings: &Settings) -> Self {
+        let (sender, opened) = mpsc::channel();
+        let settings = settings.clone();
+        std::thread::spawn(move || {
+            // Nobody waits for it any more where the stage has ended.
+            let _ = sender.send(Carrier::open(&settings));
+        });
+        Self(opened)
+    }
+
+    /// What became of it, once.
+    pub fn poll(&self) -> Option<Result<Carrier>> {
+        self.0.try_recv().ok()
+    }
+}
+
 impl Carrier {
     /// Opens it: the base listens, the robot calls it again and again.
-    pub fn open(settings: &Settings) -> Result<Self> {
+    fn open(settings: &Settings) -> Result<Self> {
         let failed = |cause: zenoh::Error| anyhow!("{}: {cause}", settings.address);
         let config = Config::from_json5(&configuration(settings)).map_err(failed)?;
         let session = zenoh::open(config).wait().map_err(failed)?;
@@ -139,10 +164,9 @@ fn configuration(settings: &Settings) -> String {
     text.push_str("} } ");
     if settings.keys.is_some() {
         let robot = &settings.robot;
-        let allowed = if settings.is_refused() {
-            ""
-        } else {
-            settings.peer()
+        let allowed = match settings.is_refused() {
+            true => NOBODY,
+            false => settings.peer(),
         };
         let _ = write!(
             text,
@@ -175,9 +199,10 @@ struct Remarks;
 impl Subscriber for Remarks {
     fn enabled(&self, metadata: &Metadata<'_>) -> bool {
         let target = metadata.target();
-        let is_link = target.starts_with("zenoh_link_tls") || target.starts_with("zenoh_transport");
-        target.starts_with("zenoh")
-            && (*metadata.level() <= Level::WARN || is_link && *metadata.level() <= Level::DEBUG)
+        let is_link = ["zenoh_link", "zenoh_transport", "zenoh::net::runtime"];
+        let is_link = is_link.iter().any(|begin| target.starts_with(begin));
+        let level = *metadata.level();
+        target.starts_with("zenoh") && (level <= Level::WARN || is_link && level <= Level::DEBUG)
     }
 
     fn new_span(&self, _: &span::Attributes<'_>) -> span::Id {
@@ -192,7 +217,9 @@ impl Subscriber for Remarks {
         let mut text = Text(String::new());
         event.record(&mut text);
         let is_warning = *event.metadata().level() <= Level::WARN;
-        if !is_warning && !text.0.contains("Accepted TLS") {
+        // Of what is not a warning only the keys matter.
+        let marks = ["Accepted TLS", "peer certificate", "fatal alert"];
+        if !is_warning && !marks.iter().any(|mark| text.0.contains(mark)) {
             return;
         }
         let mut remarked = REMARKED.lock().unwrap_or_else(PoisonError::into_inner);

@@ -62,8 +62,9 @@ pub struct Frame {
     /// Highest number of the receiver's frames that has come, and which of the 64 up to it.
     pub highest: u64,
     pub arrived: u64,
-    /// The newest mark that has come.
+    /// The newest mark that has come, 0 where none did since the last frame, and how long ago.
     pub mark_back: u64,
+    pub mark_held_ns: i64,
     /// Bytes sent so far, where the receiver shall give it back; 0 where not.
     pub mark: u64,
     /// Of each stream of the receiver's what is wanted next.
@@ -100,10 +101,10 @@ impl Frame {
     /// Its bytes.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut out = vec![VERSION];
+        for number in [layout(), self.session, self.proof] {
+            out.extend(number.to_le_bytes());
+        }
         let numbers = [
-            layout(),
-            self.session,
-            self.proof,
             self.challenge,
             self.challenged,
             self.number,
@@ -111,11 +112,15 @@ impl Frame {
             self.echo_ns as u64,
             self.held_ns as u64,
             self.highest,
-            self.arrived,
+            // Mostly all have come.
+            !self.arrived,
             self.mark_back,
+            self.mark_held_ns as u64,
             self.mark,
         ];
-        out.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
+        for number in numbers {
+            put_number(number, &mut out);
+        }
         out.push(self.wanted.len() as u8);
         for (topic, position) in &self.wanted {
             out.push(*topic);
@@ -153,16 +158,17 @@ impl Frame {
         let mut frame = Self {
             session: rest.number()?,
             proof: rest.number()?,
-            challenge: rest.number()?,
-            challenged: rest.number()?,
-            number: rest.number()?,
-            sent_ns: rest.number()? as i64,
-            echo_ns: rest.number()? as i64,
-            held_ns: rest.number()? as i64,
-            highest: rest.number()?,
-            arrived: rest.number()?,
-            mark_back: rest.number()?,
-            mark: rest.number()?,
+            challenge: rest.short()?,
+            challenged: rest.short()?,
+            number: rest.short()?,
+            sent_ns: rest.short()? as i64,
+            echo_ns: rest.short()? as i64,
+            held_ns: rest.short()? as i64,
+            highest: rest.short()?,
+            arrived: !rest.short()?,
+            mark_back: rest.short()?,
+            mark_held_ns: rest.short()? as i64,
+            mark: rest.short()?,
             ..Self::default()
         };
         for _ in 0..rest.byte()? {
@@ -182,6 +188,15 @@ impl Frame {
         }
         Ok(frame)
     }
+}
+
+/// Seven bits a byte, the least first: a frame of the slowest link is mostly head.
+fn put_number(mut number: u64, out: &mut Vec<u8>) {
+    while number >= 0x80 {
+        out.push(number as u8 | 0x80);
+        number >>= 7;
+    }
+    out.push(number as u8);
 }
 
 fn put_position(position: &Position, out: &mut Vec<u8>) {
@@ -236,6 +251,19 @@ impl Rest<'_> {
 
     fn number(&mut self) -> Result<u64, Error> {
         self.array().map(u64::from_le_bytes)
+    }
+
+    /// What [`put_number`] wrote.
+    fn short(&mut self) -> Result<u64, Error> {
+        let mut number = 0;
+        for shift in (0..64).step_by(7) {
+            let byte = self.byte()?;
+            number |= u64::from(byte & 0x7f) << shift;
+            if byte < 0x80 {
+                return Ok(number);
+            }
+        }
+        Err(Error::NoFrame)
     }
 
     fn length(&mut self) -> Result<u32, Error> {

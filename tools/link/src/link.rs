@@ -1,7 +1,7 @@
 //! The stage around one end of the link: bus and journal on one side, Zenoh on the other.
 
 use crate::base::Base;
-use crate::carrier::{Carrier, listen_to_remarks, take_remarks};
+use crate::carrier::{Carrier, Opening, listen_to_remarks, take_remarks};
 use crate::newest::NewestTopic;
 use crate::peer::{Cargo, Peer, Received};
 use crate::ports::{Input, open_inputs};
@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 /// A port that is taken, or an address that is not there yet, is tried again this often.
 const OPEN_AGAIN: Duration = Duration::from_secs(2);
+/// Whether it is open is looked after this often until then.
+const OPENING: Duration = Duration::from_millis(50);
 
 /// What one end does with its own bus.
 pub trait End {
@@ -120,16 +122,21 @@ pub fn run(
     let mut status = Status::new(settings);
     listen_to_remarks();
     let mut carrier: Option<Carrier> = None;
+    let mut opening = Some(Opening::begin(settings));
     let mut open_at = Instant::now();
     stage.running()?;
     loop {
         let clock = stage.clock();
-        if carrier.is_none() && Instant::now() >= open_at {
-            match Carrier::open(settings) {
-                Ok(opened) => carrier = Some(opened),
-                Err(why) => status.set_fault(&why.to_string()),
+        match opening.as_ref().and_then(Opening::poll) {
+            Some(Ok(opened)) => (carrier, opening) = (Some(opened), None),
+            Some(Err(why)) => {
+                status.set_fault(&why.to_string());
+                (opening, open_at) = (None, Instant::now() + OPEN_AGAIN);
             }
-            open_at = Instant::now() + OPEN_AGAIN;
+            None if opening.is_none() && carrier.is_none() && Instant::now() >= open_at => {
+                opening = Some(Opening::begin(settings));
+            }
+            None => {}
         }
         if let Some(carrier) = &mut carrier {
             carrier.take_notices();
@@ -166,7 +173,7 @@ pub fn run(
         stage.set_status_note(&note);
         let mut pause = peer.pause(now_ns).min(end.pause());
         if carrier.is_none() {
-            pause = OPEN_AGAIN;
+            pause = OPENING;
         }
         let awake = carrier.as_ref().map(|it| Descriptor::new(it.descriptor()));
         let awake = awake.transpose()?;
@@ -174,6 +181,9 @@ pub fn run(
         on.extend(sent.inputs.iter().map(|input| input.waitable()));
         on.extend(awake.iter().map(|it| it as &dyn Waitable));
         if stage.wait(&on, Some(pause))? == WakeReason::Stop {
+            drop(on);
+            // Zenoh waits for the other end when a session is closed; the process's end does it.
+            std::mem::forget((carrier, opening));
             return Ok(());
         }
     }

@@ -4,6 +4,7 @@ mod base;
 mod bucket;
 mod carrier;
 mod clock_offset;
+mod flow;
 mod frame;
 mod journal;
 mod keys;

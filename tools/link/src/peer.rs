@@ -3,28 +3,33 @@
 
 use crate::bucket::Bucket;
 use crate::clock_offset::ClockOffset;
+use crate::flow::Flow;
 use crate::frame::{self, Entry, Frame, Position};
 use crate::newest::{NewestTopic, Sent};
 use crate::session::{Admission, Session, has_arrived};
 use crate::stream::{InStream, OutStream};
-use randt_view::Flow;
 use std::collections::VecDeque;
 use std::time::Duration;
 
 /// What Ethernet, IP, TCP, TLS and Zenoh add to a frame, bytes, by a measurement of small frames.
 pub const OVERHEAD: usize = 150;
-/// A frame with what cannot wait goes this often at most: each costs its overhead.
+/// A frame with what cannot wait goes this often at most, and less often where the link takes less
+/// than [`SLOW`]: each costs its overhead.
 const PACE_NS: i64 = 100_000_000;
+const SLOW_PACE_NS: i64 = 180_000_000;
+/// Bytes a second.
+const SLOW: f64 = 20_000.0;
 /// Frames whose arrival is unknown, at most: answers tell 64 apart.
 const UNKNOWN_MAX: usize = 60;
-/// A frame has at least this much room: one segment of TCP.
-const FRAME_MIN: usize = 1_200;
+/// A frame has at least this much room: a tenth of a second of the slowest link.
+const FRAME_MIN: usize = 700;
 /// ... and at most.
 const FRAME_MAX: usize = 16_000;
 /// A frame takes this long on the link: what cannot wait, waits behind one.
 const FRAME_S: f64 = 0.1;
-/// Bytes beside the window for what cannot wait: an eighth of a second of the slowest link.
-const URGENT_BEYOND: f64 = 1_000.0;
+/// Bytes of the window that are kept for what cannot wait, and that it may take beyond it: an
+/// eighth of a second of the slowest link.
+const URGENT: f64 = 1_000.0;
 /// An answer waits this long for something that takes it along.
 const ANSWER_NS: i64 = 50_000_000;
 /// Without anything else a frame goes this often: each end sees that the other one is there.
@@ -85,7 +90,7 @@ pub struct Peer {
     unknown: VecDeque<Unknown>,
     /// `sent_ns` of the other end's last frame, when it came, and the newest mark.
     echo: Option<(i64, i64)>,
-    mark_back: u64,
+    mark_back: Option<(u64, i64)>,
     /// When an answer has to go, when something urgent may, when the last frame went.
     answer_ns: Option<i64>,
     pace_ns: i64,
@@ -111,7 +116,7 @@ impl Peer {
             number: 0,
             unknown: VecDeque::new(),
             echo: None,
-            mark_back: 0,
+            mark_back: None,
             answer_ns: None,
             pace_ns: i64::MIN,
             sent_ns: i64::MIN,
@@ -153,10 +158,11 @@ impl Peer {
                 .push(frame.echo_ns, came_ns, frame.sent_ns, now_ns);
         }
         if frame.mark_back != 0 {
-            self.flow.pong(&frame.mark_back.to_le_bytes(), now_ns);
+            self.flow
+                .answered(frame.mark_back, frame.mark_held_ns, now_ns);
         }
         if frame.mark != 0 {
-            self.mark_back = frame.mark;
+            self.mark_back = Some((frame.mark, now_ns));
         }
         // What arrived first: what is lost goes back to what is wanted.
         for (topic, wanted) in &frame.wanted {
@@ -211,7 +217,7 @@ impl Peer {
         self.flow = Flow::default();
         self.clock_offset.clear();
         self.echo = None;
-        self.mark_back = 0;
+        self.mark_back = None;
         self.answer_ns = Some(now_ns);
         self.cargo
             .newest
@@ -275,13 +281,16 @@ impl Peer {
             frame.echo_ns = sent_ns;
             frame.held_ns = now_ns.saturating_sub(came_ns);
         }
-        frame.mark_back = self.mark_back;
+        if let Some((mark, came_ns)) = self.mark_back.take() {
+            frame.mark_back = mark;
+            frame.mark_held_ns = now_ns.saturating_sub(came_ns);
+        }
         let incoming = self.cargo.incoming.iter();
         frame.wanted = incoming.map(|it| (it.topic, it.wanted())).collect();
         let mut bytes = frame.to_bytes();
-        self.flow.wrote(bytes.len() + OVERHEAD);
-        if let Some(mark) = self.flow.ping(now_ns, is_beat) {
-            frame.mark = u64::from_le_bytes(mark);
+        self.flow.wrote(bytes.len() + OVERHEAD, now_ns);
+        if let Some(mark) = self.flow.mark(now_ns, is_beat) {
+            frame.mark = mark;
             bytes = frame.to_bytes();
         }
         self.bucket.spend(bytes.len() + OVERHEAD);
@@ -302,20 +311,26 @@ impl Peer {
     fn load(&mut self, frame: &mut Frame, record: &mut Unknown, is_beat: bool, now_ns: i64) {
         let is_silent = self.flow.silent_s(now_ns) > SILENT_S.max(4.0 * self.trip_s());
         let mut room = self.frame_bytes();
+        let pace_ns = if self.flow.rate() < SLOW {
+            SLOW_PACE_NS
+        } else {
+            PACE_NS
+        };
         // In silence one with what cannot wait now and then: its answer shows what was lost.
         let urgent_goes = match is_silent {
             true => is_beat,
-            false => now_ns >= self.pace_ns && self.flow.has_room(FRAME_MIN, URGENT_BEYOND),
+            false => now_ns >= self.pace_ns && self.flow.has_urgent_room(URGENT),
         };
         if urgent_goes {
             for topic in self.cargo.newest.iter_mut().filter(|it| it.is_urgent) {
                 load_newest(topic, frame, record, &mut room, now_ns);
             }
             if !frame.entries.is_empty() {
-                self.pace_ns = now_ns + PACE_NS;
+                self.pace_ns = now_ns + pace_ns;
             }
         }
-        if is_silent || !self.flow.has_room(room.max(FRAME_MIN / 2), 0.0) || room < FRAME_MIN / 2 {
+        let has_room = room >= FRAME_MIN / 2 && self.flow.has_room(room, URGENT, now_ns);
+        if is_silent || !has_room {
             return;
         }
         for stream in &mut self.cargo.streams {

@@ -69,9 +69,9 @@ impl Session {
     pub fn sign(&self, frame: &mut Frame) {
         frame.session = self.own;
         frame.proof = self.proof;
-        let asked = self.pending.or(self.peer);
-        frame.challenge = asked.map_or(0, |asked| asked.challenge);
-        frame.challenged = asked.map_or(0, |asked| asked.session);
+        // Who has shown it is not asked again.
+        frame.challenge = self.pending.map_or(0, |asked| asked.challenge);
+        frame.challenged = self.pending.map_or(0, |asked| asked.session);
         frame.highest = self.highest;
         frame.arrived = self.arrived;
     }

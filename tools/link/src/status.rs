@@ -65,15 +65,11 @@ impl Status {
             }
             let why = match self.is_refused && name == self.peer {
                 true => "it is in link.refused",
-                false => "it is another one's key",
+                false => "another one's",
             };
-            self.refuse(&format!(
-                "a connection by the key of {name:?} is refused: {why}"
-            ));
+            self.refuse(&format!("refused: key of {name:?}, {why}"));
         } else if let Some(why) = key_fault(text) {
-            let from = text.split(" from ").nth(1);
-            let from = from.map(|from| format!(" ({from})")).unwrap_or_default();
-            self.refuse(&format!("a connection is refused: {why}{from}"));
+            self.refuse(&format!("refused: {why}"));
         }
     }
 
@@ -103,11 +99,12 @@ impl Status {
                 None => "yet".to_owned(),
                 Some(_) => format!("for {}", rounded(silent_s)),
             };
+            // A message of the bus is short, and the reason says more.
             let refused = match self.refused.as_str() {
                 "" => String::new(),
-                text => format!("; {text}"),
+                text => format!("{text}; "),
             };
-            return format!("no word from {} {since}{refused}", self.other());
+            return format!("{refused}no word from {} {since}", self.other());
         }
         of_end.to_owned()
     }
@@ -159,24 +156,34 @@ fn rounded(silent_s: f64) -> String {
     }
 }
 
-/// The name in a key that was shown, in Zenoh's words: `TlsAuthId { auth_value: Some("NAME") }` or
-/// `Common Name: NAME`.
+/// The name in a key that was shown, in Zenoh's words.
 fn name_in(text: &str) -> Option<&str> {
-    let (_, rest) = text.split_once("auth_value: Some(\"")?;
-    Some(rest.split_once('"')?.0)
+    let (_, rest) = text.split_once("Common Name: ")?;
+    let end = |at: char| !(at.is_ascii_alphanumeric() || at == '-' || at == '_');
+    rest.split(end).next()
 }
 
-/// What is wrong with a key, in rustls's words.
-fn key_fault(text: &str) -> Option<&str> {
-    let begin = [
-        "invalid peer certificate",
-        "received fatal alert",
-        "peer sent no certificates",
-    ]
-    .into_iter()
-    .find_map(|mark| text.find(mark))?;
-    let rest = text.get(begin..)?;
-    Some(rest.split([';', '.']).next().unwrap_or(rest))
+/// What is wrong with a key, by rustls's words.
+fn key_fault(text: &str) -> Option<String> {
+    // The other end takes back what this one has shown.
+    if let Some((_, alert)) = text.split_once("received fatal alert: ") {
+        let alert = alert.split(|at: char| !at.is_ascii_alphanumeric()).next()?;
+        return Some(match alert {
+            "CertificateExpired" => "the other end says that this one's key has expired".to_owned(),
+            _ => format!("the other end does not know this one's key ({alert})"),
+        });
+    }
+    if text.contains("peer sent no certificates") {
+        return Some("it has no key".to_owned());
+    }
+    let (_, why) = text.split_once("invalid peer certificate: ")?;
+    let why = why.split([':', ';', '.']).next()?;
+    let why = why.split(" at ").next()?;
+    Some(match why {
+        "certificate expired" | "Expired" => "its key has expired".to_owned(),
+        "certificate not valid yet" | "NotValidYet" => "its key is not valid yet".to_owned(),
+        _ => format!("its key is another authority's ({why})"),
+    })
 }
 
 #[cfg(test)]
@@ -192,10 +199,22 @@ mod tests {
 
     #[test]
     fn names_and_faults_are_found_in_what_zenoh_says() {
-        let text = "Accepted TLS connection on 127.0.0.1:1: 127.0.0.1:2. TlsAuthId { auth_value: Some(\"spot\") }.";
+        let text = "Accepted TLS connection on 127.0.0.1:1: 127.0.0.1:2. Common Name: spot.";
         assert_eq!(name_in(text), Some("spot"));
-        let text = "TLS handshake error: invalid peer certificate: Expired. Hint: more";
-        assert_eq!(key_fault(text), Some("invalid peer certificate: Expired"));
+        let fault = |text| key_fault(text).unwrap_or_default();
+        let text =
+            "invalid peer certificate: certificate expired: verification time 17. Hint: more";
+        assert_eq!(fault(text), "its key has expired");
+        let text = "TLS handshake error: invalid peer certificate: UnknownIssuer";
+        assert_eq!(
+            fault(text),
+            "its key is another authority's (UnknownIssuer)"
+        );
+        let text = "received fatal alert: DecryptError. Hint";
+        assert_eq!(
+            fault(text),
+            "the other end does not know this one's key (DecryptError)"
+        );
         assert_eq!(key_fault("something else"), None);
     }
 }
