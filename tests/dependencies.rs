@@ -26,7 +26,13 @@ const LICENCES: &[&str] = &[
 const EXCEPTIONS: &[(&str, &str)] = &[
     // Copyleft by file: changes to its own files would have to be published.
     ("serialport", "MPL-2.0"),
+    ("option-ext", "MPL-2.0"),
+    // Data: asks for its text where the data are given away, which the notices are for.
+    ("webpki-roots", "CDLA-Permissive-2.0"),
 ];
+
+/// Of crates that only the link has in another version.
+const ZENOH_BEHIND: &str = "some of zenoh's crates are releases behind";
 
 /// Crates that are here in several versions, with the reason.
 const SEVERAL_VERSIONS: &[(&str, &str)] = &[
@@ -68,6 +74,25 @@ const SEVERAL_VERSIONS: &[(&str, &str)] = &[
         "build time only in the newer release: comes with toml_edit, for derive macros",
     ),
     ("winnow", "iceoryx2's toml is a release behind ours"),
+    ("base64", ZENOH_BEHIND),
+    ("block-buffer", ZENOH_BEHIND),
+    ("cpufeatures", ZENOH_BEHIND),
+    ("crypto-common", ZENOH_BEHIND),
+    ("digest", ZENOH_BEHIND),
+    ("foldhash", ZENOH_BEHIND),
+    ("getrandom", ZENOH_BEHIND),
+    ("hashbrown", ZENOH_BEHIND),
+    ("indexmap", ZENOH_BEHIND),
+    ("jiff", ZENOH_BEHIND),
+    ("jiff-core", ZENOH_BEHIND),
+    ("lz4_flex", ZENOH_BEHIND),
+    ("rand", ZENOH_BEHIND),
+    ("rand_core", ZENOH_BEHIND),
+    ("schemars", ZENOH_BEHIND),
+    ("socket2", ZENOH_BEHIND),
+    ("spin", ZENOH_BEHIND),
+    ("toml_datetime", ZENOH_BEHIND),
+    ("twox-hash", ZENOH_BEHIND),
 ];
 
 /// Crates with a price in size, build time or determinism, and who may use them.
@@ -78,6 +103,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt",
             "randt-examples",
             "randt-lab",
+            "randt-link",
             "randt-python",
             "randt-ros1",
         ],
@@ -93,6 +119,7 @@ const USERS: &[(&str, &[&str])] = &[
             "randt-filter",
             "randt-imu",
             "randt-lab",
+            "randt-link",
             "randt-mapper",
             "randt-odometry",
             "randt-python",
@@ -121,6 +148,7 @@ const USERS: &[(&str, &[&str])] = &[
     ("png", &["randt", "randt-radar", "randt-readers"]),
     ("pyo3", &["randt-python"]),
     ("ratatui", &["randt"]),
+    ("rcgen", &["randt-link"]),
     ("rusqlite", &["randt-readers"]),
     ("rustdds", &["randt-ros2"]),
     (
@@ -138,8 +166,10 @@ const USERS: &[(&str, &[&str])] = &[
     ),
     ("serialport", &["randt-imu"]),
     ("toml", &["randt-config"]),
+    ("tracing", &["randt-link"]),
     ("tungstenite", &["randt-view"]),
     ("wide", &["randt-ndt"]),
+    ("zenoh", &["randt-link"]),
 ];
 
 /// Crates without I/O, and all that they may use.

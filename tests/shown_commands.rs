@@ -122,7 +122,7 @@ impl Helps {
     fn text(&mut self, path: &[String]) -> &str {
         self.0.entry(path.to_vec()).or_insert_with(|| {
             let name = match path[0].as_str() {
-                "randt-ros1" | "randt-ros2" => beside(&path[0]),
+                "randt-ros1" | "randt-ros2" | "randt-link" => beside(&path[0]),
                 name => program(name),
             };
             let mut help = Command::new(name);
@@ -159,7 +159,7 @@ fn every_option_that_a_document_names_is_there() {
             let Some(first) = words.next() else { continue };
             let known = PROGRAMS
                 .lines()
-                .chain(["randt-lab", "randt-ros1", "randt-ros2"]);
+                .chain(["randt-lab", "randt-link", "randt-ros1", "randt-ros2"]);
             if !known.into_iter().any(|program| program == first) {
                 continue;
             }

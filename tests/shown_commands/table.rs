@@ -190,6 +190,27 @@ pub const COMMANDS: &[(&str, Runner)] = &[
         "cp -r tools/python/randt randt && ln -s ../target/debug/deps/lib_randt.so randt/_randt.abi3.so",
         File("tools/python/tests/package.rs", "_randt.abi3.so"),
     ),
+    // link.md
+    (
+        "randt-link keys keys base",
+        Here("randt-link keys keys base"),
+    ),
+    (
+        "randt-link keys keys spot",
+        Here("randt-link keys keys spot"),
+    ),
+    (
+        "randt-link --robot /etc/randt/robot.toml --journal link.journal",
+        File("tests/link/ends.rs", "\"--journal\""),
+    ),
+    (
+        "randt-link --robot /etc/randt/link-spot.toml --prefix spot",
+        File("tests/link/ends.rs", "\"--robot\""),
+    ),
+    (
+        "randt top --prefix spot",
+        Nobody("shows a base's bus until somebody ends it; tests/top.rs"),
+    ),
     // ros.md
     (
         "cargo build --release -p randt-ros2",

@@ -53,7 +53,7 @@ pub use rule::Rule;
 pub use section::Key;
 pub use sections::{
     Attitude, ByteOrder, Filter, Grid, ImuDriver, ImuSource, Keyframe, Link, LinkRole, Loops,
-    MapperPlace, Ndt, Odometry, RadarDriver, RadarSource, Record, Robot, Sensor, Submap, View,
+    MapperHost, Ndt, Odometry, RadarDriver, RadarSource, Record, Robot, Sensor, Submap, View,
 };
 pub use web_access::{HostNames, WebOrigins};
 pub use web_origin::WebOrigin;

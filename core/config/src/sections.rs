@@ -1,7 +1,6 @@
 //! The sections: every key with its type, default, unit and reason, and the bounds within which it
 //! runs, with theirs.
 
-mod link;
 mod outputs;
 
 use crate::Rule::{Graduation, LossShape};
@@ -10,8 +9,7 @@ use crate::section::section;
 use crate::value::choice;
 use crate::{DevicePin, SenderPin};
 
-pub use link::{Link, LinkRole, MapperPlace};
-pub use outputs::{Record, View};
+pub use outputs::{Link, LinkRole, MapperHost, Record, View};
 
 section! {
     /// Beam-wise cluster filter (paper, III-A).

@@ -1,10 +1,11 @@
 //! The base's end: the robot's topics on a bus of their own, and a mapper's requests answered.
 
+use crate::cargo::Cargo;
 use crate::frame::Position;
 use crate::journal::unpack;
 use crate::link::{End, is_keyframes};
 use crate::newest::NewestTopic;
-use crate::peer::{Cargo, Peer, Received};
+use crate::peer::{Peer, Received};
 use crate::ports::{Output, index_of, open_outputs};
 use crate::settings::Settings;
 use crate::stream::InStream;

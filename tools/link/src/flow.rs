@@ -31,7 +31,9 @@ const DRAIN_EVERY_S: f64 = 20.0;
 /// ... for this many round trips at most: what cannot wait goes on.
 const DRAIN_TRIPS: f64 = 2.0;
 
-/// What is known of the way to the other end.
+/// What is known of the way to the other end: what is under way, how long it takes, and how much
+/// may go, fields that all
+/// change with each answer.
 #[derive(Debug)]
 pub struct Flow {
     /// Bytes handed over, and of those the ones known to have arrived.

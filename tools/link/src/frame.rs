@@ -16,7 +16,7 @@ pub struct Position {
     pub series: i64,
     /// The next message.
     pub id: u64,
-    /// The next byte of it.
+    /// The next byte of that message.
     pub offset: u32,
 }
 
@@ -41,7 +41,8 @@ pub enum Entry {
     },
 }
 
-/// A frame.
+/// A frame: who sends it and to whom, what has come from there, and what it carries. Everything
+/// goes along with everything else, because each frame costs its overhead; hence its fields.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Frame {
     /// The sender's session: another process, another session.

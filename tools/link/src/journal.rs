@@ -18,7 +18,7 @@ const LEVEL: i32 = 6;
 /// Room for a keyframe that is unpacked.
 const PACKED_MAX: usize = 1 << 22;
 
-/// Where a keyframe lies, and what it is told by: two that agree in it are one.
+/// Where a keyframe lies, and what identifies it: two that agree in that are one.
 #[derive(Clone, Copy, Debug)]
 struct Kept {
     offset: u64,
@@ -114,16 +114,18 @@ impl Journal {
         );
     }
 
-    /// Sets the file aside under a name that is free, and begins another one.
+    /// Quarantines the file under a name that is free, and begins another one.
     fn begin_anew(self, why: &str) -> Result<Self> {
-        let aside = (1..).map(|n| self.path.with_extension(format!("before-{n}")));
-        let aside = aside.into_iter().find(|path| !path.exists());
-        let aside = aside.context("no name is free")?;
-        fs::rename(&self.path, &aside)?;
+        let quarantined = (1..).map(|n| self.path.with_extension(format!("before-{n}")));
+        let quarantined = quarantined.into_iter().find(|path| !path.exists());
+        let quarantined = quarantined.context("no name is free")?;
+        fs::rename(&self.path, &quarantined)?;
         let mut next = Self::open(&self.path, &self.config)?;
         next.news = self.news;
-        next.news
-            .push(format!("{why}; what was before is in {}", aside.display()));
+        next.news.push(format!(
+            "{why}; what was before is in {}",
+            quarantined.display()
+        ));
         Ok(next)
     }
 
@@ -147,7 +149,7 @@ impl Journal {
             }
             let path = self.path.clone();
             let news = std::mem::take(&mut self.news);
-            let aside = Self {
+            let quarantined = Self {
                 path: path.clone(),
                 config: self.config.clone(),
                 file: self.file.try_clone()?,
@@ -155,7 +157,7 @@ impl Journal {
                 news,
                 ..*self
             };
-            *self = aside.begin_anew("odometry has begun another drive")?;
+            *self = quarantined.begin_anew("odometry has begun another drive")?;
         }
         let mut record = Vec::new();
         journal::append_keyframe(keyframe, &mut record)?;

@@ -1,9 +1,10 @@
 //! The stage around one end of the link: bus and journal on one side, Zenoh on the other.
 
 use crate::base::Base;
+use crate::cargo::Cargo;
 use crate::carrier::{Carrier, Opening, listen_to_remarks, take_remarks};
 use crate::newest::NewestTopic;
-use crate::peer::{Cargo, Peer, Received};
+use crate::peer::{Peer, Received};
 use crate::ports::{Input, open_inputs};
 use crate::robot::Robot;
 use crate::settings::{Carried, Settings};
@@ -168,9 +169,9 @@ pub fn run(
         }
         let now_ns = clock.now_ns();
         stage.set_status(&status.problem(&peer, &problem, now_ns), lost + sent.lost());
-        let note = status.note(&peer, now_ns);
-        stage.set_remark(&note);
-        stage.set_status_note(&note);
+        let summary = status.summary(&peer, now_ns);
+        stage.set_remark(&summary);
+        stage.set_status_note(&summary);
         let mut pause = peer.pause(now_ns).min(end.pause());
         if carrier.is_none() {
             pause = OPENING;

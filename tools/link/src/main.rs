@@ -2,6 +2,7 @@
 
 mod base;
 mod bucket;
+mod cargo;
 mod carrier;
 mod clock_offset;
 mod flow;

@@ -15,7 +15,7 @@ pub struct Sent {
 
 /// What is known of one key.
 #[derive(Debug)]
-struct Slot {
+struct KeptMessage {
     message: Vec<u8>,
     /// Rises with each message.
     version: u64,
@@ -28,7 +28,7 @@ pub struct NewestTopic {
     pub topic: u8,
     /// Whether it goes before everything else, and in time.
     pub is_urgent: bool,
-    slots: BTreeMap<u64, Slot>,
+    kept: BTreeMap<u64, KeptMessage>,
     /// Keys that wait; each once, the one that has waited longest first.
     queue: VecDeque<u64>,
     pub bucket: Bucket,
@@ -42,7 +42,7 @@ impl NewestTopic {
         Self {
             topic,
             is_urgent,
-            slots: BTreeMap::new(),
+            kept: BTreeMap::new(),
             queue: VecDeque::new(),
             bucket: Bucket::new(rate),
             replaced: 0,
@@ -51,17 +51,17 @@ impl NewestTopic {
 
     /// Takes a message.
     pub fn push(&mut self, key: u64, message: Vec<u8>) {
-        let slot = self.slots.entry(key).or_insert_with(|| Slot {
+        let newest = self.kept.entry(key).or_insert_with(|| KeptMessage {
             message: Vec::new(),
             version: 0,
             is_queued: false,
         });
-        slot.version += 1;
-        slot.message = message;
-        if slot.is_queued {
+        newest.version += 1;
+        newest.message = message;
+        if newest.is_queued {
             self.replaced += 1;
         } else {
-            slot.is_queued = true;
+            newest.is_queued = true;
             self.queue.push_back(key);
         }
     }
@@ -74,36 +74,36 @@ impl NewestTopic {
     /// The next one that waits.
     pub fn take(&mut self) -> Option<(Sent, Entry)> {
         let key = self.queue.pop_front()?;
-        let slot = self.slots.get_mut(&key)?;
-        slot.is_queued = false;
+        let newest = self.kept.get_mut(&key)?;
+        newest.is_queued = false;
         let sent = Sent {
             topic: self.topic,
             key,
-            version: slot.version,
+            version: newest.version,
         };
         let entry = Entry::Newest {
             topic: self.topic,
             key,
-            message: slot.message.clone(),
+            message: newest.message.clone(),
         };
         Some((sent, entry))
     }
 
     /// That did not arrive: it goes again, unless a newer one has gone or waits.
     pub fn lost(&mut self, sent: &Sent) {
-        if let Some(slot) = self.slots.get_mut(&sent.key)
-            && slot.version == sent.version
-            && !slot.is_queued
+        if let Some(newest) = self.kept.get_mut(&sent.key)
+            && newest.version == sent.version
+            && !newest.is_queued
         {
-            slot.is_queued = true;
+            newest.is_queued = true;
             self.queue.push_front(sent.key);
         }
     }
 
     /// The other end has nothing: all goes again.
     pub fn queue_all(&mut self) {
-        for (key, slot) in &mut self.slots {
-            if !std::mem::replace(&mut slot.is_queued, true) {
+        for (key, newest) in &mut self.kept {
+            if !std::mem::replace(&mut newest.is_queued, true) {
                 self.queue.push_back(*key);
             }
         }

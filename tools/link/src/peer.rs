@@ -2,12 +2,13 @@
 //! in, bytes go out.
 
 use crate::bucket::Bucket;
+use crate::cargo::{Cargo, Unknown, bytes_of, load_newest};
 use crate::clock_offset::ClockOffset;
 use crate::flow::Flow;
 use crate::frame::{self, Entry, Frame, Position};
-use crate::newest::{NewestTopic, Sent};
+use crate::newest::NewestTopic;
 use crate::session::{Admission, Session, has_arrived};
-use crate::stream::{InStream, OutStream};
+use crate::stream::OutStream;
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -61,25 +62,8 @@ pub enum Refusal {
     Replayed,
 }
 
-/// A frame that was sent, as long as its arrival is unknown.
-struct Unknown {
-    number: u64,
-    newest: Vec<Sent>,
-    streams: Vec<u8>,
-}
-
-/// What is to be carried.
-#[derive(Default)]
-pub struct Cargo {
-    /// In the order in which they go.
-    pub newest: Vec<NewestTopic>,
-    /// Behind those that cannot wait, before the others.
-    pub streams: Vec<OutStream>,
-    /// What comes.
-    pub incoming: Vec<InStream>,
-}
-
-/// One end.
+/// One end: who is there, what is carried, how much may go, and what is known of its arrival. Its
+/// fields all change with each frame.
 pub struct Peer {
     session: Session,
     pub cargo: Cargo,
@@ -380,35 +364,5 @@ impl Peer {
             next_ns = next_ns.min(now_ns + 20_000_000);
         }
         Duration::from_nanos(next_ns.saturating_sub(now_ns).max(0).unsigned_abs())
-    }
-}
-
-fn load_newest(
-    topic: &mut NewestTopic,
-    frame: &mut Frame,
-    record: &mut Unknown,
-    room: &mut usize,
-    now_ns: i64,
-) {
-    while *room > 0 && topic.bucket.has_some(now_ns) {
-        let Some((sent, entry)) = topic.take() else {
-            break;
-        };
-        // A frame is compressed as a whole.
-        let bytes = bytes_of(&entry) / NEWEST_COMPRESSION;
-        *room = room.saturating_sub(bytes);
-        topic.bucket.spend(bytes);
-        frame.entries.push(entry);
-        record.newest.push(sent);
-    }
-}
-
-/// Tiles and health are mostly alike: measured at four to ten times.
-const NEWEST_COMPRESSION: usize = 4;
-
-fn bytes_of(entry: &Entry) -> usize {
-    match entry {
-        Entry::Newest { message, .. } => message.len() + 14,
-        Entry::Piece { bytes, .. } => bytes.len() + 38,
     }
 }

@@ -1,8 +1,9 @@
 //! The robot's end: its keyframes go by a journal; a mapper at the base is heard on its bus.
 
+use crate::cargo::Cargo;
 use crate::journal::Journal;
 use crate::link::{End, is_keyframes};
-use crate::peer::{Cargo, Peer, Received};
+use crate::peer::{Peer, Received};
 use crate::ports::{Output, index_of, open_outputs};
 use crate::settings::{Carried, Settings};
 use crate::stream::OutStream;
@@ -169,7 +170,7 @@ impl Keyframes {
                 self.lost += keyframe.head.id.saturating_sub(next);
             }
             let pushed = self.journal.borrow_mut().push(keyframe);
-            self.note(pushed);
+            self.set_trouble(pushed);
         }
         Ok(())
     }
@@ -178,11 +179,11 @@ impl Keyframes {
     fn take_from_ring(&mut self, from: u64, to: u64) {
         for keyframe in KeyframeRing::read(&self.ring, from, to) {
             let pushed = self.journal.borrow_mut().push(keyframe.as_ref());
-            self.note(pushed);
+            self.set_trouble(pushed);
         }
     }
 
-    fn note(&mut self, pushed: anyhow::Result<()>) {
+    fn set_trouble(&mut self, pushed: anyhow::Result<()>) {
         self.trouble = match pushed {
             Ok(()) => String::new(),
             Err(why) => format!("the link's journal: {why:#}"),

@@ -4,7 +4,7 @@
 use crate::frame::Frame;
 use std::hash::{BuildHasher, Hasher, RandomState};
 
-/// Frames up to the highest that are told apart.
+/// Frames up to the highest that are distinguished.
 const BITS: u64 = 64;
 
 /// What was asked of a process at the other end.

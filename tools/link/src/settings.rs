@@ -2,7 +2,7 @@
 
 use crate::keys::{BASE, check_name};
 use crate::ports::index_of;
-use randt_config::{Link, LinkRole, MapperPlace};
+use randt_config::{Link, LinkRole, MapperHost};
 use randt_messages::{Keyframe, MapperCorrection, MapperGraph, MapperGrid, StageHealthTopic};
 use randt_messages::{OdometryStateTopic, Topic};
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -74,7 +74,7 @@ impl Settings {
             let expected = "an address of this machine alone, or keys (randt-link keys, link.keys)";
             return Err(wrong("address", &link.address, expected));
         }
-        let is_mapper_at_base = link.mapper == MapperPlace::Base;
+        let is_mapper_at_base = link.mapper == MapperHost::Base;
         let rates = rates(&link.topic_rates)?;
         let every: Vec<&str> = link.every.split_whitespace().collect();
         let names: Vec<&str> = link.topics.split_whitespace().collect();
@@ -181,7 +181,7 @@ mod tests {
         let settings = Settings::new(&Link::default()).unwrap();
         assert!(settings.up.len() == 6 && settings.down.is_empty());
         let link = Link {
-            mapper: MapperPlace::Base,
+            mapper: MapperHost::Base,
             ..Link::default()
         };
         let settings = Settings::new(&link).unwrap();

@@ -117,7 +117,7 @@ impl Status {
     }
 
     /// How it goes.
-    pub fn note(&mut self, peer: &Peer, now_ns: i64) -> String {
+    pub fn summary(&mut self, peer: &Peer, now_ns: i64) -> String {
         let (sent, received) = (peer.bytes_sent, peer.bytes_received);
         let (then_ns, sent_then, received_then) =
             *self.measured.get_or_insert((now_ns, sent, received));

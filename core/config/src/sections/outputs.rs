@@ -1,4 +1,8 @@
-//! Where results go: the recorder's files, the viewers.
+//! Where results go: the recorder's files, the viewers, a base.
+
+mod link;
+
+pub use link::{Link, LinkRole, MapperHost};
 
 use crate::rule::within;
 use crate::section::section;

@@ -16,7 +16,7 @@ choice! {
 
 choice! {
     /// Where the mapper runs.
-    pub enum MapperPlace ("\"robot\" or \"base\"") {
+    pub enum MapperHost ("\"robot\" or \"base\"") {
         /// Beside the odometry: the base sees its map.
         Robot = "robot",
         /// At the base: the robot gets its corrections.
@@ -42,7 +42,7 @@ section! {
         /// else may have.
         pub refused: String = String::new(),
         /// Where the mapper runs.
-        pub mapper: MapperPlace = MapperPlace::Robot,
+        pub mapper: MapperHost = MapperHost::Robot,
         /// Topics that the base gets, separated by blanks. radar/scan/v1 needs ten times what all
         /// of these need.
         pub topics: String = "odometry/state/v1 stage/health/v1 mapper/correction/v1 mapper/graph/v1 odometry/keyframe/v1 mapper/grid/v1".to_owned(),
