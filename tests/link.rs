@@ -53,6 +53,11 @@ fn a_robots_topics_are_on_the_bases_bus_whole_whichever_end_is_killed() {
     for stage in ["filter", "odometry", "mapper", "link", "link-base"] {
         assert!(base.stages.contains_key(stage), "{stage}");
     }
+    let top = ends.base.randt(&["top", "--once", "--json"]);
+    let top: serde_json::Value = serde_json::from_str(&top.stdout).unwrap();
+    let stages = top["stages"].as_array().unwrap();
+    let odometry = stages.iter().find(|stage| stage["name"] == "odometry");
+    assert_eq!(odometry.unwrap()["state"], "running", "{stages:?}");
     // Each once but where an end was killed, and never backwards by more than that.
     let doubles = base.order.len() - base.keyframe.len();
     assert!(doubles <= 40, "{:?}", base.order);

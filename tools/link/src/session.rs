@@ -150,3 +150,65 @@ pub fn has_arrived(number: u64, highest: u64, arrived: u64) -> Option<bool> {
 fn random() -> u64 {
     RandomState::new().build_hasher().finish().max(1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A frame that one end sends now.
+    fn frame(from: &Session, number: u64) -> Frame {
+        let mut frame = Frame {
+            number,
+            ..Frame::default()
+        };
+        from.sign(&mut frame);
+        frame
+    }
+
+    /// Lets two ends come to know each other; gives all that `a` has sent.
+    fn open(a: &mut Session, b: &mut Session) -> Vec<Frame> {
+        let mut sent = Vec::new();
+        for number in 1..8 {
+            sent.push(frame(a, number));
+            b.admit(&frame(a, number));
+            a.admit(&frame(b, number));
+        }
+        assert!(a.is_open() && a.is_known() && b.is_open() && b.is_known());
+        sent
+    }
+
+    #[test]
+    fn a_recorded_stream_is_refused_by_this_process_and_by_another_one() {
+        let (mut robot, mut base) = (Session::new(), Session::new());
+        let mut recorded = open(&mut robot, &mut base);
+        for number in 8..20 {
+            let frame = frame(&robot, number);
+            assert_eq!(base.admit(&frame), Admission::Taken);
+            recorded.push(frame);
+        }
+        let taken = |admission| matches!(admission, Admission::Taken | Admission::TakenAnew);
+        assert!(!recorded.iter().any(|frame| taken(base.admit(frame))));
+        // What goes on is taken all the same.
+        assert_eq!(base.admit(&frame(&robot, 20)), Admission::Taken);
+        let mut next = Session::new();
+        assert!(!recorded.iter().any(|frame| taken(next.admit(frame))));
+        open(&mut robot, &mut next);
+        assert!(!recorded.iter().any(|frame| taken(next.admit(frame))));
+    }
+
+    #[test]
+    fn either_end_may_be_another_process_at_any_time() {
+        let (mut robot, mut base) = (Session::new(), Session::new());
+        for turn in 0..6 {
+            open(&mut robot, &mut base);
+            match turn % 2 {
+                0 => robot = Session::new(),
+                _ => base = Session::new(),
+            }
+        }
+        assert_eq!(has_arrived(5, 9, 0b1_0001), Some(true));
+        assert_eq!(has_arrived(6, 9, 0b1_0001), Some(false));
+        assert_eq!(has_arrived(10, 9, 0b1), None);
+        assert_eq!(has_arrived(1, 99, u64::MAX), Some(false), "too long ago");
+    }
+}

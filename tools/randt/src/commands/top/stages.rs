@@ -8,6 +8,8 @@ use std::collections::BTreeMap;
 
 /// A stage reports twice a second; one that is silent for this time hangs.
 const HANGS_NS: i64 = 1_000_000_000;
+/// ... and one of another machine is away: its reports come over a radio.
+const HANGS_ELSEWHERE_NS: i64 = 3_000_000_000;
 
 /// The last reports and samples of all stages.
 #[derive(Debug, Default)]
@@ -31,7 +33,9 @@ impl Stages {
         let epoch = |entry: &Entry| entry.started_ns.unsigned_abs();
         self.health.retain(|(name, of_epoch), _| {
             let current = |entry: &Entry| entry.name == *name && epoch(entry) == *of_epoch;
-            register.iter().any(|(entry, _)| current(entry))
+            let mut named = register.iter().filter(|(entry, _)| entry.name == *name);
+            // One that is in no register is another machine's: the link brings its reports.
+            named.clone().next().is_none() || named.any(|(entry, _)| current(entry))
         });
         let mut samples = BTreeMap::new();
         let rows = register
@@ -58,9 +62,48 @@ impl Stages {
                     message,
                 }
             })
-            .collect();
+            .collect::<Vec<_>>();
         self.samples = samples;
-        rows
+        let is_here = |name: &str| register.iter().any(|(entry, _)| entry.name == name);
+        let mut elsewhere = BTreeMap::new();
+        for ((name, _), word) in &self.health {
+            let newest = elsewhere.entry(name.as_str()).or_insert(word);
+            if word.header.published_ns > newest.header.published_ns {
+                *newest = word;
+            }
+        }
+        elsewhere.retain(|name, _| !is_here(name));
+        let elsewhere = elsewhere.into_iter();
+        rows.into_iter()
+            .chain(elsewhere.map(|(name, word)| row_elsewhere(name, word, now_ns)))
+            .collect()
+    }
+}
+
+/// A stage of another machine, as it reports itself. Its clock is that machine's, so its age counts
+/// from when its report was published here.
+fn row_elsewhere(name: &str, word: &StageHealth, now_ns: Option<i64>) -> StageRow {
+    let silent_ns = now_ns.map_or(0, |now_ns| now_ns - word.header.published_ns);
+    let (state, message) = match silent_ns > HANGS_ELSEWHERE_NS {
+        true => (
+            StageState::Degraded.as_str(),
+            format!("no report came for {:.0} s", silent_ns as f64 * 1e-9),
+        ),
+        false => (
+            StageState::from_code(word.state).as_str(),
+            text_of(&word.message).to_owned(),
+        ),
+    };
+    StageRow {
+        name: name.to_owned(),
+        pid: word.pid,
+        state,
+        epoch: word.header.epoch,
+        restarts: word.restarts,
+        cpu_percent: None,
+        rss_bytes: None,
+        lost: word.lost,
+        message,
     }
 }
 
@@ -142,5 +185,22 @@ mod tests {
         assert_eq!(now.message, "scans that do not fit");
         assert_eq!(row(5_000_000_000).message, "has reported nothing for 5.0 s");
         assert!(row(6_000_000_000).cpu_percent.is_some());
+    }
+
+    #[test]
+    fn a_stage_of_another_machine_is_what_its_last_report_says() {
+        let mut stages = Stages::default();
+        let mut report = word(StageState::Running, "");
+        for (epoch, published_ns) in [(9, 10), (8, 1_000_000_000)] {
+            (report.header.epoch, report.header.published_ns) = (epoch, published_ns);
+            stages.push(&report);
+        }
+        let rows = stages.rows(&[], Some(2_000_000_000));
+        assert_eq!(
+            (rows.len(), rows[0].state, rows[0].epoch),
+            (1, "running", 8)
+        );
+        let rows = stages.rows(&[], Some(9_000_000_000));
+        assert_eq!(rows[0].message, "no report came for 8 s");
     }
 }
