@@ -2,6 +2,7 @@
 
 use crate::laps::Laps;
 use randt_config::Config;
+use randt_counting_allocator::allocated_bytes;
 use randt_drives::{Drive, config};
 use randt_geometry::{Pose2, elementary::atan2};
 use randt_mapper::journal::JournalFile;
@@ -81,13 +82,6 @@ fn remembered(mapper: &Mapper) -> usize {
     mapper.keyframes().iter().filter(saw).count()
 }
 
-/// Memory of this process, MiB; 0 where that is unknown.
-fn resident_mib() -> u64 {
-    let text = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
-    let pages = text.split(' ').nth(1).and_then(|pages| pages.parse().ok());
-    pages.unwrap_or(0_u64) / 256
-}
-
 /// A journal as the process writes it, but that it waits for its compactions.
 struct Written {
     folder: TempDir,
@@ -142,9 +136,10 @@ fn push_all(
     stretch: usize,
     mut written: Option<&mut Written>,
 ) -> Mapper {
+    let before_bytes = allocated_bytes();
     let mut mapper = Mapper::new(config);
     println!(
-        "keyframes   ms each  slowest ms  factorised   nodes  remembered  MiB  journal KiB   loops   found  registered"
+        "keyframes   ms each  slowest ms  factorised   nodes  remembered      KiB  journal KiB   loops   found  registered"
     );
     let mut cost = Stretch::default();
     for keyframe in &drive.keyframes {
@@ -163,14 +158,14 @@ fn push_all(
         cost.slowest = cost.slowest.max(took);
         if cost.keyframes == stretch {
             println!(
-                "{:9} {:9.3} {:11.3} {:11} {:7} {:11} {:4} {:12} {:7} {:7} {:11}",
+                "{:9} {:9.3} {:11.3} {:11} {:7} {:11} {:8} {:12} {:7} {:7} {:11}",
                 mapper.keyframes().len(),
                 cost.total.as_secs_f64() * 1e3 / stretch as f64,
                 cost.slowest.as_secs_f64() * 1e3,
                 mapper.counters().factorisations,
                 nodes(&mapper),
                 remembered(&mapper),
-                resident_mib(),
+                (allocated_bytes() - before_bytes) / 1024,
                 written.as_ref().map_or(0, |it| it.kib()),
                 mapper.graph_loops().len(),
                 mapper.found().count(),
@@ -303,10 +298,21 @@ fn many_laps_of_a_hall() {
     drive_laps(&hall(), scans, 200);
 }
 
+/// `LAPS` of a built-in world.
+fn laps_of(name: &str) {
+    let world = World::named(name).unwrap();
+    let laps = std::env::var("LAPS").map_or(12, |laps| laps.parse().unwrap());
+    drive_laps(&world, laps * world.sweeps() / 2, 400);
+}
+
 #[test]
 #[ignore = "minutes: the long form"]
 fn many_laps_of_the_building() {
-    let world = World::building();
-    let laps = std::env::var("LAPS").map_or(12, |laps| laps.parse().unwrap());
-    drive_laps(&world, laps * world.sweeps() / 2, 400);
+    laps_of("building");
+}
+
+#[test]
+#[ignore = "minutes: the long form"]
+fn many_laps_of_the_yard() {
+    laps_of("yard");
 }

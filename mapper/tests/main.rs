@@ -19,3 +19,8 @@ mod laps;
 mod publication;
 mod snapshots;
 mod undisturbed;
+
+/// What the mapper holds is counted.
+#[global_allocator]
+static ALLOCATOR: randt_counting_allocator::CountingAllocator =
+    randt_counting_allocator::CountingAllocator;
