@@ -82,7 +82,11 @@ impl KnownGround {
             self.next = KeyframeIdx(stretch.end);
             let stands_on = self.stands_on(&stretch, keyframes, graph);
             let loops = Loops::new(&stretch, &verification.closures, graph);
-            match stands_on.filter(|_| loops.show_known_ground()) {
+            let is_known = |to: &Vec<KeyframeIdx>| {
+                loops.show_known_ground()
+                    || loops.show_nothing() && self.is_located(&stretch, to, graph)
+            };
+            match stands_on.filter(is_known) {
                 Some(stands_on) if self.holding >= HOLDING_MIN && loops.behind >= HOLDING_MIN => {
                     for (keyframe, to) in stretch.map(KeyframeIdx).zip(stands_on) {
                         if let Some(dropped) = graph.marginalize(keyframe, to) {
@@ -188,6 +192,21 @@ impl KnownGround {
         Some(stands_on)
     }
 
+    /// Whether the graph knows where a stretch is, seen from a keyframe that it is to stand on: to a
+    /// keyframe distance, as far as one place reaches. Odometry holds its keyframes together.
+    fn is_located(
+        &self,
+        stretch: &Range<usize>,
+        stands_on: &[KeyframeIdx],
+        graph: &mut KeyframeGraph,
+    ) -> bool {
+        let mut pairs = stands_on.iter().zip(stretch.clone().map(KeyframeIdx));
+        pairs.any(|(to, keyframe)| {
+            let prior = graph.prior(*to, keyframe);
+            prior.is_some_and(|prior| prior.sigma_m() <= self.step_m)
+        })
+    }
+
     /// Of the kept keyframes at a keyframe's place the one that was passed longest ago, where they
     /// are of enough laps. As many laps later the newest is seen at all of them. Those that are
     /// `taken` come last.
@@ -260,5 +279,10 @@ impl Loops {
     /// Whether the place looks as it did. One that has changed keeps its witnesses.
     fn show_known_ground(&self) -> bool {
         self.found > self.unlike
+    }
+
+    /// Whether they say nothing at all: where too little is seen, no lap ever finds a loop.
+    fn show_nothing(&self) -> bool {
+        self.found == 0 && self.unlike == 0
     }
 }

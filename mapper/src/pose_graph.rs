@@ -41,6 +41,7 @@ mod error;
 mod graph;
 mod keyframe_graph;
 mod loss;
+mod odometry;
 mod prior;
 mod saved;
 mod solver;

@@ -136,6 +136,7 @@ fn push_all(
     stretch: usize,
     mut written: Option<&mut Written>,
 ) -> Mapper {
+    // Of the whole process: it is the mapper's where no other test runs.
     let before_bytes = allocated_bytes();
     let mut mapper = Mapper::new(config);
     println!(
@@ -165,7 +166,7 @@ fn push_all(
                 mapper.counters().factorisations,
                 nodes(&mapper),
                 remembered(&mapper),
-                (allocated_bytes() - before_bytes) / 1024,
+                allocated_bytes().saturating_sub(before_bytes) / 1024,
                 written.as_ref().map_or(0, |it| it.kib()),
                 mapper.graph_loops().len(),
                 mapper.found().count(),

@@ -1,10 +1,8 @@
 //! The pose graph of the map: a node for every keyframe, constraints of odometry, loop closures.
 
+use super::odometry::{Steps, intra_submap_constraint};
 use super::saved::{SavedAttachment, SavedEdge, SavedGraph, SavedLoop, SavedPose, bridged};
-use super::{
-    Attachment, Edge, Error, Loop, LoopId, Marginals, PoseGraph, Prior, Report, Visitors,
-    position_sigma_m,
-};
+use super::{Attachment, Edge, Error, Loop, LoopId, Marginals, PoseGraph, Prior, Report, Visitors};
 use crate::index::{ClosureIdx, ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::verification::LoopClosure;
@@ -15,28 +13,13 @@ use randt_geometry::Pose2;
 /// Weight below which a loop has proved wrong: the rest of the map disagrees with it.
 const WEIGHT_MIN: f64 = 0.3;
 
-/// Least standard deviations of a step of odometry, m and rad: a covariance of zero would make the
-/// graph stiff.
-const STEP_SIGMA_MIN: [f64; 3] = [1e-3, 1e-3, 1e-4];
-
-/// How well a keyframe is known from its submap's root: at least, and per metre of distance (m and
-/// rad). Simulated drives show 0.015 m + 0.004 a metre and 0.002 rad + 0.0006 a metre where a
-/// submap grows, one room much less than that. The graph takes intra-submap constraints and steps
-/// for independent though both are of the same odometry: sharper than this, it turns true loops of
-/// the tunnel away.
-const SUBMAP_SIGMA_M: [f64; 2] = [0.015, 0.003];
-const SUBMAP_SIGMA_RAD: [f64; 2] = [0.003, 0.0003];
-
-/// Its submap holds a keyframe whose step is this sure in every direction, m: half of them.
-const INTRA_SUBMAP_SIGMA_MAX_M: f64 = 0.02;
-
 /// The graph, and which closure each of its loops is of.
 pub(crate) struct KeyframeGraph {
     graph: PoseGraph,
     /// Loops of the graph: name there, index of the closure.
     closures: Vec<(LoopId, ClosureIdx)>,
     visitors: Visitors,
-    odometry_covariance_factor: f64,
+    steps: Steps,
     is_verified: bool,
     /// Optimisations without a result; the estimate stayed where it was.
     pub failures: u64,
@@ -49,7 +32,7 @@ impl KeyframeGraph {
             graph: PoseGraph::default(),
             closures: Vec::new(),
             visitors: Visitors::default(),
-            odometry_covariance_factor: config.loops.odometry_covariance_factor,
+            steps: Steps::new(config),
             is_verified: config.loops.verify,
             failures: 0,
         }
@@ -58,7 +41,7 @@ impl KeyframeGraph {
     /// Adds the node of a keyframe that comes next; `false` where its numbers are none of a
     /// robot's.
     pub fn append(&mut self, keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> bool {
-        let node = match self.odometry_step(keyframe, keyframes) {
+        let node = match self.steps.to(keyframe, keyframes) {
             Some(edge) => self.graph.append(edge),
             // A frame's own coordinates, until a loop merges it.
             None => self.graph.add_node(keyframe.odom_from_base),
@@ -79,21 +62,9 @@ impl KeyframeGraph {
         keyframe: &MapKeyframe,
         keyframes: &KeyframeStore,
     ) -> impl Iterator<Item = Edge> + use<> {
-        let step = self.odometry_step(keyframe, keyframes);
+        let step = self.steps.to(keyframe, keyframes);
         step.into_iter()
             .chain(intra_submap_constraint(keyframe, keyframes))
-    }
-
-    /// Odometry's step to a keyframe that comes next, where it is of the same frame.
-    fn odometry_step(&self, keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> Option<Edge> {
-        let (from, before) = keyframes.newest().zip(keyframes.last())?;
-        let covariance = keyframe.step_covariance * self.odometry_covariance_factor;
-        (before.odom_frame_id == keyframe.odom_frame_id).then(|| Edge {
-            from,
-            to: KeyframeIdx(keyframes.len()),
-            measured: before.odom_from_base.between(&keyframe.odom_from_base),
-            information: step_information(&covariance),
-        })
     }
 
     /// Adds the loop of a closure.
@@ -361,40 +332,4 @@ impl KeyframeGraph {
         self.failures = saved.failures;
         Some(())
     }
-}
-
-/// Holds a keyframe that comes next by the root of the submap that odometry registered it to:
-/// within a submap errors do not add up as those of its steps would.
-fn intra_submap_constraint(keyframe: &MapKeyframe, keyframes: &KeyframeStore) -> Option<Edge> {
-    let to = KeyframeIdx(keyframes.len());
-    let from = keyframes.find(keyframe.submap_root)?;
-    let root = keyframes.get(from.0)?;
-    // The step before is this constraint already, and another frame has none.
-    if from.0 + 1 >= to.0 || root.odom_frame_id != keyframe.odom_frame_id {
-        return None;
-    }
-    // Along a bare wall the scan did not hold on to the submap: errors do add up there.
-    if position_sigma_m(&keyframe.step_covariance) > INTRA_SUBMAP_SIGMA_MAX_M {
-        return None;
-    }
-    let measured = root.odom_from_base.between(&keyframe.odom_from_base);
-    let distance_m = measured.translation().norm();
-    let sigma = |[least, per_m]: [f64; 2]| least + per_m * distance_m;
-    let (position, yaw) = (sigma(SUBMAP_SIGMA_M), sigma(SUBMAP_SIGMA_RAD));
-    let information = [position, position, yaw].map(|sigma| 1.0 / (sigma * sigma));
-    Some(Edge {
-        from,
-        to,
-        measured,
-        information: Matrix3::from_diagonal(&information.into()),
-    })
-}
-
-/// Information of a step from its covariance, with floors; not finite ones count as unknown.
-fn step_information(covariance: &Matrix3<f64>) -> Matrix3<f64> {
-    let floor = Matrix3::from_diagonal(&STEP_SIGMA_MIN.map(|sigma| sigma * sigma).into());
-    let symmetric = (covariance + covariance.transpose()) * 0.5 + floor;
-    let inverse = symmetric.cholesky().map(|cholesky| cholesky.inverse());
-    let information = inverse.filter(|i| i.iter().all(|value| value.is_finite()));
-    information.map_or_else(Matrix3::identity, |i| (i + i.transpose()) * 0.5)
 }
