@@ -33,6 +33,8 @@ pub struct MapKeyframe {
     pub step_covariance: Matrix3<f64>,
     /// Speed over ground, m/s.
     pub speed_m_s: f64,
+    /// Rate of turn, rad/s.
+    pub turn_rad_s: f64,
     /// Path driven since the start, m; frames of odometry count on.
     pub path_m: f64,
     /// Variance of the position that odometry's steps have added since the start, each along its
@@ -75,6 +77,7 @@ impl MapKeyframe {
             odom_from_base,
             step_covariance,
             speed_m_s: (head.twist[0] * head.twist[0] + head.twist[1] * head.twist[1]).sqrt(),
+            turn_rad_s: head.twist[2],
             path_m: before.map_or(0.0, |before| before.path_m) + step_m,
             drift_m2: before.map_or(0.0, |before| before.drift_m2) + step_sigma_m * step_sigma_m,
             sees_all: matches!(

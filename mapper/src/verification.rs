@@ -12,6 +12,7 @@ mod merge;
 mod profile;
 mod registration;
 mod submap;
+mod way;
 
 pub use closure::{LoopClosure, LoopStatus, Scores};
 pub(crate) use merge::ComponentMerger;

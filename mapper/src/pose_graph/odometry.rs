@@ -15,9 +15,9 @@ const STEP_SIGMA_MIN: [f64; 3] = [1e-3, 1e-3, 1e-4];
 /// less than that. The graph takes intra-submap constraints and steps for independent though both
 /// are of the same odometry: sharper than this, it turns true loops of the tunnel away.
 const SUBMAP_SIGMA_M: [f64; 2] = [0.015, 0.003];
-/// Of the heading it says nothing, rad: that is the sum of the steps, which are in the graph, and
-/// errors of headings do add up within a submap. Believed twice, the map was sure of headings to a
-/// third of their errors.
+/// Of the heading it says next to nothing, rad: the heading seen from the root is the sum of the
+/// steps between, which the graph has, and errors of headings do add up within a submap. Counted
+/// twice, the map was surer of headings than it was right by a factor of two to four.
 const SUBMAP_SIGMA_RAD: f64 = 0.1;
 /// Variance of a heading that many steps add, in terms of what each of them says: over 128 steps of
 /// 25 drives in five worlds headings are off by 0.015 to 0.018 rad, and 0.012 is said with

@@ -8,6 +8,7 @@
 use super::LoopVerification;
 use super::closure::{LoopClosure, LoopStatus};
 use super::gates::{is_alike, is_fixed};
+use super::way::Way;
 use crate::index::{ComponentIdx, KeyframeIdx};
 use crate::keyframe::{KeyframeStore, MapKeyframe};
 use crate::place_recognition::CandidateOrigin;
@@ -41,11 +42,6 @@ const NEAR_KEYFRAMES: f64 = 3.0;
 /// drift of long components.
 const OFF_MAX_M: f64 = 1.0;
 const OFF_MAX_RAD: f64 = 0.08;
-
-/// Where the robot can have come to while nothing was seen: this many times its fastest speed so
-/// far, and a little, m.
-const REACH_SPEEDS: f64 = 1.5;
-const REACH_MIN_M: f64 = 2.0;
 
 /// A way to lay one component over another.
 struct Alignment {
@@ -173,7 +169,8 @@ fn alignments(
     alignments
 }
 
-/// Whether the robot can have come from the one component to the other in the time between.
+/// Whether the robot can have come from the one component to the other in the time between, by the
+/// ways that it drove meanwhile in others.
 fn is_reachable(
     component: ComponentIdx,
     alignment: &Alignment,
@@ -182,25 +179,24 @@ fn is_reachable(
 ) -> bool {
     let speeds = keyframes.iter().map(|keyframe| keyframe.speed_m_s);
     let fastest_m_s = speeds.fold(0.0, f64::max);
-    let mut before: Option<(ComponentIdx, i64, Pose2)> = None;
+    let mut before: Option<(ComponentIdx, Pose2)> = None;
+    let mut way = Way::default();
     for (index, (keyframe, pose)) in keyframes.iter().zip(graph.poses()).enumerate() {
+        way.go_on(keyframe, fastest_m_s);
         let own = graph.component_of(KeyframeIdx(index));
         let pose = match own {
             own if own == component => alignment.other_from_newest.compose(pose),
             own if own == alignment.other => *pose,
             _ => continue,
         };
-        if let Some((last, last_ns, from)) = before
+        if let Some((last, from)) = before
             && last != own
+            && !way.may_end_at(&from.between(&pose))
         {
-            // A clock that was set between the components gives no time.
-            let dark_s = keyframe.stamp_ns.abs_diff(last_ns) as f64 * 1e-9;
-            let reach_m = REACH_MIN_M + REACH_SPEEDS * fastest_m_s * dark_s;
-            if (pose.translation() - from.translation()).norm() > reach_m {
-                return false;
-            }
+            return false;
         }
-        before = Some((own, keyframe.stamp_ns, pose));
+        before = Some((own, pose));
+        way = Way::from(keyframe);
     }
     true
 }

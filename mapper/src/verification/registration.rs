@@ -276,6 +276,7 @@ mod tests {
             odom_from_base: Pose2::IDENTITY,
             step_covariance: Matrix3::identity(),
             speed_m_s: 0.0,
+            turn_rad_s: 0.0,
             path_m: 0.0,
             drift_m2: 0.0,
             sees_all: true,

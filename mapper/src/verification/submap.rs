@@ -243,6 +243,7 @@ mod tests {
             odom_from_base: Pose2::new(0.5 * f64::from(i), 0.0, 0.0),
             step_covariance: Matrix3::identity(),
             speed_m_s: 1.0,
+            turn_rad_s: 0.0,
             path_m: 0.5 * f64::from(i),
             drift_m2: 1e-4 * f64::from(i),
             sees_all: i.is_multiple_of(20),

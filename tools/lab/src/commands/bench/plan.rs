@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Worlds that are hard, beside those that come with the simulator: what each is like stands in
 /// its text.
-const HARD_WORLDS: [(&str, &str); 9] = [
+const HARD_WORLDS: [(&str, &str); 12] = [
     ("corridor", include_str!("../../../worlds/corridor.world")),
     (
         "glassfront",
@@ -26,6 +26,12 @@ const HARD_WORLDS: [(&str, &str); 9] = [
     ("ringrough", include_str!("../../../worlds/ringrough.world")),
     ("cells", include_str!("../../../worlds/cells.world")),
     ("racks", include_str!("../../../worlds/racks.world")),
+    ("office", include_str!("../../../worlds/office.world")),
+    ("tee", include_str!("../../../worlds/tee.world")),
+    (
+        "roundabout",
+        include_str!("../../../worlds/roundabout.world"),
+    ),
 ];
 /// Seeds of each drive without a fault: 1 to this.
 pub(super) const SEEDS: u64 = 3;
