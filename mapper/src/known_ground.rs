@@ -192,8 +192,8 @@ impl KnownGround {
         Some(stands_on)
     }
 
-    /// Whether the graph knows where a stretch is, seen from a keyframe that it is to stand on: to a
-    /// keyframe distance, as far as one place reaches. Odometry holds its keyframes together.
+    /// Whether the graph knows where a stretch is, seen from a keyframe that it is to stand on: to
+    /// a keyframe distance, as far as one place reaches. Odometry holds its keyframes together.
     fn is_located(
         &self,
         stretch: &Range<usize>,

@@ -52,8 +52,8 @@ fn nodes_are_as_far_off_as_the_map_says() {
     assert!((1.5..6.0).contains(&mean), "{mean}");
 }
 
-/// Three laps and a half of one room, of which the first one stays: its map is better than it says,
-/// because what one room holds does not drift.
+/// Three laps and a half of one room, of which the first one stays: its map is better than it
+/// says, because what one room holds does not drift.
 #[test]
 #[ignore = "minutes: 20 drives"]
 fn nodes_of_one_room_are_no_farther_off_than_the_map_says() {

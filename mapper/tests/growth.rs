@@ -4,12 +4,15 @@ use crate::laps::Laps;
 use randt_config::Config;
 use randt_counting_allocator::allocated_bytes;
 use randt_drives::{Drive, config};
-use randt_geometry::{Pose2, elementary::atan2};
+use randt_geometry::Pose2;
+use randt_geometry::elementary::{atan2, sin_cos};
 use randt_mapper::journal::JournalFile;
 use randt_mapper::publication::fill_graph;
 use randt_mapper::{KeyframeIdx, MapKeyframe, Mapper};
 use randt_messages::{MapperGraph, Message};
 use randt_simulator::World;
+use std::f64::consts::TAU;
+use std::fmt::Write;
 use std::sync::LazyLock;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -316,4 +319,31 @@ fn many_laps_of_the_building() {
 #[ignore = "minutes: the long form"]
 fn many_laps_of_the_yard() {
     laps_of("yard");
+}
+
+/// A road round a park, 534 m, with posts every 8 m and nothing else: what a keyframe costs where
+/// little is seen. `SCANS` sweeps, at 2 m/s.
+#[test]
+#[ignore = "minutes: the long form"]
+fn many_laps_of_a_sparse_ring() {
+    const RADIUS_M: f64 = 85.0;
+    let at = |radius_m: f64, share: f64| {
+        let (sin, cos) = sin_cos(TAU * share);
+        [radius_m * cos, radius_m * sin]
+    };
+    let mut text = String::from("speed 2\n");
+    for post in 0..66 {
+        let side_m = if post % 2 == 0 { 4.0 } else { -5.0 };
+        let [x, y] = at(RADIUS_M + side_m, f64::from(post) / 66.0);
+        writeln!(text, "post metal {x:.2},{y:.2} 0.{}", 1 + post % 3).unwrap();
+    }
+    text.push_str("route");
+    for point in 0..90 {
+        let [x, y] = at(RADIUS_M, f64::from(point) / 90.0);
+        write!(text, " {x:.2},{y:.2}").unwrap();
+    }
+    let world = World::parse("ring", &text).unwrap();
+    let scans = std::env::var("SCANS").map_or(8000, |scans| scans.parse().unwrap());
+    let (config, drive) = (config(&world), Drive::new(&world, scans, 1, &[]));
+    push_all(&config, &drive, 500, Some(&mut Written::new(&config)));
 }

@@ -138,7 +138,8 @@ impl KeyframeGraph {
         Some(dropped)
     }
 
-    /// The same with one that has left before and is forgotten, as it stood then: it shows nothing.
+    /// The same with one that has left before and is forgotten, as it stood then: it shows
+    /// nothing.
     pub fn marginalize_forgotten(
         &mut self,
         keyframe: KeyframeIdx,

@@ -1,4 +1,5 @@
-//! What odometry says of the keyframes: a step from one to the next, and where a submap holds them.
+//! What odometry says of the keyframes: a step from one to the next, and where a submap holds
+//! them.
 
 use super::{Edge, position_sigma_m};
 use crate::index::KeyframeIdx;
@@ -19,8 +20,8 @@ const SUBMAP_SIGMA_M: [f64; 2] = [0.015, 0.003];
 /// steps between, which the graph has, and errors of headings do add up within a submap. Counted
 /// twice, the map was surer of headings than it was right by a factor of two to four.
 const SUBMAP_SIGMA_RAD: f64 = 0.1;
-/// Variance of a heading that many steps add, in terms of what each of them says: over 128 steps of
-/// 25 drives in five worlds headings are off by 0.015 to 0.018 rad, and 0.012 is said with
+/// Variance of a heading that many steps add, in terms of what each of them says: over 128 steps
+/// of 25 drives in five worlds headings are off by 0.015 to 0.018 rad, and 0.012 is said with
 /// `loops.odometry_covariance_factor`. Neighbouring steps share their errors.
 const HEADING_GROWTH: f64 = 1.75;
 
