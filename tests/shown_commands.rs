@@ -157,9 +157,10 @@ fn every_option_that_a_document_names_is_there() {
                 .split_whitespace()
                 .map(|word| word.trim_matches(['[', ']', ',', ';']));
             let Some(first) = words.next() else { continue };
-            let known = PROGRAMS
-                .lines()
-                .chain(["randt-lab", "randt-link", "randt-ros1", "randt-ros2"]);
+            let known =
+                PROGRAMS
+                    .lines()
+                    .chain(["randt-lab", "randt-link", "randt-ros1", "randt-ros2"]);
             if !known.into_iter().any(|program| program == first) {
                 continue;
             }
