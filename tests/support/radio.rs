@@ -17,13 +17,13 @@ pub struct Radio {
 }
 
 impl Radio {
-    /// `None` where this user may not have networks of his own, outside of CI.
+    /// `None` where there is no TUN, or this user may not have networks of his own, outside of CI.
     pub fn new() -> Option<Self> {
         let own = Command::new("unshare").args(["-n", "ip", "link"]).output();
         let may = own.is_ok_and(|output| output.status.success());
         if !may || !Path::new("/dev/net/tun").exists() {
             assert!(
-                std::env::var_os("CI").is_none(),
+                may || std::env::var_os("CI").is_none(),
                 "CI may have its own network"
             );
             println!("not run: no networks of one's own here, or no ip, or no /dev/net/tun");
