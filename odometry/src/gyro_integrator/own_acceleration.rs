@@ -89,7 +89,7 @@ mod tests {
                     pose: Pose2::new(radius_m * s, radius_m * (1.0 - c), way_m / radius_m),
                     sigma_m: [0.02; 2],
                 };
-                let carried = is_carried.then(|| [6.0 + rise_m_s2 * t_s, 0.0]);
+                let carried = is_carried.then_some([6.0 + rise_m_s2 * t_s, 0.0]);
                 own.observe_scan(i64::from(step) * STEP_NS, Some(&fix), carried);
             }
             // The radar's is that of the middle between two scans.

@@ -21,7 +21,7 @@ fn standing() -> GyroIntegrator {
 
 fn fix() -> RadarFix {
     RadarFix {
-        pose: randt_geometry::Pose2::IDENTITY,
+        pose: Pose2::IDENTITY,
         sigma_m: [0.02, 0.02],
     }
 }
