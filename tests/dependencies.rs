@@ -36,6 +36,10 @@ const ZENOH_BEHIND: &str = "some of zenoh's crates are releases behind";
 
 /// Crates that are here in several versions, with the reason.
 const SEVERAL_VERSIONS: &[(&str, &str)] = &[
+    (
+        "bit-vec",
+        "rcgen's reader of certificates (yasna) is a release behind RustDDS",
+    ),
     ("bitflags", "serialport is a release behind"),
     (
         "darling",

@@ -210,9 +210,9 @@ mod tests {
 
     /// Words of the documentation that begin with a section's name and are messages, files of a
     /// stage, or entries of a report, which the documentation names by their former names too.
-    const OTHERS: [&str; 2] = ["odometry.pose", "odometry.state"];
+    const OTHERS: [&str; 3] = ["link.before-", "odometry.pose", "odometry.state"];
     /// How names of files end that begin like a section.
-    const ENDINGS: [&str; 5] = ["csv", "md", "timestamps", "toml", "tum"];
+    const ENDINGS: [&str; 6] = ["csv", "journal", "md", "timestamps", "toml", "tum"];
     const ENTRIES: &str = "loops";
 
     fn documents(folder: &Path) -> Vec<PathBuf> {
