@@ -1,5 +1,6 @@
 //! What the program refuses before it speaks to anybody; with two machines: `tests/link.rs` of the
 //! workspace.
+#![allow(clippy::unwrap_used, reason = "a test says by panicking what is wrong")]
 
 use std::fs;
 use std::process::{Command, Output};
