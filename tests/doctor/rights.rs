@@ -94,7 +94,10 @@ fn a_domain_that_this_user_may_not_read_is_reported_with_its_owner() {
     let folder = tempfile::tempdir().unwrap();
     fs::set_permissions(folder.path(), Permissions::from_mode(0o755)).unwrap();
     let program = folder.path().join("randt");
-    fs::copy(env!("CARGO_BIN_EXE_randt"), &program).unwrap();
+    // By another process: while this one has it open for writing, any other thread's child does.
+    let mut cp = Command::new("cp");
+    cp.arg(env!("CARGO_BIN_EXE_randt")).arg(&program);
+    assert!(cp.status().unwrap().success());
     let as_nobody = |words: &[&str]| {
         let mut command = Command::new("setpriv");
         command.args(["--reuid", "65534", "--regid", "65534", "--clear-groups"]);

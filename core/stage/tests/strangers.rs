@@ -61,8 +61,9 @@ fn start(program: &Path, run: &Path) -> String {
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    println!("{:.2} s", begin.elapsed().as_secs_f64());
-    fs::read_to_string(output).unwrap()
+    let output = fs::read_to_string(output).unwrap();
+    let status = child.wait().unwrap();
+    format!("{output}{status}, {:.2} s", begin.elapsed().as_secs_f64())
 }
 
 /// A run folder of the pipeline's user below a folder that all users may read.

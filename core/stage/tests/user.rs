@@ -67,6 +67,8 @@ fn assert_refused(program: &Path, run: &Path, owned: &Path) {
     );
     assert!(
         output.contains(&expected),
-        "{expected}\nis not in: {output}"
+        "{expected}\nis not in: {output}{}, {}",
+        ended.status,
+        String::from_utf8_lossy(&ended.stderr)
     );
 }

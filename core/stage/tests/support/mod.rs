@@ -10,9 +10,13 @@ use std::io::{BufRead, BufReader, Read};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
 /// Marks the second process, and names the pipeline's run folder.
 const RUN: &str = "RANDT_TEST_RUN";
+
+/// How long a copy may take until another user can run it.
+const COPY_MAX: Duration = Duration::from_secs(20);
 
 /// The second process, once it is ready.
 pub struct Other {
@@ -54,15 +58,35 @@ pub fn program_for_all(folder: &Path) -> Option<PathBuf> {
     }
     std::fs::set_permissions(folder, std::fs::Permissions::from_mode(0o755)).unwrap();
     let program = folder.join("program");
+    let begin = Instant::now();
+    while let Err(error) = copy_for_all(&program) {
+        assert!(begin.elapsed() < COPY_MAX, "{error}");
+        println!("{error}");
+    }
+    Some(program)
+}
+
+/// Copies it, and has another user run it. Once, on a busy machine, that user could not run the
+/// fresh copy, and said nothing.
+fn copy_for_all(program: &Path) -> Result<(), String> {
     // By another process: one that any thread of this one starts meanwhile would have the copy
     // open for writing for a moment, and what is open for writing cannot be started.
-    let mut cp = Command::new("cp");
-    let copied = cp
-        .arg(std::env::current_exe().unwrap())
-        .arg(&program)
-        .status();
-    assert!(copied.unwrap().success());
-    Some(program)
+    let mut install = Command::new("install");
+    install.args(["-m", "755"]);
+    install.arg(std::env::current_exe().unwrap()).arg(program);
+    assert!(install.status().unwrap().success());
+    let listed = command_as(65534, program, "--list", Path::new("/"))
+        .output()
+        .unwrap();
+    if listed.status.success() && !listed.stdout.is_empty() {
+        return Ok(());
+    }
+    let stderr = String::from_utf8_lossy(&listed.stderr);
+    Err(format!(
+        "{}: as another user: {}: {stderr}",
+        program.display(),
+        listed.status
+    ))
 }
 
 #[allow(dead_code, reason = "not every test needs one that stays")]
