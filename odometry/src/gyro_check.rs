@@ -39,12 +39,15 @@ const AGREE_SCANS: usize = 25;
 /// Turning on average faster than this is no robot, whose radar would show nothing, rad/s (460
 /// degrees/s).
 const RATE_MAX_RAD_S: f64 = 8.0;
-/// How long a gyro that has lost its trust keeps the pose's away, ns: until the radar has shown by
-/// itself that it fits.
+/// How long a gyro that has lost its trust, or whose samples lacked, keeps the pose's away, ns:
+/// until the radar has shown by itself that it fits.
 const DOUBT_NS: i64 = 2_000_000_000;
 
 /// A delay of a gyro that was refused which is set right, ms: what is less does no harm.
 const LATE_MIN_MS: i64 = 20;
+/// Samples that lack over this time, s, may be lost, or the IMU's clock has stepped: what was
+/// known of the delay is not known any more.
+const STEP_MIN_S: f64 = 0.05;
 /// A rate that was repeated this long before a gyro was refused is why, ns.
 const REPEATED_NS: i64 = 5_000_000_000;
 
@@ -96,6 +99,8 @@ pub struct GyroCheck {
     loosens: bool,
     /// How often it became so.
     pub bias_changes: u64,
+    /// Until when samples lacked last, ns.
+    hole_ns: Option<i64>,
     /// The gyro's turn since the scan before.
     turn: Option<Turn>,
 }
@@ -117,6 +122,7 @@ persist!(GyroCheck {
     earned_bias_rad_s,
     loosens,
     bias_changes,
+    hole_ns,
 } kept {
     turn,
 } sound is_sound);
@@ -155,6 +161,7 @@ impl GyroCheck {
             earned_bias_rad_s: None,
             loosens: false,
             bias_changes: 0,
+            hole_ns: None,
             turn: None,
         }
     }
@@ -177,13 +184,15 @@ impl GyroCheck {
 
     /// Whether it cannot be known whether radar or gyro is right: the radar has not shown yet that
     /// it fits by itself, or nothing shows which of them errs; both may turn opposite ways, each
-    /// by itself without fault.
+    /// by itself without fault. Nor can it right after samples lacked: the clock may have stepped.
     pub fn is_undecided(&self, stamp_ns: i64) -> bool {
-        self.refused_ns.is_some_and(|since_ns| match self.fault {
-            GyroFault::UpsideDown => false,
-            GyroFault::Opposite | GyroFault::Disagrees => true,
-            _ => stamp_ns.saturating_sub(since_ns) < DOUBT_NS,
-        })
+        let is_recent = |since_ns: i64| stamp_ns.saturating_sub(since_ns) < DOUBT_NS;
+        match (self.refused_ns, self.fault) {
+            (None, _) => self.turn.is_some() && self.hole_ns.is_some_and(is_recent),
+            (Some(_), GyroFault::UpsideDown) => false,
+            (Some(_), GyroFault::Opposite | GyroFault::Disagrees) => true,
+            (Some(since_ns), _) => is_recent(since_ns),
+        }
     }
 
     /// A frame begins: scans are not compared with those before.
@@ -201,8 +210,14 @@ impl GyroCheck {
         mut measured: GyroMeasurement,
         gravity: &GravityCheck,
     ) -> GyroMeasurement {
-        self.turn = measured.term.map(|term| term.turn);
         let (begin_ns, end_ns) = measured.span_ns;
+        let had_samples = self.turn.is_some() || self.hole_ns.is_some();
+        self.turn = measured.term.map(|term| term.turn);
+        let lacks = |turn: Turn| turn.uncovered_s > STEP_MIN_S;
+        if had_samples && measured.turn.is_some_and(lacks) {
+            self.regression = YawRegression::default();
+            self.hole_ns = Some(end_ns);
+        }
         let angle_max_rad = RATE_MAX_RAD_S * (end_ns - begin_ns) as f64 * 1e-9;
         let is_beyond = |turn: Turn| turn.angle_rad.abs() > angle_max_rad;
         if measured.turn.is_some_and(is_beyond) && !self.is_refused() {

@@ -172,6 +172,53 @@ fn stamps_that_are_late_are_shown_by_turns_and_then_set_right() {
     assert!(matches!(check.fault(), GyroFault::Delayed(_)));
 }
 
+/// A clock that steps by 0.3 s after a minute, and nothing else: the scans take back a fifth of
+/// what the yaw is off by.
+#[test]
+fn a_clock_that_steps_where_samples_lack_is_found_within_a_turn() {
+    let mut check = GyroCheck::new();
+    let heading_rad = |at_s: f64| 0.3 * sin(0.4 * at_s);
+    let mut off_rad = 0.0;
+    let found = (1..400).find_map(|number| {
+        let at_s = DT_S * number as f64;
+        let late_s = if number > 300 { 0.3 } else { 0.0 };
+        let turn_rad = |at_s: f64| heading_rad(at_s) - heading_rad(at_s - DT_S);
+        let gyro_rad = turn_rad(at_s - late_s);
+        let mut measured = measured(number, gyro_rad);
+        if number == 301 {
+            measured.term = None;
+            measured.turn.as_mut()?.uncovered_s = 0.2;
+        }
+        let admitted = check.admit(measured, &GravityCheck::default());
+        off_rad = 0.8 * (off_rad + gyro_rad - turn_rad(at_s));
+        let noise_deg = [0.5, -0.4, 0.3, -0.5, 0.1][number as usize % 5];
+        let wanted_deg = (-off_rad).to_degrees() + 0.3 * noise_deg;
+        let mut scan = scan(number, heading_rad(at_s) + off_rad, wanted_deg);
+        scan.gyro = admitted.term.map(|term| GyroTerm {
+            rate_rad_s: gyro_rad / DT_S,
+            ..term
+        });
+        let evidence = ScanEvidence {
+            correspondence_information: 20.0,
+            ..CLEAR
+        };
+        let verdict = check.observe(&scan, &evidence, &GyroRates::default());
+        assert_eq!(
+            check.is_undecided(number * SWEEP_NS),
+            (302..311).contains(&number)
+        );
+        (verdict != Verdict::Keep).then_some((number - 300, verdict))
+    });
+    let (scans, verdict) = found.unwrap();
+    let Verdict::Late(late_ns) = verdict else {
+        panic!("{verdict:?}");
+    };
+    assert!(
+        scans < 30 && (200_000_000..400_000_000).contains(&late_ns),
+        "{scans} {late_ns}"
+    );
+}
+
 #[test]
 fn gravity_that_points_down_and_impossible_rates_refuse_it_at_once() {
     let mut gravity = GravityCheck::default();
