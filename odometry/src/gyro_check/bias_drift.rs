@@ -6,15 +6,16 @@ use randt_geometry::elementary::wrap;
 use randt_persist::persist;
 use std::collections::VecDeque;
 
-/// Scans whose turn is compared, and those before them whose mean is the bias of before.
-const TURN_SCANS: usize = 50;
+/// Turn over that many scans, against the bias of before, where the bias has moved, degrees. Sound
+/// drives show at most 1.2, 2.4 and 3.8, where all rooms look alike 4.0; a bias that grows by
+/// 1 degree/s in 100 s shows 2.2, 4.8 and 9.3, the second of these limits after 24 s.
+const TURNS: [(usize, f64); 3] = [(50, 1.5), (100, 2.7), (150, 4.3)];
+const TURN_SCANS_MAX: usize = 150;
+/// Scans before a turn whose mean is the bias of before.
 const BEFORE_SCANS: usize = 25;
+const SCANS: usize = TURN_SCANS_MAX + BEFORE_SCANS;
 /// Scans until the bias is known well enough to be compared with.
 const WAIT_SCANS: u32 = 50;
-/// What the turn is off by where the bias has moved, degrees. Sound drives show at most 0.9, where
-/// all rooms look alike 1.2; a bias that grows by 1 degree/s in 100 s shows this after 20 s, when
-/// the heading is off by a degree.
-const MOVED_DEG: f64 = 1.5;
 
 /// One scan.
 #[derive(Clone, Copy, Debug, Default)]
@@ -51,7 +52,7 @@ persist!(BiasDrift {
 impl Default for BiasDrift {
     fn default() -> Self {
         Self {
-            steps: VecDeque::with_capacity(TURN_SCANS + BEFORE_SCANS),
+            steps: VecDeque::with_capacity(SCANS),
             yaw_rad: None,
             waiting: WAIT_SCANS,
         }
@@ -60,7 +61,7 @@ impl Default for BiasDrift {
 
 impl BiasDrift {
     fn is_sound(&self) -> bool {
-        self.steps.len() <= TURN_SCANS + BEFORE_SCANS && self.waiting <= WAIT_SCANS
+        self.steps.len() <= SCANS && self.waiting <= WAIT_SCANS
     }
 
     /// Scans are not compared with those before.
@@ -89,20 +90,29 @@ impl BiasDrift {
             self.waiting -= 1;
             return false;
         }
-        if self.steps.len() == TURN_SCANS + BEFORE_SCANS {
+        if self.steps.len() == SCANS {
             self.steps.pop_front();
         }
         self.steps.push_back(step);
-        if self.steps.len() < TURN_SCANS + BEFORE_SCANS {
-            return false;
-        }
-        let before = self.steps.iter().take(BEFORE_SCANS);
+        let mut turns = TURNS.iter();
+        turns.any(|(scans, moved_deg)| {
+            let off_rad = self.off_rad(*scans).unwrap_or_default();
+            off_rad.to_degrees().abs() > *moved_deg
+        })
+    }
+
+    /// By how much the turn over the last scans differs from the heading's and what the bias of
+    /// before makes of that time, rad.
+    fn off_rad(&self, scans: usize) -> Option<f64> {
+        let skipped = self.steps.len().checked_sub(scans + BEFORE_SCANS)?;
+        let before = self.steps.iter().skip(skipped).take(BEFORE_SCANS);
         let bias_rad_s = before.map(|step| step.bias_rad_s).sum::<f64>() / BEFORE_SCANS as f64;
-        let turned = self.steps.iter().skip(BEFORE_SCANS);
-        let off_rad: f64 = turned
-            .map(|step| step.excess_rad - bias_rad_s * step.dt_s)
-            .sum();
-        off_rad.to_degrees().abs() > MOVED_DEG
+        let turned = self.steps.iter().skip(skipped + BEFORE_SCANS);
+        Some(
+            turned
+                .map(|step| step.excess_rad - bias_rad_s * step.dt_s)
+                .sum(),
+        )
     }
 }
 
@@ -127,7 +137,7 @@ mod tests {
     #[test]
     fn a_bias_that_creeps_is_found_and_a_constant_one_is_not() {
         assert_eq!(moved_s(|_| 0.5), None);
-        // A degree/s in 100 s from 40 s on: 1.5 degrees in ten seconds after 20 s.
+        // A degree/s in 100 s from 40 s on, of which the estimate follows nothing, and all.
         let found_s = moved_s(|t_s| 0.01 * (t_s - 40.0).max(0.0));
         assert!(
             found_s.is_some_and(|t_s| (59.0..61.0).contains(&t_s)),
