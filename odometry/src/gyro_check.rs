@@ -1,12 +1,14 @@
 //! Whether the gyro turns as the radar does: it loses its trust where it does not, and may earn it
 //! again.
 
+mod bias_change;
 mod bias_drift;
 mod fault;
 mod turns;
 mod wanted_means;
 mod yaw_regression;
 
+pub use bias_change::BiasChange;
 pub use fault::GyroFault;
 pub use yaw_regression::ScanEvidence;
 
@@ -33,6 +35,9 @@ const EARNED_SIGMA_RAD_S: f64 = 0.0035;
 /// they fit without it.
 const POOR_FITS: u32 = 2;
 const FIT_SCANS: u32 = 10;
+/// A turn that differs by this much from that of the scan before, rad (20 degrees), is the gyro's
+/// and no robot's if the scan does not fit: the next ones would already be predicted by it.
+const JERK_RAD: f64 = 0.35;
 /// Scans in which gyro and radar have to agree until the gyro is used again; twice as many each
 /// further time, at most [`Turns::ROOM`].
 const AGREE_SCANS: usize = 25;
@@ -77,6 +82,8 @@ pub struct GyroCheck {
     drift: BiasDrift,
     /// Heading of the scan before, where the radar saw it.
     last_yaw_rad: Option<f64>,
+    /// The gyro's turn up to the scan before, rad.
+    last_turn_rad: Option<f64>,
     /// The last [`FIT_SCANS`] scans, the newest one the lowest bit: 1 where it did not fit.
     poor_fits: u32,
     /// Scans since it was last tried.
@@ -111,6 +118,7 @@ persist!(GyroCheck {
     regression,
     drift,
     last_yaw_rad,
+    last_turn_rad,
     poor_fits,
     since_tried,
     is_unsteady,
@@ -127,20 +135,6 @@ persist!(GyroCheck {
     turn,
 } sound is_sound);
 
-/// How the gyro's bias changes from one scan to the next, beside its walk.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct BiasChange {
-    /// Mean, rad/s.
-    pub mean_rad_s: f64,
-    /// Variance, (rad/s)^2.
-    pub variance: f64,
-}
-
-persist!(BiasChange {
-    mean_rad_s,
-    variance
-});
-
 impl GyroCheck {
     /// Nothing compared yet: the gyro is used.
     pub fn new() -> Self {
@@ -150,6 +144,7 @@ impl GyroCheck {
             regression: YawRegression::default(),
             drift: BiasDrift::default(),
             last_yaw_rad: None,
+            last_turn_rad: None,
             poor_fits: 0,
             since_tried: POOR_FITS,
             is_unsteady: false,
@@ -200,7 +195,7 @@ impl GyroCheck {
         self.wanted.restart();
         self.regression = YawRegression::default();
         self.drift.restart();
-        self.last_yaw_rad = None;
+        (self.last_yaw_rad, self.last_turn_rad) = (None, None);
         (self.poor_fits, self.is_unsteady) = (0, false);
     }
 
@@ -283,9 +278,12 @@ impl GyroCheck {
         let moved = self.drift.push(scan, turn.angle_rad);
         self.poor_fits = (self.poor_fits << 1 | u32::from(is_poor)) & ((1 << FIT_SCANS) - 1);
         self.since_tried = self.since_tried.saturating_add(1);
+        let last_rad = self.last_turn_rad.replace(turn.angle_rad);
+        let jerks = last_rad.is_some_and(|last| (turn.angle_rad - last).abs() > JERK_RAD);
         let sweep_ns = (scan.dt_s * 1e9) as i64;
         let repeats = rates.repeated_since(stamp_ns - sweep_ns).is_some();
-        if self.since_tried >= POOR_FITS && (repeats || self.poor_fits.count_ones() >= POOR_FITS) {
+        let is_many = self.poor_fits.count_ones() >= POOR_FITS;
+        if self.since_tried >= POOR_FITS && (repeats || is_many || jerks && is_poor) {
             return Verdict::Try;
         }
         let Some(wanted) = wanted else {

@@ -172,6 +172,21 @@ fn stamps_that_are_late_are_shown_by_turns_and_then_set_right() {
     assert!(matches!(check.fault(), GyroFault::Delayed(_)));
 }
 
+#[test]
+fn a_turn_out_of_nothing_that_does_not_fit_is_tried_at_once() {
+    let poor = ScanEvidence {
+        is_poor: true,
+        ..CLEAR
+    };
+    let verdict = |turn_rad: f64| {
+        let mut check = GyroCheck::new();
+        (1..10).for_each(|number| drop(step(&mut check, number, 0.0)));
+        check.admit(measured(10, turn_rad), &GravityCheck::default());
+        check.observe(&scan(10, turn_rad, 0.0), &poor, &GyroRates::default())
+    };
+    assert_eq!((verdict(0.5), verdict(0.1)), (Verdict::Try, Verdict::Keep));
+}
+
 /// A clock that steps by 0.3 s after a minute, and nothing else: the scans take back a fifth of
 /// what the yaw is off by.
 #[test]
