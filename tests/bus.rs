@@ -1,6 +1,7 @@
 //! Programs of other languages on the bus, by what `randt layout` prints for them.
 
 mod long_reader;
+mod mavlink;
 
 use crate::support::pipeline::{Pipeline, log, until};
 use crate::support::stages::beside;

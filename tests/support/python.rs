@@ -1,6 +1,6 @@
 //! Python with the packages that read what we write: for logs `mcap` with the official protobuf
-//! schemas and with ROS 2's messages, and `rosbags`; for the bus `iceoryx2`. In an environment of
-//! its own.
+//! schemas and with ROS 2's messages, and `rosbags`; for the bus `iceoryx2`, for what goes to a
+//! flight controller `pymavlink`. In an environment of its own.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,9 +18,10 @@ const PACKAGES: &[&str] = &[
     "iceoryx2==0.10.0",
     "cyclonedds==11.0.1",
     "numpy==2.2.6",
+    "pymavlink==2.4.50",
 ];
 const IMPORTS: &str = "import mcap, mcap_protobuf, mcap_ros2, rosbags, foxglove_schemas_protobuf, \
-                       iceoryx2, cyclonedds, numpy, evo, rerun";
+                       iceoryx2, cyclonedds, numpy, pymavlink, evo, rerun";
 
 /// A script of this folder, ready for its arguments; `None` as for [`program`].
 pub fn script(name: &str) -> Option<Command> {
