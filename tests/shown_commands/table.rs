@@ -186,6 +186,19 @@ pub const COMMANDS: &[(&str, Runner)] = &[
         "pip install .",
         Nobody("a build in release of its own; tools/python/tests runs the same files"),
     ),
+    ("cargo build --release", Nobody("a build in release")),
+    (
+        "pip wheel --no-deps --wheel-dir wheels .",
+        Nobody("a build in release of its own"),
+    ),
+    (
+        "python tools/python/add_programs.py wheels/randt-*.whl target/release",
+        File("tools/python/tests/wheel.py", "\"add_programs.py\""),
+    ),
+    (
+        "pip install wheels/randt-*.whl",
+        File("tools/python/tests/wheel.py", "\"install\""),
+    ),
     (
         "cp -r tools/python/randt randt && ln -s ../target/debug/deps/lib_randt.so randt/_randt.abi3.so",
         File("tools/python/tests/package.rs", "_randt.abi3.so"),

@@ -78,6 +78,7 @@ fn the_package_reads_computes_and_agrees_with_its_types() {
     let mut tests = Command::new(&python);
     tests.arg(own.join("tests/package.py")).current_dir(&folder);
     good(tests.env("PYTHONPATH", folder.path()));
+    good(Command::new(&python).arg(own.join("tests/wheel.py")));
     let mut types = Command::new(&python);
     types.args(["-m", "mypy", "--strict", "--cache-dir", "cache", "randt"]);
     good(types.current_dir(&folder));
