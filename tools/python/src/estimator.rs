@@ -3,7 +3,7 @@
 use crate::configuration::{load, value_error};
 use crate::scan::Scan;
 use crate::state::{Keyframe, State};
-use pyo3::{PyResult, pyclass, pyfunction, pymethods};
+use pyo3::{PyResult, Python, pyclass, pyfunction, pymethods};
 use randt_filter::{ClusterFilter, check_sweep};
 use randt_geometry::Pose2;
 use randt_messages::{
@@ -32,7 +32,7 @@ impl Sink for Published {
 }
 
 /// Filter and odometry.
-#[pyclass(unsendable, module = "randt._randt")]
+#[pyclass(module = "randt._randt")]
 pub struct Estimator {
     config: randt_config::Config,
     filter: ClusterFilter,
@@ -84,18 +84,22 @@ impl Estimator {
     }
 
     /// The states that this scan completes.
-    fn push_scan(&mut self, scan: &Scan) -> PyResult<Vec<State>> {
+    fn push_scan(&mut self, py: Python<'_>, scan: &Scan) -> PyResult<Vec<State>> {
         check_sweep(&scan.0.head.sweep, &self.config).map_err(value_error)?;
-        self.filter.process(scan.0.as_ref(), &mut self.points);
-        self.points.head.scan_sequence = self.scans;
-        self.scans += 1;
-        let points = self.points.as_ref();
-        self.odometry.push_points(points, &mut self.published);
+        // Other threads of Python go on meanwhile.
+        py.detach(|| {
+            self.filter.process(scan.0.as_ref(), &mut self.points);
+            self.points.head.scan_sequence = self.scans;
+            self.scans += 1;
+            let points = self.points.as_ref();
+            self.odometry.push_points(points, &mut self.published);
+        });
         Ok(self.states())
     }
 
     fn push_imu(
         &mut self,
+        py: Python<'_>,
         stamp_ns: i64,
         rate_rad_s: [f64; 3],
         acceleration_m_s2: [f64; 3],
@@ -107,7 +111,8 @@ impl Estimator {
         };
         (sample.header.stamp_ns, sample.header.sequence) = (stamp_ns, self.samples);
         self.samples += 1;
-        self.odometry.push_imu(&sample, &mut self.published);
+        // One sample of a sweep has the estimate to do.
+        py.detach(|| self.odometry.push_imu(&sample, &mut self.published));
         self.states()
     }
 
@@ -152,6 +157,7 @@ impl Estimator {
 #[pyfunction]
 #[pyo3(signature = (first, second, profile=None, sensor=None, robot=None, set=vec![]))]
 pub fn register(
+    py: Python<'_>,
     first: &Scan,
     second: &Scan,
     profile: Option<String>,
@@ -167,8 +173,8 @@ pub fn register(
             "the second scan ends {gap_s:.3} s after the first: from 0 to {gap_max_s} s (odometry.gap_max_s)"
         )));
     }
-    let mut states = estimator.push_scan(first)?;
-    states.extend(estimator.push_scan(second)?);
+    let mut states = estimator.push_scan(py, first)?;
+    states.extend(estimator.push_scan(py, second)?);
     states.extend(estimator.finish());
     let mut states = states.into_iter();
     let (Some(a), Some(b)) = (states.next(), states.next()) else {

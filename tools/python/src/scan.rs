@@ -4,6 +4,7 @@ use crate::configuration::value_error;
 use pyo3::types::PyBytes;
 use pyo3::{Bound, PyResult, Python, pyclass, pymethods};
 use randt_messages::{Beam, MAX_BEAMS, MAX_RETURNS, Message, RadarScan, Return};
+use std::borrow::Cow;
 
 /// One sweep.
 #[pyclass(frozen, module = "randt._randt")]
@@ -28,11 +29,11 @@ impl Scan {
         azimuth_step_rad: f32,
         span_ns: Option<(i64, i64)>,
     ) -> PyResult<Self> {
-        let azimuth_rad: Vec<f32> = bytemuck::pod_collect_to_vec(azimuth_rad);
-        let beam_stamp_ns: Vec<i64> = bytemuck::pod_collect_to_vec(beam_stamp_ns);
-        let range_m: Vec<f32> = bytemuck::pod_collect_to_vec(range_m);
-        let intensity: Vec<f32> = bytemuck::pod_collect_to_vec(intensity);
-        let beam: Vec<u16> = bytemuck::pod_collect_to_vec(beam);
+        let azimuth_rad: Cow<'_, [f32]> = values(azimuth_rad);
+        let beam_stamp_ns: Cow<'_, [i64]> = values(beam_stamp_ns);
+        let range_m: Cow<'_, [f32]> = values(range_m);
+        let intensity: Cow<'_, [f32]> = values(intensity);
+        let beam: Cow<'_, [u16]> = values(beam);
         let (beams, returns) = (azimuth_rad.len(), range_m.len());
         if !(3..=MAX_BEAMS).contains(&beams) || beam_stamp_ns.len() != beams {
             return Err(value_error(format!(
@@ -69,7 +70,7 @@ impl Scan {
             )));
         }
         let mut message = Message::<RadarScan>::default();
-        let items = range_m.iter().zip(&intensity).zip(&beam);
+        let items = range_m.iter().zip(&*intensity).zip(&*beam);
         message.items = items
             .map(|((range_m, intensity), beam)| Return {
                 range_m: *range_m,
@@ -79,7 +80,7 @@ impl Scan {
             })
             .collect();
         let head = &mut *message.head;
-        let table = azimuth_rad.iter().zip(&beam_stamp_ns).enumerate();
+        let table = azimuth_rad.iter().zip(&*beam_stamp_ns).enumerate();
         for ((index, (azimuth_rad, stamp_ns)), entry) in table.zip(head.sweep.beams.iter_mut()) {
             let first = beam.partition_point(|of| usize::from(*of) < index);
             *entry = Beam {
@@ -146,6 +147,14 @@ impl Scan {
         let returns = self.0.items.iter();
         bytes(py, &returns.map(|item| item.beam).collect::<Vec<u16>>())
     }
+}
+
+/// The values in an array's bytes: where they lie, if they are aligned there, as Python's are.
+fn values<T: bytemuck::AnyBitPattern + bytemuck::NoUninit>(bytes: &[u8]) -> Cow<'_, [T]> {
+    bytemuck::try_cast_slice(bytes).map_or_else(
+        |_| Cow::Owned(bytemuck::pod_collect_to_vec(bytes)),
+        Cow::Borrowed,
+    )
 }
 
 /// An array's bytes.
