@@ -1,5 +1,5 @@
-//! Every socket of the pipeline that can be reached from elsewhere stands in docs/security.md, and
-//! there is no other.
+//! Every socket of the pipeline, of links and of bridges that can be reached from elsewhere stands
+//! in docs/security.md, and there is no other.
 
 use crate::support::pipeline::{Pipeline, until};
 use crate::support::stages::program;
@@ -24,12 +24,15 @@ fn sockets(pid: u32) -> BTreeSet<String> {
     numbers.collect()
 }
 
-/// What each process can be reached by from the network: protocol and address as /proc/net has it.
-/// The kernel gives its tables piece by piece: while others open and close sockets a row may be
-/// there twice, or not at all.
-fn ports(pid: u32) -> BTreeSet<(&'static str, String)> {
+/// Protocol and address as /proc/net has it.
+type Port = (&'static str, String);
+
+/// What a process can be reached by from the network, by the numbers of its sockets. The kernel
+/// gives its tables piece by piece: while others open and close sockets a row may be there twice,
+/// or not at all.
+fn ports(pid: u32) -> BTreeMap<String, Port> {
     let own = sockets(pid);
-    let mut found = BTreeSet::new();
+    let mut found = BTreeMap::new();
     for (protocol, state) in [
         ("tcp", LISTENS),
         ("tcp6", LISTENS),
@@ -43,11 +46,33 @@ fn ports(pid: u32) -> BTreeSet<(&'static str, String)> {
         for line in table.lines().skip(1) {
             let fields: Vec<&str> = line.split_whitespace().collect();
             if fields[3] == state && own.contains(fields[9]) {
-                found.insert((protocol, fields[1].to_owned()));
+                found.insert(fields[9].to_owned(), (protocol, fields[1].to_owned()));
             }
         }
     }
     found
+}
+
+/// Numbers of all UDP sockets that are bound to the device of loopback, which /proc/net does not
+/// say: nothing of another network reaches them, whatever their address.
+fn bound_to_loopback() -> BTreeSet<String> {
+    let listed = Command::new("ss")
+        .args(["-H", "-u", "-a", "-n", "-e"])
+        .output();
+    let listed = String::from_utf8(listed.unwrap().stdout).unwrap();
+    let bound = listed.lines().filter(|line| line.contains("%lo:"));
+    let numbers = bound.filter_map(|line| line.split_once(" ino:")?.1.split(' ').next());
+    numbers.map(str::to_owned).collect()
+}
+
+/// A loopback address of the kernel's table, or any one of a socket that is bound to its device.
+fn is_loopback(number: &str, port: &Port, bound: &BTreeSet<String>) -> bool {
+    bound.contains(number) || port.1.starts_with(&loopback())
+}
+
+/// 127.0.0.1 as the kernel writes it: bytes in the machine's order.
+fn loopback() -> String {
+    format!("{:08X}:", u32::from_ne_bytes([127, 0, 0, 1]))
 }
 
 /// Paths of a process's Unix sockets.
@@ -110,10 +135,8 @@ fn only_the_radar_and_the_viewers_have_a_port() {
         command.args(options);
         processes.insert(name, pipeline.start(name, without_inherited(&command)));
     }
-    // Addresses as the kernel writes them: bytes in the machine's order.
     let udp = ("udp", format!("00000000:{:04X}", udp.port()));
-    let loopback = u32::from_ne_bytes([127, 0, 0, 1]);
-    let tcp = ("tcp", format!("{loopback:08X}:{:04X}", tcp.port()));
+    let tcp = ("tcp", format!("{}{:04X}", loopback(), tcp.port()));
     for (name, pid) in &processes {
         let expected = match *name {
             "radar" => BTreeSet::from([udp.clone()]),
@@ -121,7 +144,7 @@ fn only_the_radar_and_the_viewers_have_a_port() {
             _ => BTreeSet::new(),
         };
         until(name, || {
-            let found = ports(*pid);
+            let found: BTreeSet<Port> = ports(*pid).into_values().collect();
             assert!(found.is_subset(&expected), "{name}: {found:?}");
             found == expected
         });
@@ -136,4 +159,46 @@ fn only_the_radar_and_the_viewers_have_a_port() {
             assert!(path.starts_with(&run), "{name}: {path}");
         }
     }
+}
+
+#[test]
+fn links_and_bridges_listen_on_loopback_alone_by_default() {
+    assert_eq!(Config::default().link.address, "127.0.0.1:7447");
+    let free = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = free.local_addr().unwrap();
+    drop(free);
+    let address = format!("link.address={address}");
+    // A base has a pipeline of its own for each robot.
+    let [mut robot, mut base] = ["pr", "pb"].map(Pipeline::new);
+    let start = |pipeline: &mut Pipeline, program_name, name, options: &[&str]| {
+        let mut command = Command::new(program(program_name));
+        pipeline.enter(&mut command);
+        command.args(options);
+        pipeline.start(name, without_inherited(&command))
+    };
+    let at_base = ["--set", "link.role=base", "--set", &address];
+    let at_robot = ["--set", &address];
+    let link_base = start(&mut base, "link", "link-base", &at_base);
+    let link = start(&mut robot, "link", "link", &at_robot);
+    let bridge = start(&mut robot, "ros2", "ros2", &[]);
+    let is_kept = |pid| {
+        let bound = bound_to_loopback();
+        let found = ports(pid);
+        found
+            .iter()
+            .all(|(number, port)| is_loopback(number, port, &bound))
+    };
+    until("the port of the base", || !ports(link_base).is_empty());
+    assert_eq!(ports(link_base).len(), 1);
+    assert!(is_kept(link_base), "{:?}", ports(link_base));
+    // By DDS's rule for the first domain.
+    let discovery = format!(":{:04X}", 7400);
+    until("the bridge's discovery", || {
+        let found = ports(bridge);
+        found
+            .values()
+            .any(|(_, address)| address.ends_with(&discovery))
+    });
+    assert!(is_kept(bridge), "{:?}", ports(bridge));
+    assert_eq!(ports(link), BTreeMap::new());
 }
