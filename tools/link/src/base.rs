@@ -49,7 +49,10 @@ struct Keyframes {
 /// The grid, for readers that come later.
 struct Tiles {
     topic: Option<u8>,
-    tiles: BTreeMap<u64, Vec<u8>>,
+    /// How far the keyframes are.
+    followed: Option<Position>,
+    /// By their key, each with its stamp.
+    tiles: BTreeMap<u64, (i64, Vec<u8>)>,
     to_send: VecDeque<u64>,
     next: Instant,
 }
@@ -90,6 +93,7 @@ impl Base {
             graph_topic,
             tiles: Tiles {
                 topic: index_of(MapperGrid::NAME),
+                followed: None,
                 tiles: BTreeMap::new(),
                 to_send: VecDeque::new(),
                 next: Instant::now(),
@@ -115,7 +119,7 @@ impl Base {
             message.write_bytes(&mut bytes);
             let mut topics = peer.cargo.newest.iter_mut();
             if let Some(topic) = topics.find(|topic| topic.topic == self.graph_topic) {
-                topic.push(0, bytes);
+                topic.push(0, message.header().stamp_ns, bytes);
             }
         }
         match (wanted, &mut self.keyframes) {
@@ -133,6 +137,9 @@ impl End for Base {
             if !keyframes.publish(&received)? {
                 self.broken += 1;
             }
+            if let Some(next) = received.next {
+                self.tiles.follow(next);
+            }
             return Ok(());
         }
         let outputs = self.outputs.iter_mut();
@@ -143,8 +150,10 @@ impl End for Base {
         }
         if self.tiles.topic == Some(received.topic)
             && let Some(key) = received.key
+            && let Some(tile) = Message::<MapperGrid>::from_bytes(&received.message)
         {
-            self.tiles.tiles.insert(key, received.message);
+            let stamp_ns = tile.head.header.stamp_ns;
+            self.tiles.tiles.insert(key, (stamp_ns, received.message));
         }
         Ok(())
     }
@@ -275,6 +284,17 @@ impl Keyframes {
 }
 
 impl Tiles {
+    /// A keyframe came. Where it begins another drive the map so far is void. A drive whose
+    /// numbers go on has lost the link's journal, and has its map.
+    fn follow(&mut self, next: Position) {
+        let before = self.followed.replace(next);
+        let is_other = |it: Position| it.series != next.series && next.id <= it.id;
+        if before.is_some_and(is_other) {
+            let is_new = |_: &u64, (stamp_ns, _): &mut (i64, Vec<u8>)| *stamp_ns >= next.series;
+            self.tiles.retain(is_new);
+        }
+    }
+
     fn turn(&mut self, output: &mut dyn Output) -> Result<(), randt_stage::Error> {
         if output.has_new_reader() {
             self.to_send = self.tiles.keys().copied().collect();
@@ -285,7 +305,7 @@ impl Tiles {
         self.next = Instant::now() + TILES_EVERY;
         for _ in 0..TILES {
             let key = self.to_send.pop_front();
-            if let Some(tile) = key.and_then(|key| self.tiles.get(&key)) {
+            if let Some((_, tile)) = key.and_then(|key| self.tiles.get(&key)) {
                 output.publish(tile)?;
             }
         }

@@ -49,7 +49,7 @@ const NEWEST_COMPRESSION: usize = 4;
 /// Bytes of an entry, roughly.
 pub fn bytes_of(entry: &Entry) -> usize {
     match entry {
-        Entry::Newest { message, .. } => message.len() + 14,
-        Entry::Piece { bytes, .. } => bytes.len() + 38,
+        Entry::Newest(newest) => newest.message.len() + 14,
+        Entry::Piece(piece) => piece.bytes.len() + 38,
     }
 }

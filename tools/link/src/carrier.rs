@@ -16,6 +16,9 @@ use zenoh::{Config, Session, Wait};
 
 /// Frames and remarks that wait for the loop at most; it takes them at once.
 const WAITING: usize = 1024;
+/// A message that is put together of several may have this many bytes: a frame is smaller. Zenoh
+/// takes a gigabyte if nothing is said, also of one who has a key and no right.
+const MESSAGE_MAX: usize = 1 << 21;
 /// Remarks that are kept between two turns of the loop.
 const REMARKS: usize = 16;
 
@@ -146,7 +149,7 @@ fn configuration(settings: &Settings) -> String {
                 retry: {{ period_init_ms: 500, period_max_ms: 2000, period_increase_factor: 2 }} }},
             scouting: {{ multicast: {{ enabled: false }}, gossip: {{ enabled: false }} }},
             adminspace: {{ enabled: false }},
-            transport: {{ link: {{ "#
+            transport: {{ link: {{ rx: {{ max_message_size: {MESSAGE_MAX} }}, "#
     );
     if let Some(keys) = &settings.keys {
         let file = |name: &str| keys.join(name).display().to_string();

@@ -20,25 +20,31 @@ pub struct Position {
     pub offset: u32,
 }
 
+/// The newest message under a key of a topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NewestMessage {
+    pub topic: u8,
+    pub key: u64,
+    pub message: Vec<u8>,
+}
+
+/// A part of a message of a stream.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Piece {
+    pub topic: u8,
+    pub at: Position,
+    /// There is no message from this number up to it: who wants one of them goes on with it.
+    pub after: u64,
+    /// Bytes of the whole message.
+    pub total: u32,
+    pub bytes: Vec<u8>,
+}
+
 /// One thing that a frame carries.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Entry {
-    /// The newest message under a key of a topic.
-    Newest {
-        topic: u8,
-        key: u64,
-        message: Vec<u8>,
-    },
-    /// A part of a message of a stream.
-    Piece {
-        topic: u8,
-        at: Position,
-        /// There is no message from this number up to it: who wants one of them goes on with it.
-        after: u64,
-        /// Bytes of the whole message.
-        total: u32,
-        bytes: Vec<u8>,
-    },
+    Newest(NewestMessage),
+    Piece(Piece),
 }
 
 /// A frame: who sends it and to whom, what has come from there, and what it carries. Everything
@@ -208,31 +214,24 @@ fn put_position(position: &Position, out: &mut Vec<u8>) {
 
 fn put_entry(entry: &Entry, out: &mut Vec<u8>) {
     match entry {
-        Entry::Newest {
-            topic,
-            key,
-            message,
-        } => {
-            out.extend([0, *topic]);
-            out.extend(key.to_le_bytes());
-            out.extend((message.len() as u32).to_le_bytes());
-            out.extend(message);
+        Entry::Newest(newest) => {
+            out.extend([0, newest.topic]);
+            out.extend(newest.key.to_le_bytes());
+            put_bytes(&newest.message, out);
         }
-        Entry::Piece {
-            topic,
-            at,
-            after,
-            total,
-            bytes,
-        } => {
-            out.extend([1, *topic]);
-            put_position(at, out);
-            out.extend(after.to_le_bytes());
-            out.extend(total.to_le_bytes());
-            out.extend((bytes.len() as u32).to_le_bytes());
-            out.extend(bytes);
+        Entry::Piece(piece) => {
+            out.extend([1, piece.topic]);
+            put_position(&piece.at, out);
+            out.extend(piece.after.to_le_bytes());
+            out.extend(piece.total.to_le_bytes());
+            put_bytes(&piece.bytes, out);
         }
     }
+}
+
+fn put_bytes(bytes: &[u8], out: &mut Vec<u8>) {
+    out.extend((bytes.len() as u32).to_le_bytes());
+    out.extend(bytes);
 }
 
 /// Bytes that are left to be read.
@@ -289,18 +288,18 @@ impl Rest<'_> {
     fn entry(&mut self) -> Result<Entry, Error> {
         let (kind, topic) = (self.byte()?, self.byte()?);
         match kind {
-            0 => Ok(Entry::Newest {
+            0 => Ok(Entry::Newest(NewestMessage {
                 topic,
                 key: self.number()?,
                 message: self.bytes()?,
-            }),
-            1 => Ok(Entry::Piece {
+            })),
+            1 => Ok(Entry::Piece(Piece {
                 topic,
                 at: self.position()?,
                 after: self.number()?,
                 total: self.length()?,
                 bytes: self.bytes()?,
-            }),
+            })),
             _ => Err(Error::NoFrame),
         }
     }
@@ -324,18 +323,18 @@ mod tests {
             sent_ns: -1,
             wanted: vec![(5, at)],
             entries: vec![
-                Entry::Newest {
+                Entry::Newest(NewestMessage {
                     topic: 4,
                     key: 2,
                     message: vec![3; 300],
-                },
-                Entry::Piece {
+                }),
+                Entry::Piece(Piece {
                     topic: 5,
                     at,
                     after: 7,
                     total: 4,
                     bytes: vec![1, 2],
-                },
+                }),
             ],
             ..Frame::default()
         }

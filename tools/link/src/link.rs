@@ -77,14 +77,14 @@ impl Outward {
     fn turn(&mut self, peer: &mut Peer) -> Result<(), randt_stage::Error> {
         for input in &mut self.inputs {
             let topic = input.topic();
-            while let Some((key, message)) = input.receive()? {
+            while let Some(read) = input.receive()? {
                 if let Some((_, source)) = self.every.iter().find(|(of, _)| *of == topic) {
-                    source.borrow_mut().push(message);
+                    source.borrow_mut().push(read.bytes);
                     continue;
                 }
                 let mut topics = peer.cargo.newest.iter_mut();
                 if let Some(newest) = topics.find(|newest| newest.topic == topic) {
-                    newest.push(key, message);
+                    newest.push(read.key, read.stamp_ns, read.bytes);
                 }
             }
         }
@@ -148,7 +148,7 @@ pub fn run(
                             end.deliver(received, &mut peer)?;
                         }
                     }
-                    Err(refusal) => status.set_refusal(&refusal),
+                    Err(refusal) => status.set_refusal(&refusal, clock.now_ns()),
                 }
             }
         }

@@ -2,7 +2,7 @@
 //! way.
 
 use crate::bucket::Bucket;
-use crate::frame::Entry;
+use crate::frame::{Entry, NewestMessage};
 use std::collections::{BTreeMap, VecDeque};
 
 /// A message that may be on its way, by its topic, key and version.
@@ -17,6 +17,7 @@ pub struct Sent {
 #[derive(Debug)]
 struct KeptMessage {
     message: Vec<u8>,
+    stamp_ns: i64,
     /// Rises with each message.
     version: u64,
     is_queued: bool,
@@ -50,14 +51,16 @@ impl NewestTopic {
     }
 
     /// Takes a message.
-    pub fn push(&mut self, key: u64, message: Vec<u8>) {
+    pub fn push(&mut self, key: u64, stamp_ns: i64, message: Vec<u8>) {
         let newest = self.kept.entry(key).or_insert_with(|| KeptMessage {
             message: Vec::new(),
+            stamp_ns: 0,
             version: 0,
             is_queued: false,
         });
         newest.version += 1;
         newest.message = message;
+        newest.stamp_ns = stamp_ns;
         if newest.is_queued {
             self.replaced += 1;
         } else {
@@ -81,12 +84,12 @@ impl NewestTopic {
             key,
             version: newest.version,
         };
-        let entry = Entry::Newest {
+        let newest = NewestMessage {
             topic: self.topic,
             key,
             message: newest.message.clone(),
         };
-        Some((sent, entry))
+        Some((sent, Entry::Newest(newest)))
     }
 
     /// That did not arrive: it goes again, unless a newer one has gone or waits.
@@ -98,6 +101,12 @@ impl NewestTopic {
             newest.is_queued = true;
             self.queue.push_front(sent.key);
         }
+    }
+
+    /// What is older is void.
+    pub fn forget_before(&mut self, stamp_ns: i64) {
+        self.kept.retain(|_, newest| newest.stamp_ns >= stamp_ns);
+        self.queue.retain(|key| self.kept.contains_key(key));
     }
 
     /// The other end has nothing: all goes again.
@@ -118,24 +127,24 @@ mod tests {
     fn message(topic: &mut NewestTopic) -> Option<(Sent, u8)> {
         let (sent, entry) = topic.take()?;
         match entry {
-            Entry::Newest { message, .. } => Some((sent, message[0])),
-            Entry::Piece { .. } => None,
+            Entry::Newest(newest) => Some((sent, newest.message[0])),
+            Entry::Piece(_) => None,
         }
     }
 
     #[test]
     fn only_the_newest_goes_and_what_was_lost_goes_again_unless_it_is_old() {
         let mut topic = NewestTopic::new(1, false, 0.0);
-        topic.push(7, vec![1]);
-        topic.push(8, vec![2]);
-        topic.push(7, vec![3]);
+        topic.push(7, 1, vec![1]);
+        topic.push(8, 2, vec![2]);
+        topic.push(7, 3, vec![3]);
         assert_eq!(topic.replaced, 1);
         let (first, value) = message(&mut topic).unwrap();
         assert_eq!(value, 3);
         topic.lost(&first);
         let (again, value) = message(&mut topic).unwrap();
         assert_eq!((again, value), (first, 3), "before what waits");
-        topic.push(7, vec![4]);
+        topic.push(7, 4, vec![4]);
         topic.lost(&again);
         let values: Vec<u8> = std::iter::from_fn(|| message(&mut topic))
             .map(|(_, value)| value)
@@ -144,5 +153,11 @@ mod tests {
         assert!(!topic.is_waiting());
         topic.queue_all();
         assert_eq!(topic.queue.len(), 2);
+        // Another drive has begun: what is of the one before does not go any more.
+        topic.forget_before(3);
+        let values: Vec<u8> = std::iter::from_fn(|| message(&mut topic))
+            .map(|(_, value)| value)
+            .collect();
+        assert_eq!(values, [4]);
     }
 }

@@ -35,6 +35,8 @@ const URGENT: f64 = 1_000.0;
 const ANSWER_NS: i64 = 50_000_000;
 /// Without anything else a frame goes this often: each end sees that the other one is there.
 const BEAT_NS: i64 = 1_000_000_000;
+/// Frames of a process that was replaced may still be under way for this time.
+const REPLACED_NS: i64 = 5_000_000_000;
 /// Silence of the other end after which what is under way counts no more as filling the link.
 const SILENT_S: f64 = 3.0;
 
@@ -60,6 +62,9 @@ pub enum Refusal {
     /// It came before, or was meant for another process.
     #[error("a frame that was sent before, or for another process: a replayed stream")]
     Replayed,
+    /// It is of a process that another one has replaced.
+    #[error("another one has this name too, or a stream is replayed: the last one to come stays")]
+    Former,
 }
 
 /// One end: who is there, what is carried, how much may go, and what is known of its arrival. Its
@@ -80,6 +85,8 @@ pub struct Peer {
     pace_ns: i64,
     sent_ns: i64,
     heard_ns: Option<i64>,
+    /// When the process at the other end was heard first, ns.
+    since_ns: i64,
     /// Bytes with their overhead, both ways.
     pub bytes_sent: u64,
     pub bytes_received: u64,
@@ -105,6 +112,7 @@ impl Peer {
             pace_ns: i64::MIN,
             sent_ns: i64::MIN,
             heard_ns: None,
+            since_ns: i64::MIN,
             bytes_sent: 0,
             bytes_received: 0,
             refused: 0,
@@ -126,6 +134,13 @@ impl Peer {
             Admission::Refused => {
                 self.refused += 1;
                 return Err(Refusal::Replayed);
+            }
+            Admission::Former => {
+                if now_ns.saturating_sub(self.since_ns) < REPLACED_NS {
+                    return Ok(Vec::new());
+                }
+                self.refused += 1;
+                return Err(Refusal::Former);
             }
             Admission::Asked => {
                 self.answer_ns = Some(now_ns);
@@ -165,28 +180,18 @@ impl Peer {
 
     fn take(&mut self, entry: Entry) -> Option<Received> {
         match entry {
-            Entry::Newest {
-                topic,
-                key,
-                message,
-            } => Some(Received {
-                topic,
-                key: Some(key),
+            Entry::Newest(newest) => Some(Received {
+                topic: newest.topic,
+                key: Some(newest.key),
                 next: None,
-                message,
+                message: newest.message,
             }),
-            Entry::Piece {
-                topic,
-                at,
-                after,
-                total,
-                bytes,
-            } => {
+            Entry::Piece(piece) => {
                 let mut streams = self.cargo.incoming.iter_mut();
-                let stream = streams.find(|stream| stream.topic == topic)?;
-                let message = stream.take(at, after, total, &bytes)?;
+                let stream = streams.find(|stream| stream.topic == piece.topic)?;
+                let message = stream.take(&piece)?;
                 Some(Received {
-                    topic,
+                    topic: piece.topic,
                     key: None,
                     next: Some(stream.wanted()),
                     message,
@@ -202,6 +207,7 @@ impl Peer {
         self.clock_offset.clear();
         self.echo = None;
         self.mark_back = None;
+        self.since_ns = now_ns;
         self.answer_ns = Some(now_ns);
         self.cargo
             .newest
@@ -366,3 +372,6 @@ impl Peer {
         Duration::from_nanos(next_ns.saturating_sub(now_ns).max(0).unsigned_abs())
     }
 }
+
+#[cfg(test)]
+mod tests;

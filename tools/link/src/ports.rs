@@ -3,8 +3,8 @@
 
 use crate::frame::fnv;
 use randt_messages::{
-    BUS_TOPICS, Correction, GraphHead, Message, MessageRef, StageHealth, TileHead, Topic,
-    TopicVisitor, visit_bus_topics,
+    BUS_TOPICS, GraphHead, MapperGraph, MapperGrid, Message, MessageRef, StageHealth, TileHead,
+    Topic, TopicVisitor, visit_bus_topics,
 };
 use randt_stage::{Error, Publisher, Stage, Subscriber, Waitable};
 
@@ -14,11 +14,25 @@ pub fn index_of(name: &str) -> Option<u8> {
     found.map(|index| index as u8)
 }
 
+/// Whether a topic is a map's, which another drive's map replaces as a whole.
+pub fn is_of_map(topic: u8) -> bool {
+    let names = [MapperGraph::NAME, MapperGrid::NAME];
+    names.iter().any(|name| index_of(name) == Some(topic))
+}
+
+/// A message that was read.
+pub struct Read {
+    /// Of each key the newest counts.
+    pub key: u64,
+    pub stamp_ns: i64,
+    pub bytes: Vec<u8>,
+}
+
 /// A topic that is read.
 pub trait Input {
     fn topic(&self) -> u8;
-    /// The next message as bytes, with its key: of each key the newest counts.
-    fn receive(&mut self) -> Result<Option<(u64, Vec<u8>)>, Error>;
+    /// The next message.
+    fn receive(&mut self) -> Result<Option<Read>, Error>;
     fn waitable(&self) -> &dyn Waitable;
     /// Messages that it missed.
     fn missed(&self) -> u64;
@@ -40,14 +54,18 @@ impl<T: Topic> Input for TopicInput<T> {
         self.0
     }
 
-    fn receive(&mut self) -> Result<Option<(u64, Vec<u8>)>, Error> {
+    fn receive(&mut self) -> Result<Option<Read>, Error> {
         let Some(received) = self.1.receive()? else {
             return Ok(None);
         };
         let message = received.message();
         let mut bytes = Vec::new();
         message.write_bytes(&mut bytes);
-        Ok(Some((key(message), bytes)))
+        Ok(Some(Read {
+            key: key(message),
+            stamp_ns: message.header().stamp_ns,
+            bytes,
+        }))
     }
 
     fn waitable(&self) -> &dyn Waitable {
@@ -79,8 +97,7 @@ impl<T: Topic> Output for TopicOutput<T> {
     }
 }
 
-/// Under which key a message is the newest: a stage, a tile, a frame of odometry; else the topic
-/// has one key.
+/// Under which key a message is the newest: a stage, a tile, a page; else the topic has one key.
 fn key<T: Topic>(message: MessageRef<'_, T>) -> u64 {
     let head: &dyn std::any::Any = message.head;
     if let Some(health) = head.downcast_ref::<StageHealth>() {
@@ -88,9 +105,6 @@ fn key<T: Topic>(message: MessageRef<'_, T>) -> u64 {
     }
     if let Some(tile) = head.downcast_ref::<TileHead>() {
         return u64::from(tile.column as u32) << 32 | u64::from(tile.row as u32);
-    }
-    if let Some(correction) = head.downcast_ref::<Correction>() {
-        return correction.odom_frame_id;
     }
     if let Some(graph) = head.downcast_ref::<GraphHead>() {
         // Where the mapper is comes twice a second, without entries; the graph in pages.

@@ -4,9 +4,9 @@ use crate::cargo::Cargo;
 use crate::journal::Journal;
 use crate::link::{End, is_keyframes};
 use crate::peer::{Peer, Received};
-use crate::ports::{Output, index_of, open_outputs};
+use crate::ports::{Output, index_of, is_of_map, open_outputs};
 use crate::settings::{Carried, Settings};
-use crate::stream::OutStream;
+use crate::stream::{OutStream, Source};
 use randt_config::Config;
 use randt_messages::{Keyframe, MapperGraph, Message, Topic};
 use randt_stage::{KeyframeRing, Publisher, Stage, Subscriber, Waitable};
@@ -16,6 +16,10 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+/// Most of a journal in the run folder, which is memory, bytes: an hour's keyframes.
+const MEMORY_MAX: u64 = 64_000_000;
+/// A journal that took none, as on a full disk, is tried again this often.
+const AGAIN: Duration = Duration::from_secs(1);
 /// What odometry has to know of the mapper is repeated this often, as the mapper does.
 const BEAT: Duration = Duration::from_millis(500);
 
@@ -31,8 +35,9 @@ struct Keyframes {
     subscriber: Subscriber<Keyframe>,
     journal: Rc<RefCell<Journal>>,
     ring: PathBuf,
-    /// Why the journal did not take the last one.
+    /// Why the journal did not take the last one, and when that is tried again.
     trouble: String,
+    again: Instant,
     /// Keyframes that neither came nor were in the ring.
     lost: u64,
 }
@@ -97,9 +102,18 @@ impl End for Robot {
         Ok(())
     }
 
-    fn turn(&mut self, _: &mut Peer) -> Result<(), Box<dyn Error>> {
+    fn turn(&mut self, peer: &mut Peer) -> Result<(), Box<dyn Error>> {
         if let Some(keyframes) = &mut self.keyframes {
+            let series = keyframes.journal.borrow().series();
             keyframes.turn()?;
+            let begun = keyframes.journal.borrow().series();
+            if series != 0 && begun != series {
+                // Another drive: the map so far is void, and would go to a base that comes later.
+                let topics = peer.cargo.newest.iter_mut();
+                topics
+                    .filter(|it| is_of_map(it.topic))
+                    .for_each(|it| it.forget_before(begun));
+            }
         }
         if let (Some(mapper), Some(keyframes)) = (&mut self.mapper, &self.keyframes) {
             mapper.turn(&keyframes.journal.borrow())?;
@@ -123,7 +137,10 @@ impl End for Robot {
 
     fn problem(&self, _: &Peer) -> (String, u64) {
         let keyframes = self.keyframes.as_ref();
-        keyframes.map_or((String::new(), 0), |it| (it.trouble.clone(), it.lost))
+        keyframes.map_or((String::new(), 0), |it| {
+            let gone = it.journal.borrow().lost;
+            (it.trouble.clone(), it.lost + gone)
+        })
     }
 
     fn take_news(&mut self) -> Vec<String> {
@@ -137,12 +154,14 @@ impl Keyframes {
     fn open(
         stage: &mut Stage,
         config: &Config,
-        journal: &Path,
+        path: &Path,
         carried: &Carried,
         cargo: &mut Cargo,
     ) -> Result<Self, Box<dyn Error>> {
         let subscriber = stage.subscriber()?;
-        let journal = Rc::new(RefCell::new(Journal::open(journal, config)?));
+        let bytes_max = bytes_max(config, path.starts_with(stage.domain().state()));
+        let journal = Journal::open(path, config, bytes_max)?;
+        let journal = Rc::new(RefCell::new(journal));
         let source = journal.clone();
         cargo
             .streams
@@ -152,6 +171,7 @@ impl Keyframes {
             journal,
             ring: stage.domain().state().join(KeyframeRing::FILE),
             trouble: String::new(),
+            again: Instant::now(),
             lost: 0,
         };
         // What came while no link was here, and whether the journal is this drive's.
@@ -163,14 +183,25 @@ impl Keyframes {
     fn turn(&mut self) -> Result<(), randt_stage::Error> {
         while let Some(received) = self.subscriber.receive()? {
             let keyframe = received.message();
+            let id = keyframe.head.id;
             let next = self.journal.borrow().next();
-            if keyframe.head.id > next {
-                self.take_from_ring(next, keyframe.head.id);
-                let next = self.journal.borrow().next();
-                self.lost += keyframe.head.id.saturating_sub(next);
+            if id > next {
+                self.take_from_ring(next, id);
             }
+            let next = self.journal.borrow().next();
             let pushed = self.journal.borrow_mut().push(keyframe);
+            if pushed.is_ok() {
+                // Those before it are neither here nor in the ring. As long as the disk takes
+                // none, all may still come.
+                self.lost += id.saturating_sub(next);
+            }
             self.set_trouble(pushed);
+        }
+        if !self.trouble.is_empty() && Instant::now() >= self.again {
+            // Also of a robot that stands: no keyframe follows that would bring the others.
+            self.again = Instant::now() + AGAIN;
+            let next = self.journal.borrow().next();
+            self.take_from_ring(next, u64::MAX);
         }
         Ok(())
     }
@@ -180,6 +211,9 @@ impl Keyframes {
         for keyframe in KeyframeRing::read(&self.ring, from, to) {
             let pushed = self.journal.borrow_mut().push(keyframe.as_ref());
             self.set_trouble(pushed);
+            if !self.trouble.is_empty() {
+                return;
+            }
         }
     }
 
@@ -188,6 +222,15 @@ impl Keyframes {
             Ok(()) => String::new(),
             Err(why) => format!("the link's journal: {why:#}"),
         };
+    }
+}
+
+/// Most of the journal, bytes.
+fn bytes_max(config: &Config, is_in_memory: bool) -> u64 {
+    let bytes = (config.link.journal_max_mb * 1e6) as u64;
+    match is_in_memory {
+        true => bytes.min(MEMORY_MAX),
+        false => bytes,
     }
 }
 

@@ -2,10 +2,13 @@
 //! asked it for, so that a stream which somebody has recorded is refused.
 
 use crate::frame::Frame;
+use std::collections::VecDeque;
 use std::hash::{BuildHasher, Hasher, RandomState};
 
 /// Frames up to the highest that are distinguished.
 const BITS: u64 = 64;
+/// Processes that were replaced, of which the numbers are kept: more than robots of one name.
+const FORMER: usize = 16;
 
 /// What was asked of a process at the other end.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +28,9 @@ pub enum Admission {
     Asked,
     /// It was sent before, or for another process: refused.
     Refused,
+    /// Its sender was replaced by another process: refused. A process that was started again does
+    /// not come back, so two have one name.
+    Former,
 }
 
 /// The session of one end.
@@ -37,6 +43,8 @@ pub struct Session {
     peer: Option<Asked>,
     /// Who has yet to.
     pending: Option<Asked>,
+    /// Sessions that were the peer's before.
+    former: VecDeque<u64>,
     /// Highest number of the peer's frames, and which up to it have come.
     pub highest: u64,
     pub arrived: u64,
@@ -50,6 +58,7 @@ impl Session {
             proof: 0,
             peer: None,
             pending: None,
+            former: VecDeque::new(),
             highest: 0,
             arrived: 0,
         }
@@ -81,6 +90,9 @@ impl Session {
         if frame.session == self.own {
             return Admission::Refused;
         }
+        if self.former.contains(&frame.session) {
+            return Admission::Former;
+        }
         let is = |asked: &Asked| {
             asked.session == frame.session && asked.challenge == frame.proof && frame.proof != 0
         };
@@ -92,7 +104,11 @@ impl Session {
             return Admission::Taken;
         }
         if self.pending.as_ref().is_some_and(is) {
-            self.peer = self.pending.take();
+            let replaced = std::mem::replace(&mut self.peer, self.pending.take());
+            self.former.extend(replaced.map(|peer| peer.session));
+            if self.former.len() > FORMER {
+                self.former.pop_front();
+            }
             (self.highest, self.arrived) = (0, 0);
             self.number(frame.number);
             self.learn(frame);
@@ -194,6 +210,22 @@ mod tests {
         assert!(!recorded.iter().any(|frame| taken(next.admit(frame))));
         open(&mut robot, &mut next);
         assert!(!recorded.iter().any(|frame| taken(next.admit(frame))));
+    }
+
+    #[test]
+    fn of_two_robots_with_one_name_the_last_one_stays_and_the_other_one_is_refused() {
+        let (mut first, mut base) = (Session::new(), Session::new());
+        open(&mut first, &mut base);
+        let mut second = Session::new();
+        open(&mut second, &mut base);
+        for number in 8..40 {
+            // Each hears what the base sends to either.
+            let sent = frame(&base, number);
+            assert_eq!(first.admit(&sent), Admission::Refused);
+            assert_eq!(second.admit(&sent), Admission::Taken);
+            assert_eq!(base.admit(&frame(&first, number)), Admission::Former);
+            assert_eq!(base.admit(&frame(&second, number)), Admission::Taken);
+        }
     }
 
     #[test]

@@ -6,6 +6,8 @@ use std::collections::BTreeSet;
 
 /// Silence after which the other end is named as away, s.
 const AWAY_S: f64 = 3.0;
+/// How long ago another one of the peer's name was heard at most for it to be there still, s.
+const TWIN_S: f64 = 10.0;
 /// Different remarks that are logged; a stranger can make any number.
 const LOGGED_MAX: usize = 64;
 
@@ -17,6 +19,8 @@ pub struct Status {
     fault: String,
     /// Who was refused last, and why.
     refused: String,
+    /// When another one of the peer's name was heard, ns.
+    twin_ns: Option<i64>,
     logged: BTreeSet<String>,
     news: Vec<String>,
     begun_ns: Option<i64>,
@@ -34,6 +38,7 @@ impl Status {
             is_refused: settings.is_refused(),
             fault: String::new(),
             refused: String::new(),
+            twin_ns: None,
             logged: BTreeSet::new(),
             news: Vec::new(),
             begun_ns: None,
@@ -53,7 +58,10 @@ impl Status {
     }
 
     /// A frame was refused.
-    pub fn set_refusal(&mut self, refusal: &Refusal) {
+    pub fn set_refusal(&mut self, refusal: &Refusal, now_ns: i64) {
+        if *refusal == Refusal::Former {
+            self.twin_ns = Some(now_ns);
+        }
         self.refuse(&refusal.to_string());
     }
 
@@ -105,6 +113,10 @@ impl Status {
                 text => format!("{text}; "),
             };
             return format!("{refused}no word from {} {since}", self.other());
+        }
+        let is_near = |twin_ns: i64| (now_ns.saturating_sub(twin_ns) as f64) < TWIN_S * 1e9;
+        if self.twin_ns.is_some_and(is_near) {
+            return format!("refused: {}", Refusal::Former);
         }
         of_end.to_owned()
     }

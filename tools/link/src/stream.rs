@@ -1,7 +1,7 @@
 //! Topics of which every message is sent, in order: each end knows how far the other one is.
 
 use crate::bucket::Bucket;
-use crate::frame::{Entry, Position};
+use crate::frame::{Entry, Piece, Position};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::rc::Rc;
@@ -144,9 +144,16 @@ impl OutStream {
                 ..Position::default()
             };
         }
-        let id = source.first_from(self.cursor.id)?;
-        let is_there = |message: &Waiting| (message.series, message.id) == (series, id);
-        if !self.message.as_ref().is_some_and(is_there) {
+        let is_at = |id| move |it: &Waiting| (it.series, it.id) == (series, id);
+        // What was begun is ended, also where the source has dropped it meanwhile: else a source
+        // that gets more than goes would lose each message on its way.
+        let is_begun =
+            self.cursor.offset > 0 && self.message.as_ref().is_some_and(is_at(self.cursor.id));
+        let id = match is_begun {
+            true => self.cursor.id,
+            false => source.first_from(self.cursor.id)?,
+        };
+        if !self.message.as_ref().is_some_and(is_at(id)) {
             self.message = Some(Waiting {
                 series,
                 id,
@@ -171,13 +178,13 @@ impl OutStream {
         if self.cursor.offset as usize >= message.len() {
             (self.cursor.id, self.cursor.offset) = (self.cursor.id + 1, 0);
         }
-        Some(Entry::Piece {
+        Some(Entry::Piece(Piece {
             topic: self.topic,
             at,
             after,
             total: message.len() as u32,
             bytes,
-        })
+        }))
     }
 
     /// What the other end wants next. `number`: the last frame that was sent.
@@ -248,8 +255,8 @@ impl InStream {
     }
 
     /// Takes a part where it is the one that is wanted; gives the message, once it is whole.
-    /// `after`: as in [`Entry::Piece`].
-    pub fn take(&mut self, at: Position, after: u64, total: u32, bytes: &[u8]) -> Option<Vec<u8>> {
+    pub fn take(&mut self, piece: &Piece) -> Option<Vec<u8>> {
+        let (at, after) = (piece.at, piece.after);
         let is_other = at.series != self.wanted.series;
         if is_other && (at.offset != 0 || after != 0) {
             return None;
@@ -273,13 +280,13 @@ impl InStream {
             // The sender began it again.
             self.restart();
         }
-        if at != self.wanted || total > MESSAGE_MAX {
+        if at != self.wanted || piece.total > MESSAGE_MAX {
             return None;
         }
         self.has_begun = true;
-        self.bytes.extend_from_slice(bytes);
-        self.wanted.offset += bytes.len() as u32;
-        if self.wanted.offset < total {
+        self.bytes.extend_from_slice(&piece.bytes);
+        self.wanted.offset += piece.bytes.len() as u32;
+        if self.wanted.offset < piece.total {
             return None;
         }
         self.wanted.id += 1;
@@ -305,17 +312,22 @@ mod tests {
     }
 
     fn carry(out: &mut OutStream, into: &mut InStream) -> Option<Vec<u8>> {
-        let Some(Entry::Piece {
-            at,
+        match out.take(4) {
+            Some(Entry::Piece(piece)) => into.take(&piece),
+            _ => None,
+        }
+    }
+
+    /// A whole message of one byte.
+    fn whole(series: i64, id: u64, after: u64) -> Piece {
+        let offset = 0;
+        Piece {
+            topic: 1,
+            at: Position { series, id, offset },
             after,
-            total,
-            bytes,
-            ..
-        }) = out.take(4)
-        else {
-            return None;
-        };
-        into.take(at, after, total, &bytes)
+            total: 1,
+            bytes: vec![7],
+        }
     }
 
     #[test]
@@ -355,28 +367,11 @@ mod tests {
         }
         source.borrow_mut().forget_before(4);
         // One that runs ahead of what is missing is not taken.
-        assert_eq!(
-            into.take(
-                Position {
-                    series: 3,
-                    id: 5,
-                    offset: 0
-                },
-                5,
-                1,
-                &[5]
-            ),
-            None
-        );
+        assert_eq!(into.take(&whole(3, 5, 5)), None);
         assert_eq!(carry(&mut out, &mut into), Some(vec![4]));
         assert_eq!((carry(&mut out, &mut into), into.lost), (Some(vec![5]), 3));
-        let other = Position {
-            series: 9,
-            id: 2,
-            offset: 0,
-        };
-        assert_eq!(into.take(other, 2, 1, &[7]), None, "not its front");
-        assert_eq!(into.take(other, 0, 1, &[7]), Some(vec![7]));
+        assert_eq!(into.take(&whole(9, 2, 2)), None, "not its front");
+        assert_eq!(into.take(&whole(9, 2, 0)), Some(vec![7]));
         assert_eq!(into.lost, 3);
     }
 }

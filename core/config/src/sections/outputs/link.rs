@@ -53,5 +53,11 @@ section! {
         /// Most of single topics, such as "mapper/grid/v1=4000 odometry/keyframe/v1=30000", bytes
         /// a second.
         pub topic_rates: String = String::new(),
+        /// Most of the robot's journal of keyframes in all its files, MB of 10^6 bytes; its oldest
+        /// eighth goes when there is more. 12 kB a keyframe, 55 MB an hour in a building: half of
+        /// what record.free_min_gb leaves on the disk. In the run folder, which is memory, 64 at
+        /// most.
+        pub journal_max_mb: f64 = 1000.0
+            => within(1.0, 1e6, "some keyframes a file; a terabyte"),
     }
 }
