@@ -1,18 +1,21 @@
 //! `randt-link` between two pipelines: a robot's topics on a base's bus, a mapper at the base, keys
 //! that are refused, and a bad radio between two network namespaces.
 
+mod at_base;
 mod ends;
 mod heard;
 mod long;
 mod over_radio;
 
 use crate::support::pipeline::log;
+use crate::support::stages::program;
 use ends::{Base, Ends, Robot, keys};
 use heard::{Heard, check_map, listen_until};
 use over_radio::{OverRadio, listen_for};
 use randt_messages::health::text_of;
 use rustix::process::Signal;
 use std::path::Path;
+use std::process::Command;
 use std::time::Duration;
 
 #[test]
@@ -69,8 +72,7 @@ fn a_mapper_at_the_base_makes_the_robots_map_whatever_is_killed_meanwhile() {
     let folder = ends.folder.path().to_owned();
     let input = log(&folder, 110);
     ends.link(Robot);
-    ends.robot.stage("odometry");
-    ends.robot.stage("filter");
+    let [odometry, filter] = ["odometry", "filter"].map(|name| ends.robot.stage(name));
     ends.link(Base);
     let journal = folder.join("base.journal");
     let mut mapper = ends.base.mapper(&journal);
@@ -90,9 +92,13 @@ fn a_mapper_at_the_base_makes_the_robots_map_whatever_is_killed_meanwhile() {
             }
             1 => {
                 ends.kill_link(Robot);
+                ends.robot.end(odometry, Signal::KILL);
+                ends.robot.stage("odometry");
                 ends.link(Robot);
             }
             _ => {
+                ends.robot.end(filter, Signal::KILL);
+                ends.robot.stage("filter");
                 ends.base.end(mapper, Signal::KILL);
                 mapper = ends.base.mapper(&journal);
             }
@@ -180,6 +186,59 @@ fn a_wrong_an_expired_and_a_refused_key_get_nothing_and_are_named() {
         ends.kill_link(Robot);
         ends.kill_link(Base);
     }
+}
+
+#[test]
+fn a_full_disk_on_the_robot_is_named_and_costs_no_keyframe() {
+    let mut ends = Ends::new("");
+    let folder = ends.folder.path().to_owned();
+    let small = folder.join("small");
+    std::fs::create_dir(&small).unwrap();
+    ends.journal = small.join("link.journal");
+    // A disk of the link's own, with room for some keyframes.
+    let script = "mount -t tmpfs -o size=1m tmpfs \"$0\" && head -c 900k /dev/zero > \"$0/other\" && exec \"$@\"";
+    let mut command = Command::new("unshare");
+    command.args(["-m", "sh", "-c", script]).arg(&small);
+    if !Command::new("unshare")
+        .args(["-m", "true"])
+        .status()
+        .is_ok_and(|it| it.success())
+    {
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "CI may make its own mounts"
+        );
+        println!("not run: this user may not make its own mounts");
+        return;
+    }
+    command.arg(program("link"));
+    let input = log(&folder, 150);
+    for name in ["odometry", "filter"] {
+        ends.robot.stage(name);
+    }
+    ends.link(Base);
+    ends.link_by(Robot, command);
+    let mut both = [Heard::enter(&ends.robot), Heard::enter(&ends.base)];
+    ends.robot.play(&input, &["--stay", "--rate", "3"]);
+    let link = |both: &[Heard; 2]| both[0].stages.get("link").copied();
+    let mut there = 0;
+    listen_until("the disk is full", &mut both, |both| {
+        there = both[0].keyframe.len();
+        link(both).is_some_and(|it| text_of(&it.message).contains("No space left"))
+    });
+    listen_until("keyframes meanwhile", &mut both, |both| {
+        both[0].keyframe.len() >= there + 5
+    });
+    assert!(both[1].keyframe.len() < both[0].keyframe.len());
+    let pid = ends.links[Robot as usize].unwrap();
+    let other = small.join("other");
+    std::fs::remove_file(format!("/proc/{pid}/root{}", other.display())).unwrap();
+    listen_until("all keyframes", &mut both, |both| {
+        both[1].keyframe.len() == both[0].keyframe.len()
+            && link(both).is_some_and(|it| text_of(&it.message).contains("kB/s there"))
+    });
+    assert_eq!(both[1].keyframe, both[0].keyframe);
+    assert_eq!(link(&both).map(|it| it.lost), Some(0));
 }
 
 #[test]

@@ -13,6 +13,8 @@ pub struct Ends {
     pub robot: Pipeline,
     pub base: Pipeline,
     pub folder: tempfile::TempDir,
+    /// The robot's keyframes for the base.
+    pub journal: PathBuf,
     pub links: [Option<u32>; 2],
 }
 
@@ -33,10 +35,12 @@ impl Ends {
     }
 
     pub fn at(address: &str, more: &str) -> Self {
+        let folder = tempfile::tempdir().unwrap();
         let ends = Self {
             robot: Pipeline::new("lr"),
             base: Pipeline::new("lb"),
-            folder: tempfile::tempdir().unwrap(),
+            journal: folder.path().join("link.journal"),
+            folder,
             links: [None; 2],
         };
         for (end, role) in [(Robot, "robot"), (Base, "base")] {
@@ -69,9 +73,7 @@ impl Ends {
     pub fn link_by(&mut self, end: End, mut command: Command) {
         command.arg("--robot").arg(self.configuration(end));
         if end == Robot {
-            command
-                .arg("--journal")
-                .arg(self.folder.path().join("link.journal"));
+            command.arg("--journal").arg(&self.journal);
         }
         let pipeline = self.pipeline(end);
         pipeline.enter(&mut command);

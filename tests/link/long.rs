@@ -4,6 +4,7 @@
 use super::ends::Robot;
 use super::heard::{Heard, check_map};
 use super::over_radio::{Ages, OverRadio, listen_for, now_ns};
+use crate::support::pipeline::log;
 use crate::support::stages::program;
 use crate::support::{ended_within, randt};
 use rustix::process::Signal;
@@ -63,7 +64,8 @@ impl LongDrive {
         }
     }
 
-    /// A break; the robot's end and the base's mapper are killed in the middle of a long one.
+    /// A break; in the middle of a long one filter, odometry, the robot's end and the base's mapper
+    /// are killed.
     fn break_for(&mut self, break_s: u64) {
         self.over.radio.set("down=1");
         let half = Duration::from_secs(break_s) / 2;
@@ -73,6 +75,8 @@ impl LongDrive {
             self.over.ends.kill_link(Robot);
             let command = self.over.radio.at(0, &program("link"));
             self.over.ends.link_by(Robot, command);
+            self.over.restart("odometry");
+            self.over.restart("filter");
             self.mapper = self.over.ends.base.mapper(&self.journal);
         }
         listen_for(half, &mut self.over.both);
@@ -121,6 +125,26 @@ fn a_third_of_all_packets_lost_other_orders_and_breaks_leave_the_map_whole() {
     drive.break_for(1);
     drive.break_for(60);
     drive.check();
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn the_radio_has_no_more_bytes_than_the_greatest_rate() {
+    let input = tempfile::tempdir().unwrap();
+    let log = log(input.path(), 200);
+    for rate_max in [6_000, 12_000] {
+        let more = format!("rate_max = {rate_max}.0");
+        let Some(mut over) = OverRadio::new(&log, "delay=0.02", &more) else {
+            return;
+        };
+        // What has come to wait meanwhile is more than either takes.
+        listen_for(Duration::from_secs(8), &mut over.both);
+        let what = format!("{rate_max} B/s at most");
+        let (oldest, rate) = over.measure(&what, Duration::from_secs(15));
+        assert!(rate < 1.05 * f64::from(rate_max), "{rate}");
+        assert!(rate > 0.7 * f64::from(rate_max), "{rate}");
+        assert!(oldest < 1.0, "{oldest}");
+    }
 }
 
 #[test]

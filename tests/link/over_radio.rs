@@ -4,6 +4,7 @@ use super::ends::{Base, Ends, Robot, keys};
 use super::heard::Heard;
 use crate::support::radio::{ADDRESS, Radio};
 use crate::support::stages::program;
+use rustix::process::Signal;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -77,10 +78,13 @@ pub struct OverRadio {
     pub ends: Ends,
     pub both: [Heard; 2],
     pub radio: Radio,
+    /// The robot's odometry and filter.
+    pub stages: [u32; 2],
 }
 
 impl OverRadio {
-    /// `None` where there can be none. `how`: the radio's settings from the start.
+    /// `None` where there can be none. `how`: the radio's settings from the start; `more`: as in
+    /// [`Ends::new`], with the mapper not on the robot.
     pub fn new(input: &Path, how: &str, more: &str) -> Option<Self> {
         let mut radio = Radio::new()?;
         radio.set(how);
@@ -96,14 +100,26 @@ impl OverRadio {
         if more.is_empty() {
             ends.robot.mapper(&own.join("map.journal"));
         }
-        ends.robot.stage("odometry");
-        ends.robot.stage("filter");
+        let stages = ["odometry", "filter"].map(|name| ends.robot.stage(name));
         let program = program("link");
         ends.link_by(Base, radio.at(1, &program));
         ends.link_by(Robot, radio.at(0, &program));
         let both = [Heard::enter(&ends.robot), Heard::enter(&ends.base)];
         ends.robot.play(input, &["--stay"]);
-        Some(Self { ends, both, radio })
+        Some(Self {
+            ends,
+            both,
+            radio,
+            stages,
+        })
+    }
+
+    /// Kills one of the robot's stages and starts it again.
+    pub fn restart(&mut self, name: &str) {
+        let [odometry, filter] = &mut self.stages;
+        let pid = if name == "odometry" { odometry } else { filter };
+        self.ends.robot.end(*pid, Signal::KILL);
+        *pid = self.ends.robot.stage(name);
     }
 
     pub fn has_all(both: &[Heard; 2]) -> bool {
