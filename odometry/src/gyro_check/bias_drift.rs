@@ -7,9 +7,9 @@ use randt_persist::persist;
 use std::collections::VecDeque;
 
 /// Turn over that many scans, against the bias of before, where the bias has moved, degrees. Sound
-/// drives show at most 1.2, 2.4 and 3.8, where all rooms look alike 4.0; a bias that grows by
-/// 1 degree/s in 100 s shows 2.2, 4.8 and 9.3, the second of these limits after 24 s.
-const TURNS: [(usize, f64); 3] = [(50, 1.5), (100, 2.7), (150, 4.3)];
+/// drives show at most 1.2, 2.4 and 3.8, where all rooms look alike 4.0, and with gaps or fast spins
+/// some show 1.5 in the first; a bias that grows by 1 degree/s in 100 s shows 2.2, 4.8 and 9.3.
+const TURNS: [(usize, f64); 3] = [(50, 2.0), (100, 2.7), (150, 4.3)];
 const TURN_SCANS_MAX: usize = 150;
 /// Scans before a turn whose mean is the bias of before.
 const BEFORE_SCANS: usize = 25;
@@ -137,10 +137,10 @@ mod tests {
     #[test]
     fn a_bias_that_creeps_is_found_and_a_constant_one_is_not() {
         assert_eq!(moved_s(|_| 0.5), None);
-        // A degree/s in 100 s from 40 s on, of which the estimate follows nothing, and all.
+        // A degree/s in 100 s from 40 s on: 2.7 degrees in twenty seconds after 23 s.
         let found_s = moved_s(|t_s| 0.01 * (t_s - 40.0).max(0.0));
         assert!(
-            found_s.is_some_and(|t_s| (59.0..61.0).contains(&t_s)),
+            found_s.is_some_and(|t_s| (62.5..64.0).contains(&t_s)),
             "{found_s:?}"
         );
         // What a walk of a sound gyro does in that time.
