@@ -15,6 +15,8 @@ pub struct Ends {
     pub folder: tempfile::TempDir,
     /// The robot's keyframes for the base.
     pub journal: PathBuf,
+    /// Where the base listens.
+    pub address: String,
     pub links: [Option<u32>; 2],
 }
 
@@ -41,6 +43,7 @@ impl Ends {
             base: Pipeline::new("lb"),
             journal: folder.path().join("link.journal"),
             folder,
+            address: address.to_owned(),
             links: [None; 2],
         };
         for (end, role) in [(Robot, "robot"), (Base, "base")] {

@@ -68,7 +68,7 @@ impl Link {
         let delay_ns = 50_000_000;
         let there_ns = self.now_ns + delay_ns;
         while let Some(frame) = self.robot.next_frame(self.now_ns + self.ahead_ns) {
-            self.bytes += frame.len() + OVERHEAD;
+            self.bytes += on_wire(frame.len());
             if !self.is_away {
                 self.under_way[0].push_back((there_ns, frame));
             }
