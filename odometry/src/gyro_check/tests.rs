@@ -180,7 +180,9 @@ fn a_turn_out_of_nothing_that_does_not_fit_is_tried_at_once() {
     };
     let verdict = |turn_rad: f64| {
         let mut check = GyroCheck::new();
-        (1..10).for_each(|number| drop(step(&mut check, number, 0.0)));
+        for number in 1..10 {
+            step(&mut check, number, 0.0);
+        }
         check.admit(measured(10, turn_rad), &GravityCheck::default());
         check.observe(&scan(10, turn_rad, 0.0), &poor, &GyroRates::default())
     };
