@@ -131,7 +131,6 @@ persist!(GyroCheck {
     loosens,
     bias_changes,
     hole_ns,
-} kept {
     turn,
 } sound is_sound);
 
