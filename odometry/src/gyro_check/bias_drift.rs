@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 
 /// Turn over that many scans, against the bias of before, where the bias has moved, degrees. Sound
 /// drives show at most 1.2, 2.4 and 3.8, where all rooms look alike 4.0, and with gaps or fast
-/// spins some show 1.5 in the first; a bias that grows by 1 degree/s in 100 s shows 2.2, 4.8 and
+/// spins some over 1.5 in the first; a bias that grows by 1 degree/s in 100 s shows 2.2, 4.8 and
 /// 9.3.
 const TURNS: [(usize, f64); 3] = [(50, 2.0), (100, 2.7), (150, 4.3)];
 const TURN_SCANS_MAX: usize = 150;
