@@ -16,9 +16,12 @@ repository = Path(__file__).parents[2]
 programs = (repository / "systemd/package/programs").read_text().split()
 
 with zipfile.ZipFile(wheel) as old:
-    files = {item: old.read(item) for item in old.infolist()}
+    # Those of an earlier time are replaced.
+    own = [item for item in old.infolist() if not item.filename.startswith("randt/programs/")]
+    files = {item: old.read(item) for item in own}
 (record,) = [item for item in files if item.filename.endswith(".dist-info/RECORD")]
 lines = files.pop(record).decode().splitlines()
+lines = [line for line in lines if not line.startswith("randt/programs/")]
 with tempfile.TemporaryDirectory() as temporary:
     for program in programs:
         path = Path(temporary) / program
