@@ -4,6 +4,7 @@
 mod bias_change;
 mod bias_drift;
 mod fault;
+mod sample_holes;
 mod turns;
 mod wanted_means;
 mod yaw_regression;
@@ -19,6 +20,7 @@ use crate::{
 use bias_drift::BiasDrift;
 use randt_messages::Localizability as Seen;
 use randt_persist::persist;
+use sample_holes::SampleHoles;
 use turns::{TurnPair, Turns};
 use wanted_means::WantedMeans;
 use yaw_regression::{GyroStep, WantedTurn, YawRegression};
@@ -50,9 +52,6 @@ const DOUBT_NS: i64 = 2_000_000_000;
 
 /// A delay of a gyro that was refused which is set right, ms: what is less does no harm.
 const LATE_MIN_MS: i64 = 20;
-/// Samples that lack over this time, s, may be lost, or the IMU's clock has stepped: what was
-/// known of the delay is not known any more.
-const STEP_MIN_S: f64 = 0.05;
 /// A rate that was repeated this long before a gyro was refused is why, ns.
 const REPEATED_NS: i64 = 5_000_000_000;
 
@@ -106,8 +105,7 @@ pub struct GyroCheck {
     loosens: bool,
     /// How often it became so.
     pub bias_changes: u64,
-    /// Until when samples lacked last, ns.
-    hole_ns: Option<i64>,
+    holes: SampleHoles,
     /// The gyro's turn since the scan before.
     turn: Option<Turn>,
 }
@@ -130,7 +128,7 @@ persist!(GyroCheck {
     earned_bias_rad_s,
     loosens,
     bias_changes,
-    hole_ns,
+    holes,
     turn,
 } sound is_sound);
 
@@ -155,7 +153,7 @@ impl GyroCheck {
             earned_bias_rad_s: None,
             loosens: false,
             bias_changes: 0,
-            hole_ns: None,
+            holes: SampleHoles::default(),
             turn: None,
         }
     }
@@ -182,7 +180,7 @@ impl GyroCheck {
     pub fn is_undecided(&self, stamp_ns: i64) -> bool {
         let is_recent = |since_ns: i64| stamp_ns.saturating_sub(since_ns) < DOUBT_NS;
         match (self.refused_ns, self.fault) {
-            (None, _) => self.turn.is_some() && self.hole_ns.is_some_and(is_recent),
+            (None, _) => self.turn.is_some() && self.holes.step_ns().is_some_and(is_recent),
             (Some(_), GyroFault::UpsideDown) => false,
             (Some(_), GyroFault::Opposite | GyroFault::Disagrees) => true,
             (Some(since_ns), _) => is_recent(since_ns),
@@ -204,14 +202,13 @@ impl GyroCheck {
         mut measured: GyroMeasurement,
         gravity: &GravityCheck,
     ) -> GyroMeasurement {
-        let (begin_ns, end_ns) = measured.span_ns;
-        let had_samples = self.turn.is_some() || self.hole_ns.is_some();
+        let had_samples = self.turn.is_some();
         self.turn = measured.term.map(|term| term.turn);
-        let lacks = |turn: Turn| turn.uncovered_s > STEP_MIN_S;
-        if had_samples && measured.turn.is_some_and(lacks) {
+        if (self.holes).observe(measured.turn, measured.span_ns, had_samples) {
+            // What was known of the delay is not known any more.
             self.regression = YawRegression::default();
-            self.hole_ns = Some(end_ns);
         }
+        let (begin_ns, end_ns) = measured.span_ns;
         let angle_max_rad = RATE_MAX_RAD_S * (end_ns - begin_ns) as f64 * 1e-9;
         let is_beyond = |turn: Turn| turn.angle_rad.abs() > angle_max_rad;
         if measured.turn.is_some_and(is_beyond) && !self.is_refused() {

@@ -237,6 +237,26 @@ fn a_clock_that_steps_where_samples_lack_is_found_within_a_turn() {
 }
 
 #[test]
+fn samples_that_lack_again_and_again_are_no_clock_that_steps() {
+    let mut check = GyroCheck::new();
+    let undecided = (1..200).filter(|number| {
+        let mut measured = measured(*number, 0.0);
+        if number % 5 == 0 {
+            measured.term = None;
+            measured.turn = measured.turn.map(|turn| Turn {
+                uncovered_s: 0.15,
+                ..turn
+            });
+        }
+        check.admit(measured, &GravityCheck::default());
+        check.observe(&scan(*number, 0.0, 0.0), &CLEAR, &GyroRates::default());
+        check.is_undecided(number * SWEEP_NS)
+    });
+    // After the first hole, until the second one comes.
+    assert_eq!(undecided.collect::<Vec<_>>(), [6, 7, 8, 9]);
+}
+
+#[test]
 fn gravity_that_points_down_and_impossible_rates_refuse_it_at_once() {
     let mut gravity = GravityCheck::default();
     gravity.push(1, [0.0, 0.0, -9.8].into());
